@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.common.job_file import FILES, job_text
-from pipeline.service.job_folder import JobFolder
+from pipeline.service.job_folder import JobFolder, without_paths
 from pipeline.service.web.problem import Problem
 
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
@@ -42,8 +42,7 @@ def text_to_edit(jobs: JobFolder, name: str) -> str:
         return ""
     if written is None:
         raise Problem(404, f"there is no job {name[:100]!r}; /jobs lists them")
-    shown = {key: _shown(key, value) for key, value in written.items()}
-    return job_text(shown, written.get("line", ()))
+    return job_text(without_paths(written), written.get("line", ()))
 
 
 def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
@@ -66,12 +65,7 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
         except (ValueError, RecursionError) as error:
             raise Problem(422, f"this is not TOML: {str(error)[:200]}") from error
         kept = (jobs.written(name) or {}) if before else {}
-        files = {key: kept[key] for key in FILES if key in kept and asked.get(key) == _shown(key, kept[key])}
+        shown = without_paths(kept)
+        files = {key: kept[key] for key in FILES if key in kept and asked.get(key) == shown[key]}
         rest = {key: value for key, value in asked.items() if key not in files}
         jobs.save(name, {**written_job(jobs, rest), **files})
-
-
-def _shown(key: str, value: Any) -> Any:
-    if key not in FILES:
-        return value
-    return Path(value).stem if key == "database" else Path(value).name

@@ -45,7 +45,7 @@ class JobAnswer:
 
     Attributes:
         name: name that requests use.
-        settings: reading settings as its file states them; files by name only.
+        settings: reading settings as its file states them; files by name only, a glyph database as requests name it.
         problem: why the file cannot be used as it is now; empty if it can.
     """
 
@@ -146,8 +146,7 @@ class JobFolder:
         for name in self._recent.files():
             if (known := self._refresh(name)) is not None:
                 written = {} if known.job is None else known.job.written
-                shown = {key: Path(value).name if key in FILES else value for key, value in written.items()}
-                found.append(JobAnswer(name, shown, known.problem))
+                found.append(JobAnswer(name, without_paths(written), known.problem))
         return found
 
     def answer(self, name: str) -> JobAnswer:
@@ -277,6 +276,14 @@ class JobFolder:
             found = _Known(state, job, watch)
         self._known[name] = found
         return found
+
+
+def without_paths(written: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a job, with the names alone of files; a glyph database has the name that requests give it."""
+    named = {key: Path(written[key]).name for key in FILES if written.get(key) is not None}
+    if "database" in named:
+        named["database"] = Path(named["database"]).stem
+    return {**written, **named}
 
 
 def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:

@@ -83,7 +83,7 @@ def is_text(name: str) -> bool:
     return True
 
 
-class GlyphDatabases:
+class GlyphDatabases(RecentFiles):
     """Glyph databases by name; looked for whenever they are asked for, so one may be put there while it runs."""
 
     def __init__(self, folder: Path, *, default: Path | None = None) -> None:
@@ -96,8 +96,8 @@ class GlyphDatabases:
         Raises:
             SettingsError: there is no such default.
         """
-        self.folder, self._default = folder, default
-        self._recent = RecentFiles(folder, ".glyphs", "glyph database")
+        super().__init__(folder, ".glyphs", "glyph database")
+        self._default = default
         if default is not None and not default.is_file():
             raise SettingsError(
                 f"there is no glyph database {default}", hint="make it with enroll, or name another"
@@ -110,12 +110,12 @@ class GlyphDatabases:
             OwnProblem: its file was there lately, and is away.
             Problem: no database has that name.
         """
-        return self._recent.find(name) if name else None
+        return self.find(name) if name else None
 
     def listed(self) -> list[dict[str, Any]]:
         """Name, size and time of each, and whether it is the default."""
         found = []
-        for name, path in self._recent.files().items():
+        for name, path in self.files().items():
             try:
                 status = path.stat()
             except OSError:
