@@ -174,17 +174,18 @@ class WatchedFolder:
             return []
         for path, state in sorted(now.items()):
             groups.setdefault(set_of(path) or path, {})[path] = state
+        keys = {path: _key(path, state) for path, state in now.items()}
+        self._known.intersection_update(keys.values())
         before, self._seen, found = self._seen, {}, list[WatchedPart]()
         for name, files in groups.items():
             stood, since_s = before.get(name, ({}, began_s))
             self._seen[name] = files, since_s if stood == files else began_s
             still = stood == files and all(state.n_bytes for state in files.values())
             whole = len(files) == self._settings.photos or began_s - since_s >= self._settings.settle_s
-            if still and (name in now or whole):
+            known = self._known.issuperset(keys[path] for path in files)
+            if still and (name in now or whole) and not known:
                 found.append(WatchedPart(Path(name).stem if name in now else name, files))
-        self._known &= {_key(path, state) for path, state in now.items()}
-        unknown = {key for part in found for key in part.key.files} - self._known
-        self._known |= self._intake.store.known_keys(unknown)
+        self._known |= self._intake.store.known_keys(key for part in found for key in part.key.files)
         new = (part for part in found if not self._known.issuperset(part.key.files))
         return sorted(new, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
 

@@ -371,7 +371,9 @@ def test_a_service_watches(tmp_path: Path) -> None:
     def second(service: Any) -> None:
         (folder / "b.png").write_bytes(PNG + b"2")
         wait_until(lambda: len(service.store.parts()) == 2)
-        assert {p.name: p.state for p in service.store.parts()}["a"] is PartState.ACCEPTED
+        time.sleep(0.3)  # some looks
+        states = {p.name: p.state for p in service.store.parts()}
+        assert (states["a"], len(service.store.parts())) == (PartState.ACCEPTED, 2)
 
     served(first)
     served(second)
