@@ -115,30 +115,15 @@ class Segment(OneLine):
         )
         return np.asarray(axes.T @ (axes / about[:, None]))
 
+    def section_compliances(self, at: Vector) -> Matrix:
+        """(n, 3, 3) `section_compliance` at the shares (n,) of the length."""
+        constant = not isinstance(self.section, Taper)
+        made = np.stack([self.section_compliance(float(t)) for t in (at[:1] if constant else at)])
+        return np.broadcast_to(made, (at.size, 3, 3))
 
-def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
-    """The segment cut into equal parts; a taper is handed on to them.
-
-    Raises:
-        WhiskerError: parts below 1.
-    """
-    if parts < 1:
-        raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
-    at = np.linspace(0.0, 1.0, parts + 1)
-    points = segment.start_mm + at[:, None] * (segment.end_mm - segment.start_mm)
-    points[-1] = segment.end_mm
-    tapered = isinstance(segment.section, Taper)
-    return tuple(
-        Segment(
-            points[i],
-            points[i + 1],
-            Taper(segment.section_at(float(at[i])), segment.section_at(float(at[i + 1])))
-            if tapered
-            else segment.section,
-            segment.material,
-        )
-        for i in range(parts)
-    )
+    def points_mm(self, at: Vector) -> Matrix:
+        """(n, 3) points at the shares (n,) of the length, mm."""
+        return self.start_mm + at[:, None] * (self.end_mm - self.start_mm)
 
 
 def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
@@ -155,10 +140,9 @@ def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
 
 def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: bool) -> Matrix:
     """Integral of G^T C G over the segment with one quadrature, (6, 6)."""
-    points = segment.start_mm + t[:, None] * (segment.end_mm - segment.start_mm)
+    points = segment.points_mm(t)
     arms = np.concatenate([cross_matrix(tip - points), np.broadcast_to(np.eye(3), (t.size, 3, 3))], axis=2)
-    constant = not isinstance(segment.section, Taper)
-    c = np.stack([segment.section_compliance(float(u)) for u in (t[:1] if constant else t)])
+    c = segment.section_compliances(t)
     d = np.asarray((np.swapaxes(arms, 1, 2) @ c @ arms * weight[:, None, None]).sum(axis=0))
     if axial:
         ea = np.array([segment.material.e_mpa * segment.section_at(float(u)).area_mm2 for u in t])

@@ -9,7 +9,8 @@ import numpy as np
 
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
-from whisker_array.whisker.beam import cross_matrix, split
+from whisker_array.whisker.beam import cross_matrix
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 DEFLECTION_LIMIT = 0.1
@@ -63,18 +64,26 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
 
     strain^T strain is the flexibility: two Gauss points a piece, M = r x f linear between its ends.
     """
-    pieces = [piece for segment in whisker.segments() for piece in split(segment, parts)]
-    n = len(pieces)
-    joints = np.stack([piece.end_mm for piece in pieces])
+    if parts < 1:
+        raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
+    segments = whisker.segments()
+    middle = (np.arange(parts) + 0.5) / parts
+    gauss = (middle[:, None] + np.array([-1.0, 1.0]) * math.sqrt(1.0 / 12.0) / parts).ravel()
+    n = parts * len(segments)
+    joints = np.concatenate([segment.points_mm((np.arange(parts) + 1.0) / parts) for segment in segments])
+    points = np.concatenate([segment.points_mm(gauss) for segment in segments])
     mass = np.zeros(n + 1)
-    strain = np.zeros((2 * n, 3, n, 3))
-    for e, piece in enumerate(pieces):
-        share = piece.material.density_t_mm3 * piece.section_at(0.5).area_mm2 * piece.length_mm / 2.0
-        mass[e : e + 2] += share
-        for g, t in enumerate((0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0))):
-            root = np.linalg.cholesky(piece.section_compliance(t) * (piece.length_mm / 2.0)).T
-            point = piece.start_mm + t * (piece.end_mm - piece.start_mm)
-            strain[2 * e + g, :, e:, :] = np.moveaxis(root @ cross_matrix(joints[e:] - point), 0, 1)
+    roots = []
+    for s, segment in enumerate(segments):
+        length = segment.length_mm / parts
+        areas = np.array([segment.section_at(float(t)).area_mm2 for t in middle])
+        share = segment.material.density_t_mm3 * areas * length / 2.0
+        mass[s * parts : (s + 1) * parts] += share
+        mass[s * parts + 1 : (s + 1) * parts + 1] += share
+        roots.append(np.linalg.cholesky(segment.section_compliances(gauss) * (length / 2.0)).swapaxes(1, 2))
+    moments = np.concatenate(roots)[:, None] @ cross_matrix(joints - points[:, None])
+    beyond = np.arange(n) >= np.arange(2 * n)[:, None] // 2  # a force bends what lies between it and the base
+    strain = np.swapaxes(moments * beyond[..., None, None], 1, 2)
     return LumpedWhisker(joints, mass[1:], strain.reshape(6 * n, 3 * n))
 
 

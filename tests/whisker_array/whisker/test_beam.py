@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whisker_array.whisker.beam import Segment, chain_compliance, split
+from whisker_array.whisker.beam import Segment, chain_compliance
 from whisker_array.whisker.sections import (
     MUSIC_WIRE,
     Material,
@@ -20,6 +20,8 @@ from whisker_array.whisker.sections import (
     Tube,
     WhiskerError,
 )
+from whisker_array.whisker.shapes import straight_whisker
+from whisker_array.whisker.validity import lumped_whisker
 
 E, G = MUSIC_WIRE.e_mpa, MUSIC_WIRE.g_mpa
 SECTIONS: tuple[Section, ...] = (Round(0.4), Tube(0.6, 0.4), Rectangle(0.3, 1.8), Rectangle(1.8, 0.3))
@@ -63,14 +65,23 @@ def test_taper_is_the_limit_of_many_constant_segments(taper: Taper) -> None:
     segment = Segment(np.zeros(3), np.array([-20.0, -8.0, 0.0]), taper, MUSIC_WIRE)
     exact = chain_compliance([segment])
 
+    def split(n: int) -> list[Segment]:
+        at = np.linspace(0.0, 1.0, n + 1)
+        ends = segment.points_mm(at)
+        sections = [segment.section_at(float(t)) for t in at]
+        return [
+            replace(segment, start_mm=ends[i], end_mm=ends[i + 1], section=Taper(*sections[i : i + 2]))
+            for i in range(n)
+        ]
+
     def steps_error(n: int) -> float:
-        stepped = [replace(p, section=p.section_at(0.5)) for p in split(segment, n)]
+        stepped = [replace(p, section=p.section_at(0.5)) for p in split(n)]
         return float(np.abs(chain_compliance(stepped) - exact)[:3, :3].max() / exact[:3, :3].max())
 
     coarse, fine = steps_error(16), steps_error(32)
     assert fine < 2e-3
     assert math.log2(coarse / fine) == pytest.approx(2.0, abs=0.05)  # the midpoint rule's order
-    np.testing.assert_allclose(chain_compliance(split(segment, 5)), exact, rtol=1e-10, atol=1e-14)
+    np.testing.assert_allclose(chain_compliance(split(5)), exact, rtol=1e-10, atol=1e-14)
 
 
 def test_linear_cone_closed_form() -> None:
@@ -130,7 +141,7 @@ ASLANT = Segment(np.zeros(3), -np.ones(3), Round(0.3), MUSIC_WIRE)
         (lambda: replace(ASLANT, end_mm=np.zeros(3)), "no length"),
         (lambda: replace(ASLANT, start_mm=np.array([0.0, np.nan, 0.0])), "must be finite"),
         (lambda: chain_compliance([ASLANT, ASLANT]), "list them base to tip"),
-        (lambda: split(ASLANT, 0), "at least 1"),
+        (lambda: lumped_whisker(straight_whisker(30.0, 0.2, Round(0.3)), parts=0), "at least 1"),
         (lambda: chain_compliance([replace(ASLANT, section=Taper(Round(1.0), Round(1e-9)))]), "too steep"),
     ],
 )
