@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.contract.front_doors import run_process, run_service
+from tests.contract.front_doors import main, run_service
 
 FORWARD = """
 import encodings.idna, os, socket, sys, threading
@@ -49,14 +49,11 @@ def forwarded(url: str) -> Iterator[str]:
 @pytest.mark.skipif(
     sys.platform != "linux" or os.geteuid() != 0, reason="only root can start a program of another user"
 )
-def test_who_calls_as_another_user_needs_a_token(
-    tmp_path: Path,
-) -> None:
+def test_who_calls_as_another_user_needs_a_token(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = f"sqlite:///{tmp_path / 'service' / 'store.db'}"
     (tmp_path / "service").mkdir()
-    added = run_process("tokens", "add", "anna", "--scope", "read", "--store", store)
-    assert added.status == 0, added.err
-    secret = added.out.strip()
+    assert main(["tokens", "add", "anna", "--scope", "read", "--store", store]) == 0
+    secret = capsys.readouterr().out.strip()
     with (
         run_service(
             tmp_path / "service", "--jobs", "1", "--format", "A9", "--font", "gothic", ready=False
