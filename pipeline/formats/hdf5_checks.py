@@ -21,7 +21,7 @@ MOST_CHUNK_BYTES = 268_435_456
 
 
 def own_datasets(file: Any) -> Iterator[Any]:
-    """The datasets of an open HDF5 file (h5py.File), each once, found to be in this file and in small chunks.
+    """The datasets of an open HDF5 file (h5py.File), found to be in this file and in small chunks.
 
     Args:
         file: opened for reading.
@@ -31,44 +31,29 @@ def own_datasets(file: Any) -> Iterator[Any]:
     """
     import h5py
 
-    seen = {_address(file)}
-    groups: list[tuple[Any, int]] = [(file, 0)]
-    objects = 0
-    while groups:
-        group, depth = groups.pop()
-        objects += len(group)
-        if objects > MOST_OBJECTS or depth > MOST_DEPTH:
+    links: dict[str, Any] = {}
+
+    def see(name: str, link: Any) -> None:
+        links[name] = link
+        if len(links) > MOST_OBJECTS or name.count("/") >= MOST_DEPTH:
             raise MarksError(
                 f"holds more than {MOST_OBJECTS:,} groups or nests them deeper than {MOST_DEPTH}",
                 hint="write it again with tactile-marks",
             )
-        for name in group:
-            link = group.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink):
-                raise MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
-            if not isinstance(link, h5py.HardLink):
-                continue  # within the file: its target is met by itself
-            found = group[name]
-            if _address(found) in seen:
-                continue
-            seen.add(_address(found))
-            if isinstance(found, h5py.Group):
-                groups.append((found, depth + 1))
-            elif isinstance(found, h5py.Dataset):
-                _check_storage(found)
-                yield found
+        if isinstance(link, h5py.ExternalLink):
+            raise MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
+
+    file.visititems_links(see)
+    for name, link in links.items():
+        # a soft link's target, within the file, is met by itself
+        if isinstance(link, h5py.HardLink) and isinstance(found := file[name], h5py.Dataset):
+            _check_storage(found)
+            yield found
 
 
 def n_values(dataset: Any) -> int:
     """Values that a dataset declares."""
     return math.prod(int(n) for n in dataset.id.shape or ())
-
-
-def _address(found: Any) -> tuple[int, ...]:
-    import h5py
-
-    info = h5py.h5o.get_info(found.id)
-    return (int(info.fileno), int(info.addr))
 
 
 def _check_storage(dataset: Any) -> None:
