@@ -267,15 +267,14 @@ def _with(part: PartFiles, kind: str, file: str) -> PartFiles:
 
     Photographs that are numbered (part.light-2.png) are all meant.
     """
-    first = str(getattr(part, kind))
-    if kind == "photo" and first and file not in (first, *part.more_photos) and set_of(file):
-        return replace(part, more_photos=(*part.more_photos, file))
-    problem = None
+    if kind == "photo" and (file in part.photos or not part.photos or set_of(file)):
+        return part if file in part.photos else replace(part, photos=(*part.photos, file))
+    first, problem = str(getattr(part, kind)), None
     if first and first != file:
         what = f"stands beside {split_name(first)[1]}, so which is the part's is unclear"
         problem = problem_of(file, what, "rename one")
     if kind == "photo":
-        return replace(part, photo=first or file, photo_problem=part.photo_problem or problem)
+        return replace(part, photo_problem=part.photo_problem or problem)
     files: dict[str, Any] = {kind: file}
     return replace(part, **files, problem=part.problem or problem)
 

@@ -33,17 +33,17 @@ def own_datasets(file: Any) -> Iterator[Any]:
 
     links: dict[str, Any] = {}
 
-    def see(name: str, link: Any) -> None:
+    def see(name: str, link: Any) -> MarksError | None:
         links[name] = link
         if len(links) > MOST_OBJECTS or name.count("/") >= MOST_DEPTH:
-            raise MarksError(
-                f"holds more than {MOST_OBJECTS:,} groups or nests them deeper than {MOST_DEPTH}",
-                hint="write it again with tactile-marks",
-            )
+            what = f"holds more than {MOST_OBJECTS:,} groups or nests them deeper than {MOST_DEPTH}"
+            return MarksError(what, hint="write it again with tactile-marks")
         if isinstance(link, h5py.ExternalLink):
-            raise MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
+            return MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
+        return None
 
-    file.visititems_links(see)
+    if (problem := file.visititems_links(see)) is not None:
+        raise problem
     for name, link in links.items():
         # a soft link's target, within the file, is met by itself
         if isinstance(link, h5py.HardLink) and isinstance(found := file[name], h5py.Dataset):

@@ -46,7 +46,7 @@ FILES = COLUMNS[1:4]
 """Columns of files."""
 _OTHERS = ("height_mm", "height_px")
 """Columns of this program's own tables that are spelled much like one of these, and are none."""
-_SEVERAL = "|"
+SEVERAL = "|"
 """Between files of one cell."""
 _CLOSE = 0.8
 _MAX_BYTES = 2_000_000_000
@@ -125,14 +125,10 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
     if _CONTROL.search("".join(cells.values())):
         column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
         raise DataError(f"{where} has a line break or control character under {column}", "check its quotes")
-    photos = [name.strip() for name in cells.get("photo", "").split(_SEVERAL)]
+    photos = [name.strip() for name in cells.get("photo", "").split(SEVERAL) if name.strip()]
     named = [*(cells.get(kind, "") for kind in FILES[:2]), *photos]
-    height_map, scan, photo, *more = (_place(source, where, name) for name in named)
-    lasts = [
-        split_name(file)[1]
-        for name, file in zip(named, (height_map, scan, photo, *more), strict=True)
-        if name
-    ]
+    height_map, scan, *photos = (_place(source, where, name) for name in named)
+    lasts = [split_name(file)[1] for file in (height_map, scan, *photos) if file]
     if not lasts:
         raise DataError(f"{where} names no file", f"fill one of {', '.join(FILES)}")
     if not all(lasts):
@@ -141,8 +137,7 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
         cells.get("part") or os.path.splitext(lasts[0])[0],
         height_map=height_map,
         scan=scan,
-        photo=photo,
-        more_photos=tuple(more),
+        photos=tuple(photos),
         expected=cells.get("expected", ""),
         format=sys.intern(cells.get("format", "")),
         font=sys.intern(cells.get("font", "")),

@@ -152,13 +152,12 @@ class PartFiles:
         name: unique in its list; control characters are written as words.
         height_map: file of its height map.
         scan: file of its recorded scan.
-        photo: file of its photograph.
+        photos: files of its photographs, the others under other lights or at other exposures.
         expected: text that it should read; empty where none is known.
         format: of its serial; empty where the run's is meant.
         font: font of its mark; empty where the run's are meant.
         problem: why it cannot be read, found before any file was opened.
-        photo_problem: why its photograph cannot be used, likewise.
-        more_photos: files of others of it, under other lights or at other exposures.
+        photo_problem: why its photographs cannot be used, likewise.
 
     Raises:
         ValueError: a part without a name.
@@ -167,13 +166,12 @@ class PartFiles:
     name: str
     height_map: str = ""
     scan: str = ""
-    photo: str = ""
+    photos: tuple[str, ...] = ()
     expected: str = ""
     format: str = ""
     font: str = ""
     problem: FileError | None = None
     photo_problem: FileError | None = None
-    more_photos: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -184,8 +182,12 @@ class PartFiles:
     @property
     def files(self) -> tuple[str, ...]:
         """The files that are named: height map, scan, photographs."""
-        files = (self.height_map, self.scan, self.photo, *self.more_photos)
-        return tuple(str(file) for file in files if file)
+        return tuple(file for file in (self.height_map, self.scan, *self.photos) if file)
+
+    @property
+    def photo(self) -> str:
+        """The first photograph."""
+        return self.photos[0] if self.photos else ""
 
     @property
     def felt(self) -> bool:
@@ -194,10 +196,8 @@ class PartFiles:
 
     def absolute(self) -> PartFiles:
         """The part with local files named as on any machine that shares the disk."""
-        height_map, scan, photo, *more = map(
-            absolute, (self.height_map, self.scan, self.photo, *self.more_photos)
-        )
-        return replace(self, height_map=height_map, scan=scan, photo=photo, more_photos=tuple(more))
+        height_map, scan, *photos = map(absolute, (self.height_map, self.scan, *self.photos))
+        return replace(self, height_map=height_map, scan=scan, photos=tuple(photos))
 
 
 def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:

@@ -88,7 +88,7 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
         MissingExtraError: a library that URLs need is not installed.
     """
     if part.felt and not photos:
-        part = replace(part, photo="", more_photos=())
+        part = replace(part, photos=())
     with contextlib.ExitStack() as copies:
 
         def here(file: str | Path, kind: str) -> str:
@@ -101,8 +101,7 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
 
         part = replace(part, height_map=here(part.height_map, "height_map"), scan=here(part.scan, "scan"))
         try:
-            photo, *more = (here(name, "photo") for name in (part.photo, *part.more_photos))
-            part = replace(part, photo=photo, more_photos=tuple(more))
+            part = replace(part, photos=tuple(here(name, "photo") for name in part.photos))
         except FileError as fault:
             if not part.felt:
                 raise

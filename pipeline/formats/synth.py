@@ -32,6 +32,7 @@ from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES, StampingVariation
 from glyphs.surface.maps import HeightMap
+from pipeline.common.output_paths import make_folder
 from pipeline.common.settings import SettingsError
 from pipeline.common.stamping import Stamping
 from pipeline.formats.npz import soil_members, write_npz
@@ -143,7 +144,9 @@ def write_parts(
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")
-    _prepare(folder, overwrite=overwrite)
+    make_folder(folder)
+    if any(folder.iterdir()) and not overwrite:
+        raise FileError(folder, "is not empty", "name another folder or give --overwrite")
     digits = max(3, len(str(parts - 1)))
     texts = each(partial(_write_numbered, spec, folder, digits, photos), range(parts))
     truth = [(_name(number, digits), text) for number, text in enumerate(texts)]
@@ -185,12 +188,3 @@ def write_surface(path: Path, height_map: HeightMap, soil: Soil | None) -> None:
     # half precision holds micrometres of a tenth of a millimetre, at half the size
     more = {name: np.asarray(values).astype(np.float16) for name, values in members.items()}
     write_npz(path, height_map, more=more)
-
-
-def _prepare(folder: Path, *, overwrite: bool) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()) and not overwrite:
-            raise FileError(folder, "is not empty", "name another folder or give --overwrite")
-    except OSError as error:
-        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error

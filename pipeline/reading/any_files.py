@@ -47,8 +47,9 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
             )
         files[kind] = path
-    names: dict[str, Any] = {kind: str(path) for kind, path in files.items()}
+    names: dict[str, Any] = {kind: str(path) for kind, path in files.items() if kind != "photo"}
+    photos = tuple(str(path) for kind, path in files.items() if kind == "photo")
     parts = PartReader(
         reader_of(checked), mode=checked.mode or "auto", maps=checked, budget_s=checked.touch_budget_s
     )
-    return parts.read(PartFiles(Path(file).stem, **names), expected=expected)
+    return parts.read(PartFiles(Path(file).stem, photos=photos, **names), expected=expected)

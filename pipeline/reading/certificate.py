@@ -10,7 +10,6 @@ accepted.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -23,7 +22,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
-from pipeline.common.version import differences, reader_versions
+from pipeline.common.version import differences, file_sha256, reader_versions
 from pipeline.errors import require_file
 from recognition.decision.accepted_risk import ThresholdTest, certified_threshold, share_bounds
 from recognition.decision.contracts import CertifiedAcceptance
@@ -227,7 +226,7 @@ def settings_described(settings: ReadSettings) -> dict[str, Any]:
 
 def _hash_of_file(path: Path) -> str:
     require_file(path, most_bytes=1_000_000_000)
-    return f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+    return f"sha256:{file_sha256(path)[:16]}"
 
 
 @cache

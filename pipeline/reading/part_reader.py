@@ -271,34 +271,25 @@ def read_surface(
     return replace(other, notes=(*other.notes, MIRRORED_NOTE))
 
 
-def load_photo(part: PartFiles, limits: Limits | None = None) -> Photo:
-    """The photograph of a part.
-
-    Raises:
-        FileError: it has none, or the file cannot be used.
-    """
-    from pipeline.formats.photos import read_photo
-
-    if not part.photo:
-        raise FileError(part.name, "has no photograph", "add one of the same stem")
-    if part.photo_problem is not None:
-        raise part.photo_problem
-    with naming(part.photo):
-        return read_photo(Path(part.photo), most=MAX_PIXELS if limits is None else limits.max_photo_pixels)
-
-
 def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:
     """The photographs of a part as one, and what is wrong with those that cannot be used.
 
     Raises:
         FileError: it has none, or none can be used: what is wrong with the first.
     """
+    from pipeline.formats.photos import read_photo
+
+    if not part.photos:
+        raise FileError(part.name, "has no photograph", "add one of the same stem")
+    if part.photo_problem is not None:
+        raise part.photo_problem
     first: Photo | None = None
     problems: list[MarksError] = []
-    for path in (part.photo, *part.more_photos):
+    most = MAX_PIXELS if limits is None else limits.max_photo_pixels
+    for path in part.photos:
         try:
-            with naming(path or part.name):
-                photo = load_photo(replace(part, photo=path), limits)
+            with naming(path):
+                photo = read_photo(Path(path), most=most)
                 first = photo if first is None else replace(first, others=(*first.others, photo))
         except FileError as problem:
             problems.append(problem)

@@ -42,7 +42,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     photo = part.photograph(camera=Camera(pitch_mm=height_mm / PIXELS))
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         folder = Path(name)
-        files = PartFiles("part", str(folder / "part.npz"), photo=str(folder / "part.png"))
+        files = PartFiles("part", str(folder / "part.npz"), photos=(str(folder / "part.png"),))
         write_npz(Path(files.height_map), part.height_map)
         write_photo(Path(files.photo), photo)
         with contextlib.suppress(FileError):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.formats.manifest import COLUMNS, FILES
+from pipeline.formats.manifest import COLUMNS, SEVERAL
 from pipeline.formats.part_files import PartFiles, absolute
 from pipeline.runs.journal import set_aside, writing
 from pipeline.runs.tables import csv_line
@@ -54,10 +54,11 @@ def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:
 
 
 def _line(part: PartFiles, problem: str) -> bytes:
-    files = {column: absolute(getattr(part, column)) for column in FILES}
+    height_map, scan, *photos = map(absolute, (part.height_map, part.scan, *part.photos))
     if not part.files and part.problem is not None:
-        files["height_map"] = absolute(str(part.problem.path))
-    cells = (part.name.strip(), *files.values(), part.expected, part.format, part.font, problem)
+        height_map = absolute(str(part.problem.path))
+    files = (height_map, scan, SEVERAL.join(photos))
+    cells = (part.name.strip(), *files, part.expected, part.format, part.font, problem)
     # what the next reader of the table takes: one line a part, and UTF-8
     lines = (_CONTROL.sub("?", cell).encode("utf-8", "backslashreplace").decode() for cell in cells)
     return csv_line(lines, end="\n")

@@ -235,16 +235,14 @@ class Intake:
     ) -> ReadPart:
         files = {upload.kind: str(upload.path) for upload in sent}
         photos = [str(upload.path) for upload in sent if upload.kind is EvidenceKind.PHOTO]
-        photo, *more = photos or list(map(str, earlier_photos)) or [""]
         order = PartOrder(
             folder or sent[0].path.parent,
             PartFiles(
                 part.name or Path(sent[-1].name if sent else RECORDING).stem,
                 files.get(EvidenceKind.HEIGHT_MAP, ""),
                 files.get(EvidenceKind.SCAN, ""),
-                photo,
+                tuple(photos) or tuple(map(str, earlier_photos)),
                 expected="" if self._in_shadow(part) else part.expected,
-                more_photos=tuple(more),
             ),
             earlier=bool(earlier_photos),
             names={str(upload.path): upload.name for upload in sent},

@@ -279,12 +279,10 @@ def test_numbered_photographs_are_of_one_part(tmp_path: Path) -> None:
     names = "a.npz a.light-1.png a.light-2.jpg b.exposure-1.png b.shot-2.png c.light-x.png"
     for name in names.split():
         (tmp_path / name).write_bytes(b"x")
-    several = {
-        p.name: [Path(f).name for f in (p.photo, *p.more_photos)] for p in discover([tmp_path], photos=True)
-    }
+    several = {p.name: [Path(f).name for f in p.photos] for p in discover([tmp_path], photos=True)}
     b = ["b.exposure-1.png", "b.shot-2.png"]
     assert several == {"a": ["a.light-1.png", "a.light-2.jpg"], "b": b, "c.light-x": ["c.light-x.png"]}
     (beside,) = discover([tmp_path / "a.npz"], beside=True)
-    assert len(beside.more_photos) == 1
+    assert len(beside.photos) == 2
     (two,) = discover([tmp_path / name for name in b])
-    assert (two.name, two.more_photos, two.photo_problem) == ("b", (str(tmp_path / b[1]),), None)
+    assert (two.name, two.photos, two.photo_problem) == ("b", tuple(str(tmp_path / n) for n in b), None)

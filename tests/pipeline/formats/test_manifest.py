@@ -46,8 +46,8 @@ def test_every_column_is_read(tmp_path: Path) -> None:
     )
     one, other, several = read_manifest(source)
     files = [str(tmp_path / name) for name in ("a.npz", "a.h5", "a.png")]
-    assert one == PartFiles("A1", *files, "KB74", "AA99,x", "block")
-    assert other == PartFiles("A2", photo="s3://lots/7/b.jpg")
+    assert one == PartFiles("A1", *files[:2], (files[2],), "KB74", "AA99,x", "block")
+    assert other == PartFiles("A2", photos=("s3://lots/7/b.jpg",))
     assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
 
 
@@ -205,8 +205,10 @@ def test_columns_of_the_results_are_none_of_a_manifests_misspelled(tmp_path: Pat
 
 
 BAD = [
-    PartFiles("lot/a", "maps/a.npz", photo="s3://lots/a.png", expected="KB,74", format='A"9"', font="block"),
-    PartFiles("b", scan="https://host/b.h5?sign=1,2"),
+    PartFiles(
+        "lot/a", "maps/a.npz", photos=("s3://lots/a.png",), expected="KB,74", format='A"9"', font="block"
+    ),
+    PartFiles("b", scan="https://host/b.h5?sign=1,2", photos=("/b.light-1.png", "/b.light-2.png")),
     PartFiles("ü;c", "/maps/ü;c.npz"),
 ]
 
@@ -224,7 +226,7 @@ def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
     write_quarantine(path, [(part, "is damaged; copy it again") for part in BAD])
     again = read_manifest(str(path))
     assert again[0] == PartFiles(
-        "lot/a", os.path.abspath("maps/a.npz"), "", "s3://lots/a.png", "KB,74", 'A"9"', "block"
+        "lot/a", os.path.abspath("maps/a.npz"), "", ("s3://lots/a.png",), "KB,74", 'A"9"', "block"
     )
     assert again[1:] == BAD[1:]
     with path.open(encoding="utf-8", newline="") as stream:

@@ -27,7 +27,7 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.remote import list_remote, local_copies, local_copy
 from pipeline.formats.touch_file import read_height_map
-from pipeline.reading.part_reader import load_photo, senses_of
+from pipeline.reading.part_reader import load_photos, senses_of
 
 if TYPE_CHECKING:
     from moto.server import ThreadedMotoServer
@@ -83,8 +83,8 @@ def memory() -> Callable[[str, bytes], str]:
 def test_local_files_are_read_where_they_are(tmp_path: Path) -> None:
     (tmp_path / "a b%20.npz").write_bytes(b"x")
     for name in (f"{tmp_path}/a b%20.npz", f"file://{tmp_path}/a b%20.npz"):
-        with local_copies(PartFiles("part", height_map=name, photo="b.png")) as part:
-            assert part == PartFiles("part", height_map=f"{tmp_path}/a b%20.npz", photo="b.png")
+        with local_copies(PartFiles("part", height_map=name, photos=("b.png",))) as part:
+            assert part == PartFiles("part", height_map=f"{tmp_path}/a b%20.npz", photos=("b.png",))
     with pytest.raises(FileError, match="is not there"), local_copies(PartFiles("p", "none.npz")) as part:
         read_height_map(part.height_map)
 
@@ -117,22 +117,22 @@ def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], st
     url = memory("lot/a.npz", b"x")
     with local_copies(PartFiles("part", url, problem=problem)) as part:
         assert part.problem is problem
-    with local_copies(PartFiles("part", url, photo=url, photo_problem=problem)) as part:
+    with local_copies(PartFiles("part", url, photos=(url,), photo_problem=problem)) as part:
         assert part.photo_problem is problem
         assert Path(part.height_map).read_bytes() == b"x"
 
 
 def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[[str, bytes], str]) -> None:
-    listed = PartFiles("part", height_map=memory("lot/a.npz", b"x"), photo="memory://lot/none.png")
+    listed = PartFiles("part", height_map=memory("lot/a.npz", b"x"), photos=("memory://lot/none.png",))
     with local_copies(listed) as part:
         assert part.photo_problem is not None
         assert str(part.photo_problem) == "memory://lot/none.png: is not there; check the name"
         assert senses_of(part, "auto") == (True, True)
         with pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"):
-            load_photo(part)
+            load_photos(part)
     with local_copies(listed, photos=False) as part:
         assert (part.photo, part.photo_problem) == ("", None)
-    alone = PartFiles("part", photo="memory://lot/none.png")
+    alone = PartFiles("part", photos=("memory://lot/none.png",))
     with (
         pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"),
         local_copies(alone, photos=False),
@@ -303,7 +303,7 @@ def test_every_object_listed_is_fetched(bucket: str) -> None:
 
 def test_a_manifest_in_a_bucket(bucket: str) -> None:
     one, two, three = read_manifest(f"{bucket}/lot/list.csv")
-    assert one == PartFiles("A", height_map=f"{bucket}/lot/a.npz", photo=f"{bucket}/lot/a.png")
+    assert one == PartFiles("A", height_map=f"{bucket}/lot/a.npz", photos=(f"{bucket}/lot/a.png",))
     assert read(two.height_map) == b"map c"
     refused(three.height_map, "is not there; check the name")
 

@@ -35,7 +35,7 @@ def on_more_land(spec: SynthSpec, folder: Path) -> PartFiles:
     write_npz(folder / "part.npz", HeightMap(above_and_below(made.height_map.z_mm, pitch), pitch))
     pixels = above_and_below(photo.pixels, photo.pitch_mm)
     write_photo(folder / "part.png", Photo(pixels, photo.pitch_mm))
-    return PartFiles("part", str(folder / "part.npz"), "", str(folder / "part.png"))
+    return PartFiles("part", str(folder / "part.npz"), "", (str(folder / "part.png"),))
 
 
 def test_the_camera_tells_touch_where_to_feel(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: P
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
     )
     order = PartOrder(
-        tmp_path, PartFiles("part", height_map=str(files["height_map"]), photo=str(files["photo"]))
+        tmp_path, PartFiles("part", height_map=str(files["height_map"]), photos=(str(files["photo"]),))
     )
     by_service = read_order(order, settings, Limits()).readings[-1]
     assert by_command.error == ""
@@ -98,8 +98,8 @@ def test_a_photograph_without_a_scale_is_measured_in_its_own_pixels(
 ) -> None:
     scaled = pipeline.read_photo(files["photo"])
     pipeline.write_photo(tmp_path / "bare.png", Photo(scaled.pixels))
-    bare = read_listed(RunOrder(SETTINGS), PartFiles("bare", photo=str(tmp_path / "bare.png"))).record
-    record = read_listed(RunOrder(SETTINGS), PartFiles("part", photo=str(files["photo"]))).record
+    bare = read_listed(RunOrder(SETTINGS), PartFiles("bare", photos=(str(tmp_path / "bare.png"),))).record
+    record = read_listed(RunOrder(SETTINGS), PartFiles("part", photos=(str(files["photo"]),))).record
     assert (bare.height_mm, record.height_px) == (None, None)
     assert all(c.box_mm is None and c.box_px is not None for c in bare.characters)
     assert scaled.pitch_mm is not None

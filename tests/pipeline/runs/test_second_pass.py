@@ -203,7 +203,7 @@ def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn
 ) -> None:
     parts = [*PARTS]
     parts[0] = replace(parts[0], font="gothic")
-    parts[1] = replace(parts[1], height_map="", photo="/lot/p01.png")
+    parts[1] = replace(parts[1], height_map="", photos=("/lot/p01.png",))
     parts[2] = replace(parts[2], height_map="", scan="s3://lot/p02.h5")  # far away: may learn, cannot teach
     parts[3] = replace(parts[3], font="gothic")  # unsure
     executor = Reads()
@@ -229,7 +229,7 @@ def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn
         ({}, {"experts": ("network",)}, PARTS, "asks the expert templates"),
         ({}, {"experts": ("network", "templates")}, PARTS, True),
         ({"out": "sqlite:///parts.db"}, {}, PARTS, "goes with a table"),
-        ({}, {}, [replace(part, height_map="", photo="a.png") for part in PARTS], False),
+        ({}, {}, [replace(part, height_map="", photos=("a.png",)) for part in PARTS], False),
         ({}, {}, [replace(part, font="gothic") for part in PARTS], False),
     ],
 )

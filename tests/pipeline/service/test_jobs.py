@@ -332,7 +332,7 @@ def test_a_name_for_the_job_of_a_part() -> None:
 
 def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
     write_part(SynthSpec(format="AA999999", seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
-    photographed = PartOrder(tmp_path, PartFiles("part", photo=str(tmp_path / "part.png")))
+    photographed = PartOrder(tmp_path, PartFiles("part", photos=(str(tmp_path / "part.png"),)))
     reading = read_order(photographed, ReadSettings(region=(0.0, 0.5, 1.0, 1.0)), Limits()).readings[-1]
     assert reading.text == "CRPUIB"  # SY859990 is above it
 
@@ -344,7 +344,7 @@ def test_a_scan_of_what_the_camera_saw_has_no_regions(tmp_path: Path) -> None:
     settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
     scanned = PartOrder(
         tmp_path,
-        PartFiles("part", height_map=str(tmp_path / "part.npz"), photo=str(tmp_path / "part.png")),
+        PartFiles("part", height_map=str(tmp_path / "part.npz"), photos=(str(tmp_path / "part.png"),)),
         earlier=True,
     )
     reading = read_order(scanned, settings, Limits()).readings[-1]
