@@ -23,7 +23,7 @@ from .formats.photos import read_photo, write_photo
 from .formats.touch_file import read_height_map, read_scan
 from .reading.any_files import read
 from .reading.as_record import reading_record
-from .reading.part_reader import Mode, PartReader
+from .reading.part_reader import PartReader
 
 __all__ = [
     "Answer",
@@ -36,7 +36,6 @@ __all__ = [
     "Exemplar",
     "GlyphDatabase",
     "MapSettings",
-    "Mode",
     "NothingFoundError",
     "PartFiles",
     "PartReader",

@@ -85,9 +85,6 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     if len(parts) > 1:
         raise CommandError(f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file")
     (part,) = parts
-    reader = PartReader(
-        open_reader(settings), mode=settings.mode, maps=settings, budget_s=settings.touch_budget_s
-    )
-    found = reader.read(part)
+    found = PartReader(open_reader(settings), settings).read(part)
     save_figure(reading_figure(found, title=part.name), picture)
     return [f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]

@@ -199,7 +199,9 @@ class FoundFiles:
             if named and kind == "photo" and not there:
                 kind = "height_map"
             if kind:
-                self._parts[key] = _with(self._parts.get(key) or PartFiles(_stem_name(key[1])), kind, file)
+                self._parts[key] = with_file(
+                    self._parts.get(key) or PartFiles(_stem_name(key[1])), kind, file
+                )
             else:
                 self.passed_over.files.append(file)
 
@@ -262,7 +264,7 @@ def kind_of_named(file: str) -> str:
     return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"
 
 
-def _with(part: PartFiles, kind: str, file: str) -> PartFiles:
+def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
     """Add a file to a part; two different files of one kind are an error.
 
     Photographs that are numbered (part.light-2.png) are all meant.

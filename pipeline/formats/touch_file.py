@@ -86,15 +86,27 @@ def read_part_map(
         return part_map(raw, settings)
 
 
-def read_scan(path: str | Path) -> Scan:
+def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
     """The scan in a recording.
+
+    Args:
+        path: the file.
+        most: samples that it may have; with it, a file that points to other files is refused, too.
 
     Raises:
         FileError: the file cannot be used.
     """
+    import h5py
+
     from whisker_array.scan.recording import load_scan
 
-    with reading(Path(path), kind="HDF5", most_bytes=MOST_BYTES["scan"]):
+    most_bytes = MOST_BYTES["scan"] if most is None else most * 16 + _SPARE_BYTES
+    with reading(Path(path), kind="HDF5", most_bytes=most_bytes):
+        if most is not None:
+            if not h5py.is_hdf5(path):
+                hint = "record it again, or send a height map under its own suffix"
+                raise DataError("is not an HDF5 file", hint)
+            check_hdf5(Path(path), most=most)
         return load_scan(path)
 
 
@@ -113,21 +125,6 @@ class Limits:
     max_map_samples: int = 30_000_000
     max_scan_samples: int = 60_000_000
     stage_field_mm: tuple[float, float] = (60.0, 25.0)
-
-
-def check_scan(path: Path, *, most: int) -> None:
-    """Refuse a recording of too many samples, or one that points to other files.
-
-    Raises:
-        FileError: it is such a file, or no HDF5.
-    """
-    import h5py
-
-    with reading(path, kind="HDF5", most_bytes=most * 16 + 64_000_000):
-        if not h5py.is_hdf5(path):
-            hint = "record it again, or send a height map under its own suffix"
-            raise DataError("is not an HDF5 file", hint)
-        check_hdf5(path, most=most)
 
 
 def check_hdf5(path: Path, *, most: int) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.find_parts import kind_of_named
+from pipeline.formats.find_parts import kind_of_named, with_file
 from pipeline.formats.part_files import PartFiles, key_and_kind
 
 if TYPE_CHECKING:
@@ -39,17 +39,13 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
     from pipeline.reading.readers import reader_of
 
     checked = ReadSettings.of(**settings)
-    files: dict[str, Path] = {}
+    part, files = PartFiles(Path(file).stem), dict[str, Path]()
     for path in map(Path, (file, *more)):
         kind = key_and_kind(str(path), height_images=checked.height_image)[1] or kind_of_named(str(path))
         if kind in files:
             raise FileError(
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
             )
-        files[kind] = path
-    names: dict[str, Any] = {kind: str(path) for kind, path in files.items() if kind != "photo"}
-    photos = tuple(str(path) for kind, path in files.items() if kind == "photo")
-    parts = PartReader(
-        reader_of(checked), mode=checked.mode or "auto", maps=checked, budget_s=checked.touch_budget_s
-    )
-    return parts.read(PartFiles(Path(file).stem, photos=photos, **names), expected=expected)
+        files[kind], part = path, with_file(part, kind, str(path))
+    parts = PartReader(reader_of(checked), checked.model_copy(update={"mode": checked.mode or "auto"}))
+    return parts.read(part, expected=expected)

@@ -117,7 +117,7 @@ def _read(part: PartFiles, settings: ReadSettings) -> str:
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
-    reader = PartReader(reader_of(settings), mode="tactile", maps=settings)
+    reader = PartReader(reader_of(settings), settings.model_copy(update={"mode": "tactile", "active": False}))
     try:
         return without_blanks(reader.read(part).text)
     except MarksError:

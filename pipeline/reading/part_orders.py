@@ -97,7 +97,7 @@ def read_order(
     started, expected = time.perf_counter(), part.expected.strip()
     with sender_names(order.folder, order.shown):
         mode = "fused" if tactile and part.photo else None
-        parts = PartReader(reader, mode=mode, maps=settings, limits=limits, budget_s=settings.touch_budget_s)
+        parts = PartReader(reader, settings.model_copy(update={"mode": mode}), limits=limits)
         found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]
         new_photo = bool(part.photo) and not order.earlier

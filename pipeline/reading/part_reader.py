@@ -17,16 +17,15 @@ own; the middle of the picture is then taken to lie over the middle of the map.
 from __future__ import annotations
 
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from glyphs.surface.maps import MAX_PIXELS
-from pipeline.common.settings import MapSettings
+from pipeline.common.settings import ReadSettings
 from pipeline.errors import naming, problem_of
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.touch_file import Limits, check_scan, read_part_map, read_scan
+from pipeline.formats.touch_file import Limits, read_part_map, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -44,15 +43,6 @@ if TYPE_CHECKING:
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
 
 
-class Mode(StrEnum):
-    """Senses that read; settings and other callers may write the words."""
-
-    TACTILE = "tactile"
-    VISION = "vision"
-    FUSED = "fused"
-    AUTO = "auto"
-
-
 def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
     """Whether touch reads a part, and whether vision does.
 
@@ -61,12 +51,12 @@ def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
     """
     tactile, visual = part.felt, bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
-    if mode in (Mode.TACTILE, Mode.FUSED) and not tactile:
+    if mode in ("tactile", "fused") and not tactile:
         raise problem_of(named, "has no height map and no scan", "add one, or read it with --mode vision")
-    if mode in (Mode.VISION, Mode.FUSED) and not visual:
+    if mode in ("vision", "fused") and not visual:
         raise problem_of(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
-    touches = tactile and mode != Mode.VISION
-    return touches, not touches or (visual and mode in (Mode.FUSED, Mode.AUTO))
+    touches = tactile and mode != "vision"
+    return touches, not touches or (visual and mode in ("fused", "auto"))
 
 
 class PartReader:
@@ -75,23 +65,20 @@ class PartReader:
     def __init__(
         self,
         reader: Reader,
+        settings: ReadSettings | None = None,
         *,
-        mode: str | None = None,
-        maps: MapSettings | None = None,
         limits: Limits | None = None,
-        budget_s: float | None = None,
     ) -> None:
         """Take the reader.
 
         Args:
             reader: keeps its templates from part to part.
-            mode: senses that read; see the table above.
-            maps: unit, pitch and kind of height files, where they are given.
+            settings: senses that read, see the table above; height files; whether they are felt pass by pass.
             limits: checked from the files' heads before anything is decoded.
-            budget_s: height maps are felt pass by pass, for so many stage seconds at most; None: by the whole plan.
         """
-        self.reader, self.mode, self.maps, self.limits = reader, mode, maps, limits
-        self.budget_s = budget_s
+        self.settings = settings or ReadSettings()
+        self.reader, self.mode, self.limits = reader, self.settings.mode, limits
+        self.budget_s = self.settings.touch_budget_s
 
     def read(self, part: PartFiles, *, expected: str = "") -> Reading:
         """Load a part, read it, and verify the text expected of it if there is one.
@@ -141,7 +128,7 @@ class PartReader:
         if touches and felt is None and not part.scan:
             path, most = Path(part.height_map), self.limits.max_map_samples if self.limits else MAX_PIXELS
             with naming(part.height_map):
-                top = read_part_map(path, self.maps, most=most)
+                top = read_part_map(path, self.settings, most=most)
         if again is not None:
             photo = None if photo is None else again.photo(photo)
             top = None if top is None else replace(top, height_map=again.surface(top.height_map))
@@ -175,7 +162,7 @@ class PartReader:
             photo, problems = load_photos(part, self.limits)
             return photo, [f"read without one of its photographs: {problem}" for problem in problems]
         except FileError as problem:
-            if self.mode != Mode.AUTO or not touches:
+            if self.mode != "auto" or not touches:
                 raise
             return None, [f"read by touch alone: {problem}"]
 
@@ -191,9 +178,7 @@ class PartReader:
         """Touch of a recorded scan, which goes before a height map."""
         from recognition.active.replay import replay
 
-        if self.limits is not None:
-            check_scan(Path(part.scan), most=self.limits.max_scan_samples)
-        scan = read_scan(part.scan)
+        scan = read_scan(part.scan, most=self.limits.max_scan_samples if self.limits else None)
         if scan.log is not None and again is None:
             return replay(self.reader.touch, scan).reading
         return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))

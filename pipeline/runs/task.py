@@ -94,8 +94,7 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
     reader = _reader_for(order, listed)
     try:
         with local_copies(listed, photos=settings.mode not in (None, "tactile")) as part:
-            parts = PartReader(reader, mode=settings.mode, maps=settings, budget_s=settings.touch_budget_s)
-            reading = parts.read(part, expected=listed.expected)
+            reading = PartReader(reader, settings).read(part, expected=listed.expected)
             if order.digests:
                 texts = [*(file_sha256(Path(path)) for path in part.files), listed.format, listed.font]
                 digest = sha256(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs import HeightMap, stamp
-from pipeline import PartReader, discover
+from pipeline import PartReader, ReadSettings, discover
 from recognition import Reader
 from tests.contract.front_doors import Command, save_height_map
 
@@ -20,7 +20,9 @@ def test_no_text_is_accepted_before_lines_tell_it_from_its_rivals(tmp_path: Path
     whole = part.height_map
     np.savez(tmp_path / "part.npz", z_mm=whole.z_mm[:, : whole.shape[1] * 9 // 20], pitch_mm=whole.pitch_mm)
     (found,) = discover([tmp_path / "part.npz"])
-    reading = PartReader(Reader(format="AA9", fonts=["gothic"], height_mm=5.0), budget_s=15.0).read(found)
+    reading = PartReader(
+        Reader(format="AA9", fonts=["gothic"], height_mm=5.0), ReadSettings(active=True, budget_s=15.0)
+    ).read(found)
     assert reading.decision == "review" or reading.text == "OD6"
 
 

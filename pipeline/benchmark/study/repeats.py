@@ -166,4 +166,6 @@ def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Re
 
     reader = reader_of(settings_of(settings, listed))
     with local_copies(listed, photos=settings.mode not in (None, "tactile")) as files:
-        return PartReader(reader, mode=settings.mode, maps=settings).unverified(files, again=again)
+        return PartReader(reader, settings.model_copy(update={"active": False})).unverified(
+            files, again=again
+        )

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
+from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.formats.synth import SynthSpec, make_part
-from pipeline.reading.part_reader import Mode, PartReader
+from pipeline.reading.part_reader import PartReader
 from recognition.reader import Reader
 from whisker_array.scan.pass_log import PassLog
 
@@ -43,16 +44,16 @@ def test_the_camera_tells_touch_where_to_feel(tmp_path: Path) -> None:
     part = on_more_land(spec, tmp_path)
     reader = Reader(format="A9", fonts=("gothic",), height_mm=HEIGHT_MM)
 
-    def log(mode: Mode) -> PassLog:
-        found = PartReader(reader, mode=mode, budget_s=BUDGET_S).read(part)
+    def log(mode: Any) -> PassLog:
+        found = PartReader(reader, ReadSettings(mode=mode, active=True, budget_s=BUDGET_S)).read(part)
         assert (found.text, found.decision) == (make_part(spec, 0).text, "accept")
-        touch = found.trace.touch if mode == Mode.FUSED else found
+        touch = found.trace.touch if mode == "fused" else found
         assert touch is not None
         assert touch.trace.scan is not None
         assert touch.trace.scan.log is not None
         return touch.trace.scan.log
 
-    alone, told = log(Mode.TACTILE), log(Mode.FUSED)
+    alone, told = log("tactile"), log("fused")
     (_, y0, _, y1), (_, top, _, bottom) = told.field_mm, alone.field_mm
     # the line and a character above and below it, of a plate three times as high
     assert y0 > top + 0.5 * LAND_MM

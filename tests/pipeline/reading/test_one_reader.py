@@ -17,6 +17,7 @@ from pipeline.benchmark.exam.listed_parts import ListedParts
 from pipeline.benchmark.trials.run import Benchmark, try_part
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
+from pipeline.formats.find_parts import with_file
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.formats.touch_file import Limits
@@ -60,7 +61,9 @@ def told(record: ReadingRecord) -> tuple[object, ...]:
 def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: Path) -> None:
     # the same settings for all, that templates are made once; the service reads by whatever files there are
     settings = SETTINGS.model_copy(update={"mode": "fused"})
-    listed = PartFiles("part", **{kind: str(path) for kind, path in files.items()})
+    listed = PartFiles("part")
+    for kind, path in files.items():
+        listed = with_file(listed, kind, str(path))
     by_command = read_listed(RunOrder(settings), listed).record
     by_cluster = pickle.loads(
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))

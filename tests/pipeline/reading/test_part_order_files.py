@@ -9,6 +9,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
+from pipeline.formats.find_parts import with_file
 from pipeline.formats.kinds import file_kind
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import Limits
@@ -29,7 +30,7 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
     path = folder / f"upload{Path(name).suffix.lower()}"
     path.write_bytes(data)
     kind = file_kind(Path(name).suffix) or "height_map"
-    sent = PartFiles("part", **{kind: str(path)})
+    sent = with_file(PartFiles("part"), kind, str(path))
     settings = ReadSettings(
         font=("gothic",),
         format=("A9",),

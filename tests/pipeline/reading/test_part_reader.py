@@ -13,12 +13,13 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
+from pipeline.common.settings import ReadSettings
 from pipeline.formats.find_parts import discover
 from pipeline.formats.grid import PartMap
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
-from pipeline.reading.part_reader import Mode, PartReader, read_surface, senses_of
+from pipeline.reading.part_reader import PartReader, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.verify import Verdict, VerifyError
@@ -120,13 +121,13 @@ TOUCH, VISION, BOTH = (True, False), (False, True), (True, True)
     ("mode", "felt", "seen", "both"),
     [
         (None, TOUCH, VISION, TOUCH),
-        (Mode.TACTILE, TOUCH, None, TOUCH),
-        (Mode.VISION, None, VISION, VISION),
-        (Mode.FUSED, None, None, BOTH),
-        (Mode.AUTO, TOUCH, VISION, BOTH),
+        ("tactile", TOUCH, None, TOUCH),
+        ("vision", None, VISION, VISION),
+        ("fused", None, None, BOTH),
+        ("auto", TOUCH, VISION, BOTH),
     ],
 )
-def test_modes(mode: Mode | None, felt: Any, seen: Any, both: Any, folder: Path) -> None:
+def test_modes(mode: Any, felt: Any, seen: Any, both: Any, folder: Path) -> None:
     for name, senses in (("felt", felt), ("seen", seen), ("both", both)):
         if senses is None:
             with pytest.raises(FileError, match=rf"{name}\.(npz|png): has no .*; add one"):
@@ -154,12 +155,12 @@ def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
     assert reader.asked == ["vision"]
 
 
-@pytest.mark.parametrize("mode", [Mode.FUSED, Mode.AUTO])
-def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mode", ["fused", "auto"])
+def test_both_senses_are_fused(mode: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     fused_as(monkeypatch, seen)
     reader = FakeReader()
-    found = PartReader(reader, mode=mode).read(part(folder, "both"))
+    found = PartReader(reader, ReadSettings(mode=mode)).read(part(folder, "both"))
     assert found.source == "fused"
     assert seen == [("A1", "B1", None)]
     # the stage brings the middle of the plate under the middle of the picture
@@ -168,18 +169,18 @@ def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.Mon
 
 def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Path) -> None:
     (folder / "both.png").write_bytes(b"\x89PNG rubbish")
-    found = PartReader(FakeReader(), mode=Mode.AUTO).read(part(folder, "both"))
+    found = PartReader(FakeReader(), ReadSettings(mode="auto")).read(part(folder, "both"))
     assert found.source == "tactile"
     assert any("read by touch alone" in message and "both.png" in message for message in found.messages())
     with pytest.raises(FileError, match=r"both\.png"):
-        PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"))
+        PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"))
 
 
 def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
     (folder / "both.jpg").write_bytes(b"x")
     assert PartReader(FakeReader()).read(part(folder, "both")).text == "A1"
     with pytest.raises(FileError, match="which is the part's is unclear"):
-        PartReader(FakeReader(), mode=Mode.VISION).read(part(folder, "both"))
+        PartReader(FakeReader(), ReadSettings(mode="vision")).read(part(folder, "both"))
 
 
 def verdict_of(found: Reading) -> Verdict:
@@ -208,16 +209,16 @@ def test_vision_under_a_format_is_verified_on_what_it_believes_without(folder: P
 def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     fused_as(monkeypatch, seen, lattice=lattice("B1"))
-    found = PartReader(FakeReader("A9"), mode=Mode.FUSED).read(part(folder, "both"), expected="B1")
+    found = PartReader(FakeReader("A9"), ReadSettings(mode="fused")).read(part(folder, "both"), expected="B1")
     assert verdict_of(found) is Verdict.CONFIRMED
     assert seen == [("A1", "B1", "A9"), ("A1", "B1", True)]
     fused_as(monkeypatch, [], lattice=lattice("B1"), contradicted=("place 1",))
-    found = PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"), expected="B1")
+    found = PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"), expected="B1")
     assert verdict_of(found) is Verdict.UNDECIDED
     assert ReadingFlag.SENSES_DISAGREE in found.flags
     # what the camera has nothing to say of, touch is asked alone
     fused_as(monkeypatch, [])
-    found = PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"), expected="A1")
+    found = PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"), expected="A1")
     assert verdict_of(found) is Verdict.CONFIRMED
 
 
