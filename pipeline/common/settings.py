@@ -308,6 +308,15 @@ class MapSettings(Settings):
     another serial mirrored goes to review."""
 
 
+class Limits(Settings):
+    """Largest sizes of a part's files, where others send them."""
+
+    photo_pixels: int = Field(default=40_000_000, ge=64)
+    """Largest photograph; checked before it is decoded."""
+    map_samples: int = Field(default=30_000_000, ge=4)
+    """Largest height map; checked before it is decoded."""
+
+
 class ReadSettings(MapSettings):
     """Settings of reading."""
 

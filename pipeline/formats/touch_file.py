@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -108,23 +107,6 @@ def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
                 raise DataError("is not an HDF5 file", hint)
             check_hdf5(Path(path), most=most)
         return load_scan(path)
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Largest sizes of a part's files.
-
-    Attributes:
-        max_photo_pixels: of a photograph.
-        max_map_samples: of a height map.
-        max_scan_samples: of a recording, instants times channels.
-        stage_field_mm: width and height that the stage can feel, where a photograph has no scale.
-    """
-
-    max_photo_pixels: int = 40_000_000
-    max_map_samples: int = 30_000_000
-    max_scan_samples: int = 60_000_000
-    stage_field_mm: tuple[float, float] = (60.0, 25.0)
 
 
 def check_hdf5(path: Path, *, most: int) -> None:

@@ -27,10 +27,9 @@ from typing import TYPE_CHECKING, TypeVar
 from glyphs.errors import FileError, MarksError
 from pipeline.common.job_file import files_of
 from pipeline.common.records import PartState
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import Limits, ReadSettings
 from pipeline.errors import FaultError, OwnFileError, describe_fault, is_machine_error, shown_as
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.touch_file import Limits
 from pipeline.reading.triage import ReadPart, why_touch
 
 if TYPE_CHECKING:
@@ -116,7 +115,7 @@ def read_order(
         taken = found.trace.photo
         if tactile or taken is None or done.state is not PartState.TOUCH_NEEDED:
             return done
-        plan = plan_of(found, taken, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
+        plan = plan_of(found, taken, settings, reason=why_touch(records[-1]))
         return replace(done, plan=plan)
 
 

@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from glyphs.surface.maps import MAX_PIXELS
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import Limits, ReadSettings
 from pipeline.errors import naming, problem_of
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.touch_file import Limits, read_part_map, read_scan
+from pipeline.formats.touch_file import read_part_map, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -57,6 +57,10 @@ def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
         raise problem_of(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
     touches = tactile and mode != "vision"
     return touches, not touches or (visual and mode in ("fused", "auto"))
+
+
+# of a recording, instants times channels, where there are limits
+MOST_SCAN_SAMPLES = 60_000_000
 
 
 class PartReader:
@@ -126,7 +130,7 @@ class PartReader:
         )  # before touch takes its time
         top = None
         if touches and felt is None and not part.scan:
-            path, most = Path(part.height_map), self.limits.max_map_samples if self.limits else MAX_PIXELS
+            path, most = Path(part.height_map), self.limits.map_samples if self.limits else MAX_PIXELS
             with naming(part.height_map):
                 top = read_part_map(path, self.settings, most=most)
         if again is not None:
@@ -178,7 +182,7 @@ class PartReader:
         """Touch of a recorded scan, which goes before a height map."""
         from recognition.active.replay import replay
 
-        scan = read_scan(part.scan, most=self.limits.max_scan_samples if self.limits else None)
+        scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
         if scan.log is not None and again is None:
             return replay(self.reader.touch, scan).reading
         return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
@@ -270,7 +274,7 @@ def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, t
         raise part.photo_problem
     first: Photo | None = None
     problems: list[MarksError] = []
-    most = MAX_PIXELS if limits is None else limits.max_photo_pixels
+    most = MAX_PIXELS if limits is None else limits.photo_pixels
     for path in part.photos:
         try:
             with naming(path):

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.common.settings import ReadSettings
-    from pipeline.formats.touch_file import Limits
+    from pipeline.common.settings import Limits, ReadSettings
 
 PLAIN = "K4X7H2"
 """Characters that nothing is mistaken for."""

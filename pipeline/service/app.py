@@ -17,7 +17,6 @@ from fastapi import FastAPI
 from glyphs.errors import FileError
 from pipeline.common.private import private_folder
 from pipeline.common.settings import SettingsError
-from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.golden import GoldenPart
@@ -97,17 +96,14 @@ class Service:
                 self.jobs.settings(settings.watch.job)
             except Problem as problem:
                 raise SettingsError(f"watch.job: {problem.detail}") from problem
-        limits = Limits(
-            max_photo_pixels=settings.limits.photo_pixels, max_map_samples=settings.limits.map_samples
-        )
         self.pool = WorkPool(
             settings.jobs,
             queue=settings.queue,
             timeout_s=settings.part_timeout_s,
             memory_mb=settings.worker_memory_mb,
-            warm_up=partial(warm_up, reading, limits),
+            warm_up=partial(warm_up, reading, settings.limits),
         )
-        calls = WorkerCalls(self.pool, self.jobs, limits, self.metrics)
+        calls = WorkerCalls(self.pool, self.jobs, settings.limits, self.metrics)
         senders = senders_of(settings)
         self.intake = Intake(
             settings, store=self.store, evidence=self.evidence, calls=calls, targets=tuple(senders)

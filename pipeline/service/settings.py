@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.common.parsed import json_of
-from pipeline.common.settings import Names, Settings
+from pipeline.common.settings import Limits, Names, Settings
 from pipeline.service.review_policy import ReviewSettings
 from pipeline.workers.executors import cores
 
@@ -82,15 +82,11 @@ class TlsSettings(Settings):
     """Private key of that certificate (PEM), without a password. Default: in the certificate's file."""
 
 
-class LimitSettings(Settings):
+class LimitSettings(Limits):
     """Limits of what is sent."""
 
     upload_mb: int = Field(default=100, ge=1, le=100_000)
     """Largest request, in MB."""
-    photo_pixels: int = Field(default=40_000_000, ge=64)
-    """Largest photograph; checked before it is decoded."""
-    map_samples: int = Field(default=30_000_000, ge=4)
-    """Largest height map; checked before it is decoded."""
 
     @property
     def upload_bytes(self) -> int:

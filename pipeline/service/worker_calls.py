@@ -25,8 +25,7 @@ from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
-    from pipeline.common.settings import ReadSettings
-    from pipeline.formats.touch_file import Limits
+    from pipeline.common.settings import Limits, ReadSettings
     from pipeline.service.job_folder import JobFolder
     from pipeline.service.metrics import Metrics
     from pipeline.service.stage.devices import ScanOrder

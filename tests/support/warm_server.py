@@ -5,8 +5,7 @@ from __future__ import annotations
 import gc
 import os
 
-from pipeline.common.settings import ReadSettings
-from pipeline.formats.touch_file import Limits
+from pipeline.common.settings import Limits, ReadSettings
 from pipeline.reading.warm_up import warm_up
 
 warm_up(ReadSettings(format=("A9",), font=("gothic",), height_mm=4.0), Limits())

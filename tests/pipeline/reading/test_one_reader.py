@@ -16,11 +16,10 @@ from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.listed_parts import ListedParts
 from pipeline.benchmark.trials.run import Benchmark, try_part
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import Limits, ReadSettings
 from pipeline.formats.find_parts import with_file
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.formats.touch_file import Limits
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.runs.task import RunOrder, read_listed
 from recognition.senses.photo_sizes import SIZES

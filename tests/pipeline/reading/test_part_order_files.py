@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import Limits, ReadSettings
 from pipeline.formats.find_parts import with_file
 from pipeline.formats.kinds import file_kind
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.touch_file import Limits
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.workers.pool import WorkPool
 from tests.support import bad_files

@@ -14,13 +14,12 @@ import pytest
 from glyphs.errors import FileError, report_damage
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import Limits, ReadSettings
 from pipeline.errors import FaultError, OwnFileError
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
-from pipeline.formats.touch_file import Limits
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
@@ -164,7 +163,7 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
 
 def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path: Path) -> None:
     rows, cols = read_photo(parts.photo).shape
-    narrow = replace(LIMITS, max_photo_pixels=rows * cols - 1, max_map_samples=1000)
+    narrow = Limits(photo_pixels=rows * cols - 1, map_samples=1000)
     with pytest.raises(FileError, match="over the limit"):
         read(folder, photo=parts.photo, limits=narrow)
     with pytest.raises(FileError, match="over the limit"):

@@ -14,10 +14,9 @@ from starlette.testclient import TestClient
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Scope
-from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.settings import Limits, ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.formats.touch_file import Limits
 from pipeline.reading.drift import EVERY
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.triage import ReadPart
