@@ -41,13 +41,14 @@ def read(
     earlier: bool = False,
     names: Mapping[str, str] = MappingProxyType({}),
     limits: Limits = LIMITS,
+    photo: Path | None = None,
+    more_photos: tuple[Path, ...] = (),
     **files: Any,
 ) -> ReadPart:
     """What an order makes of a part's files."""
     given = {kind: str(one) if isinstance(one, Path) else one for kind, one in files.items()}
-    return read_order(
-        PartOrder(folder, PartFiles("part", **given), earlier=earlier, names=dict(names)), settings, limits
-    )
+    part = PartFiles("part", photos=tuple(map(str, (photo, *more_photos) if photo else ())), **given)
+    return read_order(PartOrder(folder, part, earlier=earlier, names=dict(names)), settings, limits)
 
 
 class Parts:
@@ -143,8 +144,8 @@ def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as
 ) -> None:
     broken = tmp_path / "photo-2.png"
     broken.write_bytes(b"no picture")
-    sent = {"photo": parts.photo, "more_photos": (str(broken),)}
-    (reading,) = read(folder, **sent, names={str(broken): "left lamp.png"}).readings
+    sent = read(folder, photo=parts.photo, more_photos=(broken,), names={str(broken): "left lamp.png"})
+    (reading,) = sent.readings
     assert (reading.text, reading.photos) == (parts.text, 1)
     (note,) = [message for message in reading.messages if "read without one of its photographs" in message]
     assert "left lamp.png: is not a picture" in note
