@@ -26,13 +26,13 @@ from pipeline.formats.glyph_database import (
     load_database,
     save_database,
 )
-from recognition.learning.exemplars import Cut, ExemplarError
+from recognition.learning.exemplars import Cut, ExemplarError, cut_height_map, cut_scan
+from recognition.learning.learned_font import Learned, learn_font
+from recognition.learning.lot import agreement
 
 if TYPE_CHECKING:
-    from glyphs.fonts.glyph import Font
     from pipeline.common.settings import ReadSettings
     from pipeline.formats.part_files import PartFiles
-    from recognition.learning.learned_font import Learned
 
 MOST_EXEMPLARS = 30
 """Most exemplars of a character in a font; the oldest are dropped first because dies wear."""
@@ -177,7 +177,10 @@ def enrol(
     learned_names = {e.font_name for e in held.exemplars}
     fonts = tuple(held.fonts.values())
     bases = tuple(f for f in fonts if f.name not in learned_names) or fonts
-    learned = _learn(font, taught, bases, vouching=vouching) if taught else None
+    learned = None
+    if taught:
+        chars, reliefs = zip(*((e.char, e.relief) for e in taught), strict=True)
+        learned = learn_font(font, chars, reliefs, known=bases, vouching=vouching)
     if learned is not None and (enrolled or font not in held.fonts):
         all_fonts = {**held.fonts, font: learned.font}
         save_database(replace(held, fonts=all_fonts, exemplars=tuple(exemplars)), database)
@@ -196,7 +199,6 @@ def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
 def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: PartFiles) -> _Cuts:
     """Cut the characters of a part with a known text; none if the part is already enrolled."""
     from pipeline.formats.touch_file import read_part_map, read_scan
-    from recognition.learning.exemplars import cut_height_map, cut_scan
 
     text, height_mm, path = (
         without_blanks(part.expected),
@@ -235,14 +237,6 @@ def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
     return kept[::-1]
 
 
-def _learn(font: str, taught: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned:
-    from recognition.learning.learned_font import learn_font
-
-    return learn_font(
-        font, [e.char for e in taught], [e.relief for e in taught], known=bases, vouching=vouching
-    )
-
-
 def _report(
     font: str,
     enrolled: Sequence[tuple[str, str]],
@@ -251,8 +245,6 @@ def _report(
     taught: Sequence[Exemplar],
     learned: Learned | None,
 ) -> EnrolReport:
-    from recognition.learning.lot import agreement
-
     aside = () if learned is None else learned.set_aside
     used = {} if learned is None else learned.used
     return EnrolReport(
