@@ -1,7 +1,7 @@
 """The score: the probability that the whole serial is right, of everything that is known of a reading.
 
     log odds of the text  --weight--+
-    strokes felt, covered --weight--+--sum--> log odds shown --> score, 0 to 1
+    what the format allows --weight-+--sum--> log odds shown --> score, 0 to 1
     land, photograph -------weight--+
 
 Each quantity counts along straight lines, always in one direction: a better one never lowers the score. Touch, the
