@@ -97,6 +97,8 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
         model = argument.hint
         if model not in MODELS:
             continue
+        if model is ReadSettings:
+            _check_database(_leaves(argument).get("database"))
         if model is ReadSettings and job is not None:
             for name, value in read_job_file(job).settings.model_dump(exclude_unset=True).items():
                 _give(argument, name, value, f"{name} in {job}")
@@ -109,6 +111,11 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
         for name, value in _of_table(written, model, file).items():
             model.check_known(name, where=str(file))
             _give(argument, name, value, f"{name} in {file}")
+
+
+def _check_database(given: Argument | None) -> None:
+    if given is not None and given.tokens and not Path(name := given.tokens[0].value).exists():
+        raise SettingsError(f"{name}: is not there", hint="check the name")
 
 
 def explained(error: CycloptsError) -> str:

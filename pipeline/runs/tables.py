@@ -1,8 +1,11 @@
 """Tables of records: `.csv`, `.jsonl`, `.parquet` and `.xlsx`.
 
     ReadingRecord --+-- row_of --> CSV line  flat
-                    +-- JSON line            the record as it is stored and sent
+                    +-- JSON line            lists and objects a character
                     +-- Parquet              the same, from some hundred JSON lines at a time
+
+A character of a JSON line or of Parquet has `char`, `probability` and `score`, its `alternatives` with the same, and
+the other fields of `CharacterRecord`.
 
 What is not known is an empty field or null. A character that UTF-8 lacks, as names of files may have one, and NUL, at
 which many programs stop, are written as the words \\udcff and \\u0000; a backslash that would begin such a word is
@@ -27,7 +30,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
-from pipeline.common.reading_records import ReadingRecord, to_json
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.row import row_of
 from pipeline.common.texts import harmless
 
@@ -43,6 +46,7 @@ _LINE_BREAKS = {
     ord(c): f"\\u{ord(c):04x}" for c in "\x85\u2028\u2029"
 }  # to some readers of lines, not to JSON
 _dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+_NOBODY = {f.name: f.default for f in fields(CandidateRecord)} | {"char": "", "probability": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,10 +149,17 @@ def csv_line(cells: Iterable[Any], *, end: str = "\r\n") -> bytes:
 def _json_line(record: ReadingRecord) -> bytes:
     whole = to_json(record)
     values = {name: whole[name] for name in COLUMNS}
+    values["characters"] = [_flat(place) for place in values["characters"]]
     line = _dumps(values)
     if not _is_plain(line):
         line = _dumps(_fitting(values, record.part))
     return f"{line.translate(_LINE_BREAKS)}\n".encode()
+
+
+def _flat(place: dict[str, Any]) -> dict[str, Any]:
+    """A character with its best candidate beside its other fields."""
+    best, *others = place.pop("candidates") or (_NOBODY,)
+    return {**best, "alternatives": others, **place}
 
 
 LINE_FORMS = {
@@ -183,7 +194,11 @@ def _arrow(kind: Any) -> Any:
     if get_origin(kind) is tuple:
         return pyarrow.list_(_arrow(get_args(kind)[0]))
     if is_dataclass(kind):
-        return pyarrow.struct([(name, _arrow(hint)) for name, hint in get_type_hints(kind).items()])
+        named = get_type_hints(kind)
+        if kind is CharacterRecord:
+            candidates = named.pop("candidates")
+            named = {**get_type_hints(CandidateRecord), "alternatives": candidates, **named}
+        return pyarrow.struct([(name, _arrow(hint)) for name, hint in named.items()])
     if kind is datetime:
         return pyarrow.timestamp("us", tz="UTC")
     return pyarrow.from_numpy_dtype({str: "U", bool: "bool", float: "f8", int: "i8"}[kind])

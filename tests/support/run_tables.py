@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
 
 from glyphs.errors import FileError
-from pipeline.common.reading_records import ReadingRecord, from_json
+from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
 from pipeline.runs.tables import check_output, write_table
 from tests.support.csv_table import csv_rows
 
+_BEST = tuple(f.name for f in fields(CandidateRecord))
 _WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
 
 
@@ -72,4 +73,8 @@ def record_of_json(line: bytes) -> ReadingRecord:
 
 def record_of(values: dict[str, Any]) -> ReadingRecord:
     """The record of a row with lists and structs."""
-    return from_json(ReadingRecord, plain(values))
+    values = plain(values)
+    for place in values["characters"]:
+        best, others = {name: place.pop(name) for name in _BEST}, place.pop("alternatives")
+        place["candidates"] = [best, *others] if best["char"] else []
+    return from_json(ReadingRecord, values)
