@@ -144,7 +144,7 @@ def _head(body: bytes) -> bytes:
 
 
 def _checked_body(data: bytes) -> bytes:
-    """What follows the head, once name, version and digest have proved right."""
+    """Check the name, version and digest of a file, and return the rest."""
     name, _, rest = data.partition(b"\n")
     if name != FORMAT_NAME.encode("ascii"):
         raise DataError("is not a glyph database, or its first bytes are damaged", "restore it from a copy")
@@ -159,7 +159,7 @@ def _checked_body(data: bytes) -> bytes:
 
 
 def _unpacked(body: bytes) -> GlyphDatabase:
-    """The database of a body whose digest fits: what is wrong with it, another program wrote.
+    """Unpack a database whose digest fits; any fault in it comes from the program that wrote it.
 
     Raises:
         DataError: whatever is wrong with it.
@@ -186,7 +186,7 @@ def _unpacked(body: bytes) -> GlyphDatabase:
 
 
 def _plain(value: Any) -> dict[str, Any]:
-    """An array, or a read-only mapping, as JSON has it."""
+    """Convert an array or a read-only mapping for JSON."""
     if not isinstance(value, np.ndarray):
         return dict(value)
     numbers = base64.b64encode(value.tobytes()).decode("ascii")
@@ -194,7 +194,7 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 def _array(written: dict[str, Any]) -> Any:
-    """What `_plain` has made an object of JSON of; as it is where it is no array."""
+    """Make the array again that `_plain` wrote; other objects of JSON stay as they are."""
     if written.keys() != {"dtype", "shape", "base64"} or written["dtype"] not in _NUMBERS:
         return written
     return np.frombuffer(base64.b64decode(written["base64"]), written["dtype"]).reshape(written["shape"])

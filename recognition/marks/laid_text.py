@@ -99,17 +99,17 @@ def laid_text(
         return None
     least = dict.fromkeys(fonts, 0.0) | dict.fromkeys(stand_ins, clearly)
 
-    def best(*faces: Face) -> list[tuple[float, LaidText]]:
-        tried = [
+    def tried(*faces: Face) -> list[tuple[float, LaidText]]:
+        return [
             (felt.suits(text, font, face) - less, LaidText(felt, tuple(text), font, face))
             for font, less in least.items()
             for face in faces
             # outlines have their own width: a flat die cuts them as a sharp one does
             if set(text) & set(font.glyphs) and (face is Face.FLAT or font.stroke_ratio > 0.0)
         ]
-        return sorted(tried, key=lambda one: -one[0])[:1]
 
-    found = best(Face.FLAT, Face.SHARP)
-    if not found or found[0][0] < STRUCK_FIT or found[0][1].face is Face.SHARP:
-        found = sorted([*found, *best(Face.DOTTED)], key=lambda one: -one[0])
-    return found[0][1] if found else None
+    found = tried(Face.FLAT, Face.SHARP)
+    suit, laid = max(found, key=lambda one: one[0], default=(0.0, None))
+    if laid is None or suit < STRUCK_FIT or laid.face is Face.SHARP:
+        _, laid = max([*found, *tried(Face.DOTTED)], key=lambda one: one[0], default=(0.0, None))
+    return laid

@@ -78,7 +78,7 @@ def busy(wait_s: float) -> Problem:
 
 
 def problem_of(error: BaseException) -> Problem:
-    """The answer to a failure, without paths and addresses of the service's own; one that nobody expects is logged."""
+    """Turn a failure into a response that shows none of the service's own paths or addresses; log unexpected ones."""
     if isinstance(error, Problem):
         return error
     for kind, status in _STATUSES.items():
