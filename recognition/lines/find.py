@@ -225,6 +225,10 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
         band_mm: either side of its middle (default: 0.6 of the greater height).
     """
     band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
+    # no point of a curve is further than half its length from the middle between its ends
+    apart = np.subtract(*(line.centre_mm[[0, -1]].mean(axis=0) for line in (one, other)))
+    if math.hypot(*apart) > 0.5 * (one.length_mm + other.length_mm) + band_mm:
+        return False
     points = points_along(one, np.linspace(0.05, 0.95, 15))
     curve = points_along(other, np.linspace(0.0, 1.0, 61))
     far = np.linalg.norm(points[:, None] - curve, axis=2)
