@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import io
 import os
 import sys
@@ -237,6 +238,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # to look for plugins of pydantic, which nothing here uses, takes each process 30 ms
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:
+        gc.set_threshold(10_000)  # modules make many objects that stay; to search them is a tenth of a start
         # a worker runs the file named here before its first part; it calls functions of modules, and needs none of it
         vars(sys.modules["__main__"]).pop("__file__", None)
     given = sys.argv[1:] if arguments is None else list(arguments)

@@ -18,13 +18,13 @@ from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
-from pipeline.service.pages.routes import add_pages
+from pipeline.service.pages.frame import Frame
+from pipeline.service.pages.routes import pages_router
 from pipeline.service.web.access import Caller
 from pipeline.service.web.door import Door
 from pipeline.service.web.openapi import describe_api
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.problem_responses import add_problem_handlers
-from pipeline.service.web.uploads import SMALL_BODY
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
@@ -34,6 +34,16 @@ if TYPE_CHECKING:
 def create_app(service: Service) -> FastAPI:
     """The web application of a service."""
     settings = service.settings
+    frame = Frame(service)
+    routers = (
+        parts_router(service),
+        golden_router(service),
+        export_router(service),
+        lookup_router(service),
+        jobs_router(service),
+        pages_router(frame),
+        _service_router(service),
+    )
     app = FastAPI(
         title="tactile-marks",
         summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
@@ -48,13 +58,10 @@ def create_app(service: Service) -> FastAPI:
         max_body_size=settings.limits.upload_bytes,
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
+        # included routers would make every route, and the schemas of its answers, a second time
+        routes=[route for router in routers for route in router.routes],
     )
-    app.include_router(parts_router(service))
-    app.include_router(golden_router(service))
-    for router in (export_router(service), lookup_router(service), jobs_router(service)):
-        app.include_router(router, max_body_size=SMALL_BODY)
-    add_pages(app, service)
-    app.include_router(_service_router(service))
+    app.state.problem_page = frame.refusal
     add_problem_handlers(app)
     app.openapi = lambda: describe_api(app, asked=service.access.required)  # type: ignore[method-assign]
     # the last one lies outermost

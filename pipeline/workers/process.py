@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import importlib
 import multiprocessing
 import os
@@ -183,6 +184,7 @@ def worker_of(number: int, memory_mb: int) -> Worker:
 
 def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
     """Call the functions that come through the pipe, and send back `Answer` or the exception."""
+    gc.set_threshold(10_000)  # modules make many objects that stay
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if sys.platform == "linux":
         # native code that holds the interpreter would keep the thread from seeing it

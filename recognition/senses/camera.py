@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
+from glyphs.fonts.glyph import Font
 from recognition.belief.line_reader import LineReader, is_agreed
 from recognition.belief.line_search import LineSearch
 from recognition.belief.part_lines import ReadLine
@@ -112,7 +113,7 @@ class VisionReader:
     ) -> Reading:
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
-            part = self._readers[scaled].read(*views, about=about, twice=bool(self.prototypes))
+            part = self._readers[scaled].read(*views, about=about, twice=bool(self._judging))
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")
@@ -135,17 +136,22 @@ class VisionReader:
         return weigh_orientation(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
 
     @cached_property
-    def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
-        """Prototypes of each named font, under several lights."""
+    def _judging(self) -> list[tuple[Font, str]]:
+        """Named fonts that are matched to lines, each with its characters that are looked for."""
         if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
-            return ()
+            return []
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
-        return tuple(lit_prototypes(font, chars) for font, chars in has if chars)
+        return [(font, chars) for font, chars in has if chars]
+
+    @cached_property
+    def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
+        """Prototypes of each named font, under several lights; made for the first line that needs them."""
+        return tuple(lit_prototypes(font, chars) for font, chars in self._judging)
 
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
         """Match the named fonts to a line that the recogniser is not sure of."""
         belief = main.belief
-        if not self.prototypes or is_agreed(belief):
+        if not self._judging or is_agreed(belief):
             return {}
         found = belief_of(views, main.line, belief.columns, self.prototypes, belief.lattice)
         return {} if found is None else {"templates": found[0]}

@@ -19,7 +19,8 @@ from pipeline.common.reading_records import CandidateRecord, CharacterRecord, Re
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.pages.routes import add_pages
+from pipeline.service.pages.frame import Frame
+from pipeline.service.pages.routes import pages_router
 from pipeline.service.review_policy import ReviewSettings
 from pipeline.service.settings import ServiceSettings
 from pipeline.service.web.access import Access
@@ -73,8 +74,9 @@ class Shop:
             golden=SimpleNamespace(scans=tuple),
             ports=SimpleNamespace(connections=tuple),
         )
-        self.app = FastAPI()
-        add_pages(self.app, service)
+        frame = Frame(service)
+        self.app = FastAPI(routes=pages_router(frame).routes)
+        self.app.state.problem_page = frame.refusal
         add_problem_handlers(self.app)
         self.client = self.another()
 

@@ -15,6 +15,7 @@ from pipeline.common.records import PartRecord, Scope
 from pipeline.common.texts import harmless
 from pipeline.service.api.answers import Sought, may, problems
 from pipeline.service.web.access import Caller
+from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.store import Store
 
 if TYPE_CHECKING:
@@ -32,7 +33,9 @@ _AT_ONCE = 500
 
 def export_router(service: Service) -> APIRouter:
     """The route of the table."""
-    router = APIRouter(prefix="/v1", tags=["parts"], responses=problems(401, 403, 422))
+    router = APIRouter(
+        prefix="/v1", tags=["parts"], responses=problems(401, 403, 422), max_body_size=SMALL_BODY
+    )
     Reads, store = may(service.access, Scope.READ), service.store
 
     @router.get(

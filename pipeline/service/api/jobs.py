@@ -14,6 +14,7 @@ from pipeline.service.api.answers import may, problems
 from pipeline.service.job_edit import written_job
 from pipeline.service.job_folder import JobAnswer
 from pipeline.service.web.access import Caller
+from pipeline.service.web.uploads import SMALL_BODY
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
@@ -26,7 +27,7 @@ _OVER: dict[int | str, dict[str, Any]] = {
 
 def jobs_router(service: Service) -> APIRouter:
     """The routes of /v1/jobs."""
-    router = APIRouter(prefix="/v1", tags=["jobs"], responses=problems(401, 403))
+    router = APIRouter(prefix="/v1", tags=["jobs"], responses=problems(401, 403), max_body_size=SMALL_BODY)
     Reads, Reviews = may(service.access, Scope.READ), may(service.access, Scope.REVIEW)
     jobs = service.jobs
 

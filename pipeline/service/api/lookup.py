@@ -27,6 +27,7 @@ from pipeline.service.api.answers import (
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE, example_answer
 from pipeline.service.web.access import Caller
 from pipeline.service.web.problem import Problem
+from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class FiguresAnswer(Statistics):
 
 def lookup_router(service: Service) -> APIRouter:
     """The routes that look up /v1/parts."""
-    router = APIRouter(prefix="/v1", responses=problems(401, 403, 422))
+    router = APIRouter(prefix="/v1", responses=problems(401, 403, 422), max_body_size=SMALL_BODY)
     Reads, store, files = may(service.access, Scope.READ), service.store, service.evidence
     root_path = service.settings.root_path
 

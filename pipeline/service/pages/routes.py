@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -21,13 +19,10 @@ from pipeline.service.pages.review import add_review_pages
 from pipeline.service.pages.shadow import add_shadow_page
 from pipeline.service.web.uploads import SMALL_BODY
 
-if TYPE_CHECKING:
-    from pipeline.service.app import Service
 
-
-def add_pages(app: FastAPI, service: Service) -> None:
-    """Add the routes of all pages of a service, and its page of a problem."""
-    frame, router = Frame(service), APIRouter(include_in_schema=False)
+def pages_router(frame: Frame) -> APIRouter:
+    """The routes of all pages of a service."""
+    router = APIRouter(include_in_schema=False, max_body_size=SMALL_BODY)
     for add in (
         add_review_pages,
         add_part_pages,
@@ -46,5 +41,4 @@ def add_pages(app: FastAPI, service: Service) -> None:
         answer.headers["Cache-Control"] = "no-cache"
         return answer
 
-    app.state.problem_page = frame.refusal
-    app.include_router(router, max_body_size=SMALL_BODY)
+    return router
