@@ -1,6 +1,8 @@
 """Two services on one PostgreSQL, clients and a receiver of webhooks; services are killed on the way.
 
-The database is killed too, or frozen for a while.
+    python -m tests.faults.plant --rounds 20 --parts 100      a long run: prints each round, status 1 if one is wrong
+
+The database is killed too, and frozen for a while.
 
 A service is the whole one but for its workers: a part is answered as soon as it is received.
 Each is forked from a process that has everything imported, so that it is back within a moment.
@@ -8,12 +10,14 @@ Each is forked from a process that has everything imported, so that it is back w
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import functools
 import hashlib
 import json
 import multiprocessing
 import shutil
+import sys
 import tempfile
 import threading
 import time
@@ -42,6 +46,7 @@ from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
 from tests.support.postgres_server import PostgresServer
+from tests.support.programs import program
 from tests.support.service_fixtures import InlinePool
 from tests.support.store_samples import reading
 from tests.support.waiting import PATIENCE_S, free_port, wait_until
@@ -267,3 +272,33 @@ def _judged(
     verdict.lost += missing
     verdict.lost += [f"{key}: never there" for key in clients.asked - set(stored)]
     return Outcome(verdict, len(deliveries), len(receiver.arrivals), len(plant.kills), clients.tries)
+
+
+def main() -> int:
+    """Play rounds, each in a database of its own, and print what is found in each."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rounds", type=int, default=20)
+    parser.add_argument("--parts", type=int, default=100, help="of each round")
+    parser.add_argument("--kills", type=int, default=6, help="services killed in each round")
+    parser.add_argument("--seed", type=int, default=0, help="of the first round; the next has the next one")
+    given = parser.parse_args()
+    all_right = True
+    with contextlib.closing(PostgresServer(initdb=program("initdb"), postgres=program("postgres"))) as server:
+        for number in range(given.seed, given.seed + given.rounds):
+            one = played(
+                server, f"round{number}", parts=given.parts, kills=given.kills,
+                database=(DATABASE, FROZEN), seed=number,
+            )  # fmt: skip
+            all_right &= not one.verdict.wrong
+            print(
+                f"round {number}: {one.parts} parts, {one.kills} kills, {one.deliveries} deliveries,"
+                f" {one.tries} tries, wrong: {one.verdict.wrong or 'nothing'}",
+                flush=True,
+            )
+    return int(not all_right)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
