@@ -190,7 +190,8 @@ def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> Non
     """Report the written files, and write the summary."""
     second = run.second
     if second is not None and second.again:
-        print(f"{second.again:,} parts were read again with the learned shapes")
+        were = "part was" if second.again == 1 else "parts were"
+        print(f"{second.again:,} {were} read again with the learned shapes")
     if run.watch is not None and run.watch.first:
         print(f"warning: {run.watch.first}", file=sys.stderr)
     if run.known:
