@@ -56,6 +56,15 @@ def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
     assert refined.line.height_mm < 1.5 * best.height_mm
 
 
+def test_a_line_that_says_nothing_is_left_as_it_was_found() -> None:
+    search = LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC)
+    best = search.refine(VIEW, search.lines(VIEW)).line
+    beside = search.read_once(VIEW, [move_line(best, -1.4, 1.0)])
+    assert search.refine(VIEW, beside) is beside[0]
+    bold = replace(search, limits=SearchLimits(hopeless=-3.0))
+    assert bold.refine(VIEW, beside) is not beside[0]
+
+
 UPPER, LOWER = (0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0)
 
 
