@@ -6,6 +6,7 @@ import contextlib
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 
 def private_folder(path: Path) -> None:
@@ -42,3 +43,13 @@ def close_to_others(path: Path) -> None:
         kept = mode & ~0o007 if mode & stat.S_IWGRP else mode & ~0o077
         if kept != mode:
             path.chmod(kept)
+
+
+def open_no_link(path: Path) -> BinaryIO:
+    """Open a file that may have become a link or a pipe since it was looked at; neither is followed or waited for.
+
+    Raises:
+        OSError: it is a link, or cannot be opened.
+    """
+    flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"))
+    return os.fdopen(os.open(path, sum(flags, os.O_RDONLY)), "rb")

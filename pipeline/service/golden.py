@@ -14,6 +14,7 @@ from pipeline.reading.golden import measure_sent
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.service.worker_calls import WorkerCalls
+from pipeline.store.alerts import MOST_SCANS
 from pipeline.store.store import Store
 
 if TYPE_CHECKING:
@@ -54,9 +55,9 @@ class GoldenPart:
         measures = await self._calls.call(measure_sent, sent.path, sent.name, self._relief)
         return await asyncio.to_thread(self._store.add_golden, measures, line=self._line, reference=reference)
 
-    def scans(self) -> tuple[GoldenRecord, ...]:
-        """The line's, the newest first, the reference among them or last."""
-        return self._store.golden_scans(self._line)
+    def scans(self, *, limit: int = MOST_SCANS) -> tuple[GoldenRecord, ...]:
+        """The latest of the line, the newest first, the reference among them or last."""
+        return self._store.golden_scans(self._line, limit=limit)
 
     def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:
         """Measures of wear that exceed their limit in the newest scan, compared with the reference."""
@@ -67,7 +68,7 @@ class GoldenPart:
         """Alerts by name: what is wrong; empty where all is well, None where that is not known."""
         if self._relief is None:
             return {}
-        scans = self._store.golden_scans(self._line, limit=1)
+        scans = self.scans(limit=1)
         found: dict[str, str | None] = {GOLDEN: "; ".join(self.worn(scans)) if scans else None}
         if self._every:
             late = not scans or datetime.now(UTC) - scans[0].at > self._every

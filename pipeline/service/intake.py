@@ -24,17 +24,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import structlog
+
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
-from pipeline.common.serial_rules import SerialRules
+from pipeline.common.serial_rules import SerialAlarm, SerialRules
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, PartOrder
 from pipeline.reading.triage import ReadPart, compared
 from pipeline.service.new_part import NewPart, Touch
-from pipeline.service.part_log import count_reading
 from pipeline.service.stage.devices import ScanOrder
 from pipeline.service.stage.drivers import camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
     from pipeline.service.worker_calls import WorkerCalls
     from pipeline.store.evidence_folder import EvidenceFolder
     from whisker_array.scan.session import SessionStage
+
+log = structlog.get_logger("tactile-marks")
 
 
 class Intake:
@@ -344,9 +347,32 @@ class Intake:
 
         kept = await asyncio.to_thread(keep)
         self._announce(kept)
-        watch = self.calls.jobs.watch(kept.job)
-        count_reading(kept, done, metrics=self.metrics, bench=self.bench, watch=watch)
+        self._count(kept, done)
         return kept
+
+    def _count(self, part: PartRecord, done: ReadPart) -> None:
+        """Count a part's new readings, and log them with what they show of serials, whiskers and drift."""
+        for reason in part.reading.reasons if part.reading is not None else ():
+            if reason.code in set(SerialAlarm):
+                self.metrics.serial_alarms.inc()
+                log.warning("serial alarm", part=part.id, name=part.name, text=part.text, why=reason.code)
+        last, watch = done.record, self.calls.jobs.watch(part.job)
+        if last.source != "vision" and self.bench.add(last.faults):
+            log.warning("whiskers or bench faulty", why=self.bench.message())
+        if watch is not None and watch.add(last.source, done.measures):
+            log.warning("parts unlike the certified ones", job=part.job, why=watch.message())
+        for reading in done.readings:
+            self.metrics.readings.labels(reading.source, reading.decision).inc()
+            self.metrics.reading_seconds.labels(reading.source).observe(reading.seconds)
+        log.info(
+            "part read",
+            part=part.id,
+            name=part.name,
+            job=part.job,
+            state=part.state.value,
+            text=part.text,
+            readings=[f"{r.source}: {r.decision}" for r in done.readings],
+        )
 
     # ----------------------------------------------------------------------------------------------------- answer
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import timedelta
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import sqlalchemy as sa
 
@@ -190,13 +190,11 @@ def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[
     """Columns of a part's row that do not match the values derived from its record and its events."""
     wrong = [name for name, value in search_columns(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}
-    kinds: dict[str, tuple[str, type[Any]]] = {
-        "reading": (READ, ReadingRecord),
-        "review": (REVIEWED, ReviewRecord),
-    }
+    received = last.get("received", {})
+    wanted = {name: received.get(name) for name in ("name", "expected", "database", "job")}
     # as records, for one of an earlier version is written anew with the part, and not with its event
-    wanted = {name: from_json(of, last[kind]) if kind in last else None for name, (kind, of) in kinds.items()}
-    wanted |= {name: last.get("received", {}).get(name) for name in ("name", "expected", "database", "job")}
+    wanted["reading"] = from_json(ReadingRecord, last[READ]) if READ in last else None
+    wanted["review"] = from_json(ReviewRecord, last[REVIEWED]) if REVIEWED in last else None
     return wrong + [name for name, value in wanted.items() if getattr(part, name) != value]
 
 

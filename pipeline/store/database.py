@@ -188,24 +188,19 @@ class Database:
     @contextlib.contextmanager
     def _connected(self) -> Iterator[Connection]:
         """A connection to a database that answers."""
-        try:
-            with self._answering() as connection:
-                yield connection
-        except exc.OperationalError:
-            self._silent = True
-            raise
-
-    def _answering(self) -> Connection:
-        asks = self._silent
-        if asks and not self._asking.acquire(timeout=_TURN_S):
-            raise StoreError(f"the store {self.shown} does not answer", hint=_CHECK)
-        try:
-            connection = self._engine.connect()
-            self._silent = False
-        finally:
-            if asks:
-                self._asking.release()
-        return connection
+        with contextlib.ExitStack() as asking:
+            if self._silent:
+                if not self._asking.acquire(timeout=_TURN_S):
+                    raise StoreError(f"the store {self.shown} does not answer", hint=_CHECK)
+                asking.callback(self._asking.release)
+            try:
+                with self._engine.connect() as connection:
+                    self._silent = False
+                    asking.close()
+                    yield connection
+            except exc.OperationalError:
+                self._silent = True
+                raise
 
     def close(self) -> None:
         """Close every connection."""

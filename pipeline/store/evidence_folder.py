@@ -29,7 +29,7 @@ from glyphs.atomic import sync_folder, sync_names
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.common.file_lock import exclusively
-from pipeline.common.private import private_folder
+from pipeline.common.private import open_no_link, private_folder
 
 if TYPE_CHECKING:
     from pipeline.store.store import Store
@@ -89,7 +89,15 @@ class EvidenceFolder:
             FileError: it cannot be read or kept.
         """
         with file_errors(path):
-            sha256, n_bytes = _settle(path, sha256)
+            with open_no_link(path) as stream:
+                handle = stream.fileno()
+                if not stat.S_ISREG(os.fstat(handle).st_mode):
+                    raise FileError(path, "is not a file", "name a file")
+                sha256 = sha256 or hashlib.file_digest(stream, "sha256").hexdigest()
+                if hasattr(os, "fchmod"):
+                    os.fchmod(handle, 0o600)
+                os.fsync(handle)
+                n_bytes = os.fstat(handle).st_size
             target = self.path(sha256)
             # one that is there may be another thread's of this moment, or of a process that died at this place
             if target.parent not in self._synced:
@@ -231,20 +239,6 @@ class EvidenceFolder:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
                 names = [e.name for e in entries if _HASH.fullmatch(e.name) and _kept_before(e, before_s)]
             yield from (names[k : k + _BATCH] for k in range(0, len(names), _BATCH))
-
-
-def _settle(path: Path, sha256: str) -> tuple[str, int]:
-    # O_NOFOLLOW rejects links, O_NONBLOCK does not wait for pipes; Windows lacks all three flags
-    flags = [getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC")]
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | sum(flags))
-    with os.fdopen(handle, "rb") as stream:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise FileError(path, "is not a file", "name a file")
-        sha256 = sha256 or hashlib.file_digest(stream, "sha256").hexdigest()
-        if hasattr(os, "fchmod"):
-            os.fchmod(handle, 0o600)
-        os.fsync(handle)
-        return sha256, os.fstat(handle).st_size
 
 
 def _kept_before(entry: os.DirEntry[str], latest_s: float) -> bool:

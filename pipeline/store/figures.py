@@ -39,15 +39,18 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
         "characters_right": sa.func.coalesce(sa.func.sum(parts.c.characters_right), 0),
         **{_of(state): n.filter(parts.c.state == state) for state in PartState},
     }
-    rows = {row["begin"]: row for row in _by_step(tx, step, counted, parts.c.created_at >= since)}
+    rows: dict[str, Mapping[str, int]] = {row["begin"]: row for row in _by_step(tx, step, counted, parts.c.created_at >= since)}
     total = {name: sum(row[name] for row in rows.values()) for name in counted}
     by_state = {state: total.pop(_of(state)) for state in PartState}
+    nothing, first = dict.fromkeys(counted, 0), since.replace(minute=0, second=0, microsecond=0)
+    first = first if step == HOUR else first.replace(hour=0)
+    steps = (first + k * step for k in range(max(0, int((tx.now - first) / step) + 1)))
     return Statistics(
         since=since,
         **total,
         by_state={state: n for state, n in by_state.items() if n},
         seconds=_seconds(tx, since),
-        trend=_trend(rows, since, tx.now, step),
+        trend=tuple(_trend_step(at, rows.get(at.strftime(_WRITTEN[step]), nothing)) for at in steps),
         awaiting=tx.count(parts, parts.c.state == PartState.REVIEW),
     )
 
@@ -115,17 +118,6 @@ def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, floa
     return {source: (float(p50), float(p99)) for source, (p50, p99) in ranks.items()}
 
 
-def _trend(
-    rows: Mapping[str, sa.RowMapping], since: datetime, now: datetime, step: timedelta
-) -> tuple[TrendStep, ...]:
-    first = since.replace(minute=0, second=0, microsecond=0)
-    first = first if step == HOUR else first.replace(hour=0)
-    steps = (first + k * step for k in range(max(0, int((now - first) / step) + 1)))
-    return tuple(_trend_step(at, rows.get(at.strftime(_WRITTEN[step]))) for at in steps)
-
-
-def _trend_step(at: datetime, row: sa.RowMapping | None) -> TrendStep:
-    if row is None:
-        return TrendStep(at)
+def _trend_step(at: datetime, row: Mapping[str, int]) -> TrendStep:
     review = row[_of(PartState.REVIEW)] + row[_of(PartState.REVIEWED)]
     return TrendStep(at, row["parts"], row[_of(PartState.ACCEPTED)], review, row["rejects"])

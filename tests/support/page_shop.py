@@ -71,7 +71,7 @@ class Shop:
                 review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
                 undo_review=lambda part_id, person: self.store.undo_review(part_id, person=person),
             ),
-            golden=SimpleNamespace(scans=tuple),
+            golden=SimpleNamespace(scans=lambda limit: ()),
             ports=SimpleNamespace(connections=tuple),
         )
         frame = Frame(service)

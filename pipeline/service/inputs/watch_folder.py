@@ -26,12 +26,13 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import structlog
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
+from pipeline.common.private import open_no_link
 from pipeline.common.records import EvidenceKind
 from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
@@ -84,12 +85,6 @@ class WatchedPart:
     def key(self) -> IdempotencyKey:
         """The key of the part, with those of its files as they stand."""
         return IdempotencyKey.of_files(_key(path, state) for path, state in self.files.items())
-
-
-def open_no_link(path: Path) -> BinaryIO:
-    """Open a file that may have become a link or a pipe since it was looked at; neither is followed or waited for."""
-    flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"))
-    return os.fdopen(os.open(path, sum(flags, os.O_RDONLY)), "rb")
 
 
 class WatchedFolder:

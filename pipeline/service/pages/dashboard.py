@@ -8,7 +8,6 @@ from fastapi import APIRouter, Depends
 from starlette.responses import Response
 
 from pipeline.common.records import PartState
-from pipeline.common.shares import share
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.frame import Frame, View
 from pipeline.service.web.problem import Problem
@@ -36,8 +35,6 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             raise Problem(422, f"there is no span {span!r}; choose {', '.join(SPANS)}")
         now, each = datetime.now(UTC), "day" if span == "month" else "hour"
         numbers = frame.store.statistics(now - SPANS[span], step=DAY if each == "day" else HOUR)
-        scans = service.golden.scans()
-        shown, reference = scans[:_GOLDEN_SHOWN], [scan for scan in scans if scan.reference][:1]
         return view.page(
             "dashboard.html.j2",
             span=span,
@@ -45,14 +42,9 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             drift=service.jobs.drift,
             alerts=[one for one in frame.store.alerts() if not one.name.startswith(DRIFT)],
             numbers=numbers,
-            camera=share(numbers.by_camera, numbers.parts),
-            fallback=share(numbers.fell_back, numbers.parts),
-            rejects=share(numbers.rejects, numbers.parts),
-            right=share(numbers.right_before_review, numbers.reviewed),
-            characters=share(numbers.characters_right, numbers.characters_reviewed),
             states=tuple(PartState),
             charts=charts_of(numbers.trend, each=each),
-            golden=[*shown, *(scan for scan in reference if scan not in shown)],
+            golden=service.golden.scans(limit=_GOLDEN_SHOWN),
             connections=service.ports.connections(),
             audits=frame.store.audit_figures(now - _AUDITED),
         )

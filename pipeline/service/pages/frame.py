@@ -21,6 +21,7 @@ from starlette.staticfiles import StaticFiles
 
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, Scope
+from pipeline.common.shares import share
 from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.web.access import Caller
 from pipeline.service.web.addresses import relative, to_root
@@ -62,6 +63,7 @@ class Frame:
             shadow=self.service.settings.shadow,
             part_cells=part_cells,
             why_not_accepted=why_not_accepted,
+            share=share,
         )
         self.environment.filters.update(iso=_iso, utc=_utc, here=_here, sentence=_sentence)
 

@@ -9,7 +9,6 @@ from fastapi import APIRouter, Depends
 from starlette.responses import Response
 
 from pipeline.common.records import Agreement, AgreementDay, PartRecord
-from pipeline.common.shares import share
 from pipeline.common.texts import same_text
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
 from pipeline.service.pages.places import Cell, expected_cells
@@ -43,9 +42,6 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
             show=show,
             since=since,
             all=total,
-            agreement=share(total["same"], total["compared"]),
-            acceptance=share(total["accepted"], total["compared"]),
-            accepted_agreement=share(total["accepted"] - total["accepted_other"], total["accepted"]),
             days=days[::-1],
             **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in page["parts"]]},
         )
