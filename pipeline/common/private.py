@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 
 def private_folder(path: Path) -> None:
@@ -45,7 +45,7 @@ def close_to_others(path: Path) -> None:
             path.chmod(kept)
 
 
-def open_no_link(path: Path) -> BinaryIO:
+def open_no_link(path: Path) -> BufferedReader:
     """Open a file that may have become a link or a pipe since it was looked at; neither is followed or waited for.
 
     Raises:

@@ -20,14 +20,14 @@ def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
         Problem: settings that cannot be, or that name a file of the service's machine.
     """
     settings = jobs.settings_of(asked)
-    written: dict[str, Any] = settings.model_dump(mode="json", exclude_unset=True)
+    written: dict[str, Any] = settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     if settings.database is not None:
         written["database"] = str(jobs.databases.path(str(settings.database)))
-    named = [key for key in ("lexicon", "certificate") if written.get(key) is not None]
+    named: list[str] = [key for key in ("lexicon", "certificate") if key in written]
     named += [font for font in settings.font if Path(font).name != font or "." in font]
     if named:
         raise Problem(422, f"{named[0]} {_FILES_BY_HAND}")
-    return {key: value for key, value in written.items() if value is not None}
+    return written
 
 
 def text_to_edit(jobs: JobFolder, name: str) -> str:

@@ -68,7 +68,7 @@ def _call_here(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
-class JobFolder:
+class JobFolder(RecentFiles):
     """Jobs by name. Threads may share it.
 
     Attributes:
@@ -100,15 +100,15 @@ class JobFolder:
         Raises:
             SettingsError: settings name a certificate that is not valid for them.
         """
-        self.folder, self.own = folder, own
+        super().__init__(folder, SUFFIX, "job", needed=needed)
+        self.own = own
         self.databases = databases or GlyphDatabases(folder)
         # the service's own settings are the job without a name; each change is one operation of the dict, so
         # threads need no lock
         self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), watch_of(own))}
-        self._recent, self._needed = RecentFiles(folder, SUFFIX, "job", needed=needed), needed
         self.lock = threading.RLock()
         self.call = _call_here  # workers start later
-        for name in self._recent.files():
+        for name in self.files():
             self._refresh(name)
         self.call = call
 
@@ -142,12 +142,12 @@ class JobFolder:
 
     def listed(self) -> list[JobAnswer]:
         """Every job, by name."""
-        found = []
-        for name in self._recent.files():
-            if (known := self._refresh(name)) is not None:
-                written = {} if known.job is None else known.job.written
-                found.append(JobAnswer(name, without_paths(written), known.problem))
-        return found
+        known = {name: self._refresh(name) for name in self.files()}
+        return [
+            JobAnswer(name, without_paths(one.job.written if one.job else {}), one.problem)
+            for name, one in known.items()
+            if one is not None
+        ]
 
     def answer(self, name: str) -> JobAnswer:
         """A job as the list shows it.
@@ -155,10 +155,10 @@ class JobFolder:
         Raises:
             Problem: 404, there is none.
         """
-        for job in self.listed():
-            if job.name == name:
-                return job
-        raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
+        found = {job.name: job for job in self.listed()}
+        if name not in found:
+            raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
+        return found[name]
 
     def written(self, name: str) -> dict[str, Any] | None:
         """Content of a job's file, with lines as `ReadSettings.line`; None if there is no file.
@@ -166,7 +166,7 @@ class JobFolder:
         Raises:
             Problem: the file cannot be used.
         """
-        if name not in self._recent.files():
+        if name not in self.files():
             return None
         job = self._job(name)
         lines = {"line": list(job.settings.line)} if job.settings.line else {}
@@ -229,20 +229,20 @@ class JobFolder:
             Problem: 404, it does not exist; 409, the watched folder uses it.
             OSError: its file cannot be removed.
         """
-        path = self._recent.files().get(name)
+        path = self.files().get(name)
         if path is None:
             raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
-        if name == self._needed:
+        if name == self.needed:
             raise Problem(409, f"the watched folder uses the job {name}; set watch.job to another first")
         with self.lock:
             path.unlink(missing_ok=True)
-            self._recent.forget(name)
+            self.forget(name)
             self._known.pop(name, None)
         log.info("job deleted", job=name)
 
     def _job(self, name: str) -> JobFile:
         if name:
-            self._recent.find(name)
+            self.find(name)
         known = self._refresh(name) if name else self._known[name]
         if known is None or known.job is None:
             why = "its file is gone" if known is None else known.problem

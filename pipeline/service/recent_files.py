@@ -19,7 +19,12 @@ log = structlog.get_logger("tactile-marks")
 
 
 class RecentFiles:
-    """The files of one folder with one suffix; hidden ones do not count."""
+    """The files of one folder with one suffix; hidden ones do not count.
+
+    Attributes:
+        folder: of the files.
+        needed: name of one that the settings name.
+    """
 
     def __init__(self, folder: Path, suffix: str, what: str, *, needed: str = "") -> None:
         """Take the folder.
@@ -30,7 +35,7 @@ class RecentFiles:
             what: one of them, in words.
             needed: name of one that the settings name: if it is away, it is expected to come back.
         """
-        self._folder, self._suffix, self._what, self._needed = folder, suffix, what, needed
+        self.folder, self._suffix, self._what, self.needed = folder, suffix, what, needed
         self._seen_s: dict[str, float] = {}
         self._left: set[str] = set()
 
@@ -38,7 +43,7 @@ class RecentFiles:
         """The files that are there now, by stem; one whose name is no text is logged once and left out."""
         found = {}
         try:
-            for path in sorted(self._folder.glob(f"[!.]*{self._suffix}")):
+            for path in sorted(self.folder.glob(f"[!.]*{self._suffix}")):
                 if not is_text(path.name):
                     if path.name not in self._left:
                         log.warning("file left", file=visible(path.name), why=NO_TEXT)
@@ -46,7 +51,7 @@ class RecentFiles:
                 elif path.is_file():
                     found[path.stem] = path
         except OSError as error:
-            log.warning("folder cannot be looked at", folder=str(self._folder), why=str(error))
+            log.warning("folder cannot be looked at", folder=str(self.folder), why=str(error))
         self._seen_s |= dict.fromkeys(found, time.monotonic())
         return found
 
@@ -61,7 +66,7 @@ class RecentFiles:
         if name in files:
             return files[name]
         seen_s = self._seen_s.get(name)
-        if seen_s is not None and (name == self._needed or time.monotonic() - seen_s < MOST_AWAY_S):
+        if seen_s is not None and (name == self.needed or time.monotonic() - seen_s < MOST_AWAY_S):
             raise OwnProblem(f"the {self._what} {name} was there and is not; put {name}{self._suffix} back")
         there = ", ".join(files) or "none at all"
         raise Problem(422, f"there is no {self._what} {name[:100]!r}; there is {there}")

@@ -6,14 +6,12 @@ box, text --> Taught --into the job as it is, or a new one--> settings --JobFold
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.common.job_file import NAME, with_whole_paths
-from pipeline.common.settings import NamedLine, ReadSettings, Region
+from pipeline.common.settings import NamedLine, Region
 from pipeline.reading.job_check import check_line
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.web.problem import Problem
@@ -57,52 +55,32 @@ def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
     """
     try:
         objections = jobs.call(check_line, taught.format, taught.text)
-        line = None
-        if taught.line:
-            line = NamedLine.parse(f"{taught.line}={taught.format}")
-            line = NamedLine(line.name, line.format, taught.region)
+        line = NamedLine.parse(f"{taught.line}={taught.format}") if taught.line else None
     except (MarksError, ValueError) as error:
         raise Problem(422, str(error)) from error
-    database = jobs.databases.path(taught.database) if taught.database else None
     if objections:
         raise Problem(422, f"{taught.text!r} is not of the format {taught.format}: {objections[0]}")
     with jobs.lock:
-        before = jobs.written(name)
-        if before is not None and not replace and _stands_in(before, taught.line):
-            which = f"the line {taught.line}" if taught.line else "a serial"
+        written = jobs.written(name)
+        if written is None:
+            own = with_whole_paths(jobs.own, Path())
+            written = own.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
+        lines = {one.name: one for one in map(NamedLine.parse, written.get("line", ()))}
+        serial = bool(written.get("format") or written.get("region"))
+        if not replace and (serial if line is None else line.name in lines):
+            which = "a serial" if line is None else f"the line {line.name}"
             raise Problem(
                 409,
                 f"the job {name} has {which} already; name the line that you mean, or say that it may be replaced",
             )
-        jobs.save(name, _written(_of_service(jobs.own) if before is None else before, taught, line, database))
-
-
-def _stands_in(written: Mapping[str, Any], line: str) -> bool:
-    if not line:
-        return bool(written.get("format") or written.get("region"))
-    return line in {NamedLine.parse(text).name for text in written.get("line", ())}
-
-
-def _of_service(own: ReadSettings) -> dict[str, Any]:
-    settings = with_whole_paths(own, Path())
-    return settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
-
-
-def _written(
-    before: Mapping[str, Any], taught: Taught, line: NamedLine | None, database: Path | None
-) -> dict[str, Any]:
-    written = dict(before)
-    if line is None:
-        written["format"], written["region"] = taught.format, list(taught.region)
-        written.pop("height_mm", None)
-        if taught.height_mm is not None:
-            written["height_mm"] = taught.height_mm
-        if database is not None:
-            written["database"] = str(database.absolute())
-        return written
-    others = [text for text in before.get("line", ()) if NamedLine.parse(text).name != line.name]
-    written["line"] = [*others, str(line)]
-    return written
+        if line is not None:
+            lines[line.name] = NamedLine(line.name, line.format, taught.region)
+            written["line"] = list(map(str, lines.values()))
+        else:
+            written |= {"format": taught.format, "region": list(taught.region), "height_mm": taught.height_mm}
+            if taught.database:
+                written["database"] = str(jobs.databases.find(taught.database).absolute())
+        jobs.save(name, {key: value for key, value in written.items() if value is not None})
 
 
 def name_like(part_name: str) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, date, datetime, timedelta
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -39,7 +40,7 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
         "characters_right": sa.func.coalesce(sa.func.sum(parts.c.characters_right), 0),
         **{_of(state): n.filter(parts.c.state == state) for state in PartState},
     }
-    rows: dict[str, Mapping[str, int]] = {row["begin"]: row for row in _by_step(tx, step, counted, parts.c.created_at >= since)}
+    rows = {row["begin"]: row for row in _by_step(tx, step, counted, parts.c.created_at >= since)}
     total = {name: sum(row[name] for row in rows.values()) for name in counted}
     by_state = {state: total.pop(_of(state)) for state in PartState}
     nothing, first = dict.fromkeys(counted, 0), since.replace(minute=0, second=0, microsecond=0)
@@ -75,13 +76,13 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
         "accepted_other": n.filter(would, kind != Agreement.SAME),
     }
     in_shadow = sa.and_(kind.in_(list(Agreement)), parts.c.created_at >= since)
-    days = (dict(row) for row in _by_step(tx, DAY, counted, in_shadow))
+    days = _by_step(tx, DAY, counted, in_shadow)
     return tuple(AgreementDay(date.fromisoformat(day.pop("begin")), **day) for day in days)
 
 
 def _by_step(
     tx: Transaction, step: timedelta, counted: _Counted, where: sa.ColumnElement[bool]
-) -> Sequence[sa.RowMapping]:
+) -> list[dict[str, Any]]:
     """What is counted of parts in each time step that has any, by its `begin`, in order."""
     begin: sa.ColumnElement[str]
     if tx.postgresql:
@@ -93,7 +94,7 @@ def _by_step(
     # by its place, for PostgreSQL takes the same function with other parameters for another one
     place: sa.ColumnElement[str] = sa.literal_column("1")
     asked = sa.select(begin.label("begin"), *columns).where(where).group_by(place).order_by(place)
-    return tx.execute(asked).mappings().all()
+    return [dict(row) for row in tx.execute(asked).mappings()]
 
 
 def _of(state: PartState) -> str:

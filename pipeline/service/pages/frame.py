@@ -26,6 +26,7 @@ from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.web.access import Caller
 from pipeline.service.web.addresses import relative, to_root
 from pipeline.service.web.problem import Problem
+from recognition.active.active_reading import StopReason
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
@@ -65,7 +66,9 @@ class Frame:
             why_not_accepted=why_not_accepted,
             share=share,
         )
-        self.environment.filters.update(iso=_iso, utc=_utc, here=_here, sentence=_sentence)
+        self.environment.filters.update(
+            iso=_iso, utc=_utc, here=_here, sentence=_sentence, stop_words=_stop_words
+        )
 
     def reader_view(self, request: Request) -> View:
         """The view of a caller with the right to look.
@@ -186,6 +189,11 @@ def set_cookie(
 def _here(context: jinja2.runtime.Context, address: str) -> str:
     """An address of the service, such as /parts, as the page made now has to write it."""
     return f"{context['up']}{address.removeprefix('/')}"
+
+
+def _stop_words(reason: str) -> str:
+    """Why feeling stopped, in words."""
+    return StopReason(reason).message if reason in set(StopReason) else reason
 
 
 def _sentence(text: str) -> str:

@@ -12,8 +12,7 @@ from starlette.responses import Response
 
 from pipeline.common.records import PartState
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
-from pipeline.service.pages.passes import passes_view
-from pipeline.service.pages.pictures import picture_pair
+from pipeline.service.pages.pictures import last_felt, picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
 
 Wanted = Annotated[str, Field(max_length=200)]
@@ -68,7 +67,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             part=story.part,
             readings=[(r, p, cells_of(r.text, p)) for r, p in zip(story.readings, places, strict=True)],
             pictures=pictures,
-            felt=passes_view(story.readings, pictures[::-1]),
+            felt=last_felt(story.readings),
             expected=expected_cells(story.part),
             reviews=reviews,
             hidden=len(story.reviews) - len(reviews),

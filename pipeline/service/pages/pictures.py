@@ -169,6 +169,11 @@ def last_reading(readings: Sequence[ReadingRecord], sources: Sequence[str]) -> R
     return next((r for r in reversed(readings) if r.source in sources), None)
 
 
+def last_felt(readings: Sequence[ReadingRecord]) -> ReadingRecord | None:
+    """The last reading that was felt pass by pass."""
+    return next((r for r in reversed(readings) if r.passes), None)
+
+
 def _same_line(by_camera: ReadingRecord, stands: ReadingRecord | None) -> bool:
     """Whether two readings are of the same line: as many places, and most of them alike."""
     if stands is None or stands.source == by_camera.source:

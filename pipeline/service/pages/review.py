@@ -17,8 +17,7 @@ from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.service.pages.frame import MOST_WHO, Frame, View
-from pipeline.service.pages.passes import passes_view
-from pipeline.service.pages.pictures import picture_pair, without_reading
+from pipeline.service.pages.pictures import last_felt, picture_pair, without_reading
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
 from pipeline.service.review_policy import ReviewMode
 from pipeline.service.web.problem import Problem
@@ -237,7 +236,7 @@ def _page(
         places=places,
         cells=cells_of(said.text, places),
         pictures=pictures,
-        felt=passes_view(readings, pictures[::-1]),
+        felt=last_felt(readings),
         expected=expected_cells(part),
         upper=upper,
         signed=bool(person.token),
