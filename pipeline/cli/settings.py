@@ -21,6 +21,7 @@ from typing import Annotated, Any
 import pydantic
 from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.argument import Argument, ArgumentCollection, Token
+from pydantic.fields import FieldInfo
 
 from glyphs.errors import FileError
 from pipeline.common.job_file import read_job_file
@@ -31,37 +32,21 @@ from pipeline.workers.options import WorkerSettings
 
 DEFAULT_FILE = Path("tactile-marks.toml")
 MODELS: tuple[type[Settings], ...] = (ReadSettings, WorkerSettings, ServiceSettings)
-_HELP = "Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
 
-Reading = Annotated[
-    ReadSettings,
-    Parameter(
-        name="*",
-        group=Group(
-            "Settings of reading",
-            help=_HELP.format(example="height_mm = 5.0", variable=ReadSettings.variable("height_mm")),
-        ),
-    ),
-]
+
+def _flags(title: str, model: type[Settings], setting: str, example: str) -> Parameter:
+    """Flags of a group in help, which says where else the settings may stand."""
+    variable = model.variable(setting)
+    where = f"Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
+    return Parameter(name="*", group=Group(title, help=where))
+
+
+Reading = Annotated[ReadSettings, _flags("Settings of reading", ReadSettings, "height_mm", "height_mm = 5.0")]
 Workers = Annotated[
-    WorkerSettings,
-    Parameter(
-        name="*",
-        group=Group(
-            "Settings of the workers",
-            help=_HELP.format(example="under [workers]", variable=WorkerSettings.variable("jobs")),
-        ),
-    ),
+    WorkerSettings, _flags("Settings of the workers", WorkerSettings, "jobs", "under [workers]")
 ]
 Service = Annotated[
-    ServiceSettings,
-    Parameter(
-        name="*",
-        group=Group(
-            "Settings of the service",
-            help=_HELP.format(example="under [service]", variable=ServiceSettings.variable("port")),
-        ),
-    ),
+    ServiceSettings, _flags("Settings of the service", ServiceSettings, "port", "under [service]")
 ]
 Maps = Annotated[MapSettings, Parameter(name="*", group=Group("Settings of height files"))]
 ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
@@ -86,36 +71,32 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
     """Give a command what environment and file say of its settings where its flags say nothing.
 
     Raises:
-        SettingsError: a file that cannot be read, unknown keys, a job beside a file of settings.
+        SettingsError: a file that cannot be read, unknown keys, a job beside a file of settings, a database that is not
+            there.
         FileError: a job that cannot be used.
     """
-    job = _path_given(arguments, "--job")
-    if job is not None and _path_given(arguments, "--config") is not None:
+    config, job = (
+        next((Path(a.tokens[0].value) for a in arguments if a.name == flag and a.tokens), None)
+        for flag in ("--config", "--job")
+    )
+    if job is not None and config is not None:
         raise SettingsError("--job and --config both say how to read", hint="name one of them")
-    written: dict[str, Any] | None = None
-    for argument in arguments:
-        model = argument.hint
-        if model not in MODELS:
-            continue
-        if model is ReadSettings:
-            _check_database(_leaves(argument).get("database"))
-        if model is ReadSettings and job is not None:
-            for name, value in read_job_file(job).settings.model_dump(exclude_unset=True).items():
-                _give(argument, name, value, f"{name} in {job}")
-            continue
-        if written is None:
-            file, written = _read_file(arguments)
-        for name, variable in _variables(model):
-            model.check_known(name, called=variable, where="the environment")
-            _give(argument, name, os.environ[variable], variable)
-        for name, value in _of_table(written, model, file).items():
-            model.check_known(name, where=str(file))
-            _give(argument, name, value, f"{name} in {file}")
-
-
-def _check_database(given: Argument | None) -> None:
-    if given is not None and given.tokens and not Path(name := given.tokens[0].value).exists():
-        raise SettingsError(f"{name}: is not there", hint="check the name")
+    file = config or DEFAULT_FILE
+    written = _toml_of(file) if config is not None or file.is_file() else {}
+    for argument in (a for a in arguments if a.hint in MODELS):
+        fields = _leaves(argument)
+        if argument.hint is ReadSettings and job is not None:
+            said = read_job_file(job).settings.model_dump(exclude_unset=True)
+            given = [(name, value, f"{name} in {job}") for name, value in said.items()]
+        else:
+            given = [*_of_environment(argument.hint), *_of_file(argument.hint, file, written)]
+        for name, value, source in given:
+            if not fields[name].has_tokens:
+                _give(fields[name], argument.hint.leaves()[name], value, source)
+        for token in fields["database"].tokens if argument.hint is ReadSettings else ():
+            if not Path(token.value).exists():
+                by = "" if token.source == "cli" else f", named by {token.source},"
+                raise SettingsError(f"{token.value}{by} is not there", hint="check the name")
 
 
 def explained(error: CycloptsError) -> str:
@@ -143,41 +124,43 @@ def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:
     return found
 
 
-def _give(argument: Argument, name: str, value: Any, source: str) -> None:
-    field = _leaves(argument)[name]
-    if field.has_tokens:
-        return
-    for check in argument.hint.leaves()[name].metadata:
+def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None:
+    for check in declared.metadata:
         if isinstance(check, pydantic.BeforeValidator):
             try:
                 value = check.func(value)  # type: ignore[call-arg]
             except ValueError as error:
                 raise SettingsError(f"{source} is {shown(value)}: {error}") from error
-    values = value if isinstance(value, (list, tuple)) else (value,)
-    for index, item in enumerate(values):
+    for index, item in enumerate(value if isinstance(value, (list, tuple)) else (value,)):
         try:
             text = json.dumps(item) if isinstance(item, (dict, list)) else str(item)
         except ValueError as error:
             raise SettingsError(f"{source} is {shown(value)}", hint="correct it") from error
-        field.append(Token(keyword=name, value=text, source=source, index=index))
+        field.append(Token(keyword=".".join(field.keys), value=text, source=source, index=index))
 
 
-def _variables(model: type[Settings]) -> Iterator[tuple[str, str]]:
-    """Settings that the environment gives, and their variables."""
-    names = {model.variable(name): name for name in model.leaves()}
-    prefix = model.variable("")
+def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
+    """Settings that the environment gives, with their variables."""
+    prefix, names = model.variable(""), {model.variable(name): name for name in model.leaves()}
     others = tuple(
-        other.variable("") for other in MODELS if other.variable("").startswith(prefix) and other is not model
+        one.variable("") for one in MODELS if one.variable("").startswith(prefix) and one is not model
     )
-    for variable in os.environ:
+    for variable, value in os.environ.items():
         if variable.upper().startswith(prefix) and not variable.upper().startswith(others):
-            yield names.get(variable.upper(), variable[len(prefix) :].lower()), variable
+            name = names.get(variable.upper(), variable[len(prefix) :].lower())
+            model.check_known(name, called=variable, where="the environment")
+            yield name, value, variable
 
 
-def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dict[str, Any]:
-    if not model.table:
-        return {key: value for key, value in written.items() if key not in {other.table for other in MODELS}}
-    return dict(_flat(written.get(model.table, {}), model, file, model.table))
+def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iterator[tuple[str, Any, str]]:
+    """Settings that stand in a file, with their places."""
+    tables = {one.table for one in MODELS}
+    own = (
+        written.get(model.table, {}) if model.table else {k: v for k, v in written.items() if k not in tables}
+    )
+    for name, value in _flat(own, model, file, model.table):
+        model.check_known(name, where=str(file))
+        yield name, value, f"{name} in {file}"
 
 
 def _flat(written: Any, model: type[Settings], file: Path, place: str) -> Iterator[tuple[str, Any]]:
@@ -194,16 +177,8 @@ def _flat(written: Any, model: type[Settings], file: Path, place: str) -> Iterat
             yield key, value
 
 
-def _path_given(arguments: ArgumentCollection, flag: str) -> Path | None:
-    return next((Path(a.tokens[0].value) for a in arguments if a.name == flag and a.tokens), None)
-
-
-def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
-    named = _path_given(arguments, "--config")
-    file = named or DEFAULT_FILE
-    if named is None and not file.is_file():
-        return file, {}
+def _toml_of(file: Path) -> dict[str, Any]:
     try:
-        return file, toml_of(file)
+        return toml_of(file)
     except FileError as error:
         raise SettingsError(f"{file} {error.what}", hint=error.hint) from error

@@ -258,6 +258,22 @@ def test_bad_flags(flags: tuple[str, ...], message: str) -> None:
         reading(*flags)
 
 
+def test_a_database_that_is_not_there_is_a_wrong_setting_wherever_it_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = "press-7.glyphs"
+    with pytest.raises(SettingsError, match=r"^press-7\.glyphs is not there; check the name"):
+        reading("--database", missing)
+    FILE.write_text(f'database = "{missing}"\n', encoding="utf-8")
+    with pytest.raises(SettingsError, match="named by database in tactile-marks.toml, is not there"):
+        serving()
+    assert main(["read", "a.npz"]) == 2
+    FILE.unlink()
+    monkeypatch.setenv("TACTILE_MARKS_DATABASE", missing)
+    assert main(["read", "a.npz"]) == 2
+    assert "named by TACTILE_MARKS_DATABASE, is not there" in capsys.readouterr().err
+
+
 def test_a_group_of_settings_is_no_setting() -> None:
     with pytest.raises(
         SettingsError, match=r"--watch is 'x', and names a group of settings; .* such as watch\.folder"
