@@ -16,7 +16,6 @@ from typing import Any, ClassVar
 
 from glyphs.compiling import show_compiling
 from glyphs.errors import FileError
-from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.texts import without_blanks
 from pipeline.common.version import reader_versions
@@ -38,31 +37,15 @@ from recognition.decision.accepted_risk import (
     parts_missing,
     threshold_tests,
 )
-from recognition.decision.evidence import Measure
 from recognition.decision.likeness import KindOfParts
 
 
-@dataclass(frozen=True)
-class CertifiedPart:
-    """A part of known text, as it was read.
-
-    Attributes:
-        record: of its reading.
-        measures: of the part, by name.
-        sha256: of its files; empty with an error.
-    """
-
-    record: ReadingRecord
-    measures: Mapping[Measure, float]
-    sha256: str
-
-
-class CertificationJournal(Journal[CertifiedPart]):
+class CertificationJournal(Journal[ReadPart]):
     """The parts that a broken-off certification has read."""
 
     kind: ClassVar[str] = "certification"
-    version: ClassVar[int] = 3
-    keeps: ClassVar[Any] = CertifiedPart
+    version: ClassVar[int] = 4
+    keeps: ClassVar[Any] = ReadPart
 
 
 @dataclass(frozen=True)
@@ -191,17 +174,11 @@ def _read_all(
         sent = files_to_send(settings) if executor.remote else None
         order = RunOrder(settings, digests=True, measures=True, sent=sent)
         tasks = absolute(parts) if executor.remote else parts
-        for _, part in resumable(
-            journal, tasks, executor, read_listed, order, lost=lost_part, kept=_certified
-        ):
-            progress.advance(failed=bool(part.record.error))
+        for _, read in resumable(journal, tasks, executor, read_listed, order, lost=lost_part):
+            progress.advance(failed=bool(read.record.error))
 
 
-def _certified(_: PartFiles, read: ReadPart) -> CertifiedPart:
-    return CertifiedPart(read.record, read.measures, read.sha256)
-
-
-def _hash_of(parts: Mapping[str, CertifiedPart], labels: Mapping[str, str]) -> str:
+def _hash_of(parts: Mapping[str, ReadPart], labels: Mapping[str, str]) -> str:
     """Hash of all names, labels and files of the parts."""
     lines = (f"{name}\t{labels[name]}\t{part.sha256}\n" for name, part in parts.items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()
