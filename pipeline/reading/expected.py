@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,28 +28,22 @@ def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts
         FileError: no such table, or a text in it that does not fit the format.
         SettingsError: an empty text, or one that does not fit the format.
     """
-    if given.lower().endswith(".csv") or _is_file(given):
-        path = Path(given)
-        table = load_truth(path)
-        for part, text in table.items():
-            if not text:
-                raise FileError(path, f"gives no text for {part}", "give it, or leave the part out")
-            if grammar is not None and (broken := grammar.objections(text)):
-                raise FileError(
-                    path, f"{part} should read {text!r}, but {'; '.join(broken)}", "correct one of them"
-                )
-        return table
-    if not given.strip():
-        raise SettingsError(
-            "--verify is empty", hint="give the text that the part should read, or a CSV table"
-        )
-    if grammar is not None and (broken := grammar.objections(given)):
-        raise SettingsError(f"--verify is {given!r}, but {'; '.join(broken)}", hint="correct it or --format")
-    return given.strip()
 
+    def broken(text: str) -> str:
+        return "" if grammar is None else "; ".join(grammar.objections(text))
 
-def _is_file(name: str) -> bool:
-    try:
-        return Path(name).is_file()
-    except (OSError, ValueError):
-        return False
+    if not given.lower().endswith(".csv") and not os.path.isfile(given):
+        if not given.strip():
+            hint = "give the text that the part should read, or a CSV table"
+            raise SettingsError("--verify is empty", hint=hint)
+        if broken(given):
+            raise SettingsError(f"--verify is {given!r}, but {broken(given)}", hint="correct it or --format")
+        return given.strip()
+    path = Path(given)
+    table = load_truth(path)
+    for part, text in table.items():
+        if not text:
+            raise FileError(path, f"gives no text for {part}", "give it, or leave the part out")
+        if broken(text):
+            raise FileError(path, f"{part} should read {text!r}, but {broken(text)}", "correct one of them")
+    return table

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.errors import FileError, MarksError
 from pipeline.common.golden_record import GoldenMeasure, Measured
+from pipeline.errors import naming
 from pipeline.formats.touch_file import read_scan
 from pipeline.reading.part_orders import sender_names
 
@@ -40,14 +40,10 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     from whisker_array.identification.fit import identify
 
     recording = read_scan(scan)
-    try:
-        found = identify(
-            recording, heights_of_piece(read_piece(relief)), whisker=recording.touch, tip_sd=WORN_TIP
-        )
-    except FileError:
-        raise
-    except MarksError as error:
-        raise FileError(scan, f"tells nothing of its whiskers: {error.what}", error.hint) from error
+    with naming(relief):
+        heights = heights_of_piece(read_piece(relief))
+    with naming(scan):
+        found = identify(recording, heights, whisker=recording.touch, tip_sd=WORN_TIP)
     whiskers = np.array(found.whiskers)
     gains = len(Unknown) + whiskers
     mean = np.zeros(found.before.size)
@@ -68,14 +64,8 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
         measures[GoldenMeasure.ZERO] = Measured(
             float(zeros[:, worst].mean()), float(zeros[:, worst].std() / np.sqrt(len(zeros)))
         )
-    sd = np.sqrt(np.diag(found.repeated))
-    names = list(Unknown)
-    unknowns = {
-        GoldenMeasure.RADIUS: Unknown.RADIUS,
-        GoldenMeasure.FRICTION: Unknown.FRICTION,
-        GoldenMeasure.PRELOAD: Unknown.PRELOAD,
-    }
-    return measures | {
-        name: Measured(found.bench[unknown], float(sd[names.index(unknown)]))
-        for name, unknown in unknowns.items()
-    }
+    sd = dict(zip(Unknown, np.sqrt(np.diag(found.repeated)), strict=False))
+    for name in (GoldenMeasure.RADIUS, GoldenMeasure.FRICTION, GoldenMeasure.PRELOAD):
+        unknown = Unknown(name.value)
+        measures[name] = Measured(found.bench[unknown], float(sd[unknown]))
+    return measures

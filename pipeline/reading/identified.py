@@ -8,7 +8,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import FileError
+from pipeline.errors import naming
 from pipeline.formats.touch_file import read_scan
 from pipeline.formats.whisker_file import (
     WhiskerFile,
@@ -56,17 +57,14 @@ def identify_recording(
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
         raise FileError(whisker, "is no L-shaped whisker", "give the drawing of an L-shaped one")
-    heights = heights_of_piece(read_piece(piece))
+    with naming(piece):
+        heights = heights_of_piece(read_piece(piece))
     scan = read_scan(recording)
     if drawn is not None:
         scan = replace(scan, touch=drawn.touch)
     known = drawn.whisker if drawn is not None else scan.touch
-    try:
+    with naming(recording):
         return identify(scan, heights, whisker=known), drawn
-    except FileError:
-        raise
-    except MarksError as error:
-        raise FileError(recording, f"tells nothing of its bench: {error.what}", error.hint) from error
 
 
 def table_of(found: Identified) -> list[str]:
