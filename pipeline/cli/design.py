@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pipeline.cli.choices import Flag, listed
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.tables import write_picture
+from pipeline.common.output_paths import PICTURES, check_writable
 
 if TYPE_CHECKING:
     from pipeline.formats.whisker_file import WhiskerFile
@@ -88,9 +89,7 @@ def design(
         Of --array: numbers of whiskers to compare, separated by commas.
     """
     if picture is not None:
-        from pipeline.plots.pictures import check_picture
-
-        check_picture(picture)
+        check_writable(picture, PICTURES)
     if array:
         from pipeline.cli.design_report import print_arrays
         from pipeline.plots.array_picture import array_figure
@@ -111,7 +110,7 @@ def design(
         )
     from pipeline.cli.design_report import print_report
     from pipeline.cli.design_words import explain_failure
-    from pipeline.formats.whisker_file import check_whisker_file, write_whisker_file
+    from pipeline.formats.whisker_file import SUFFIX, write_whisker_file
     from whisker_array.design.design import NoWhiskerError, design_whisker
     from whisker_array.design.limits import DesignError, Limits, Request
     from whisker_array.design.trade import slide_trade_off, speed_trade_off
@@ -134,7 +133,7 @@ def design(
         return _report_built(whisker, request)
     limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))
     if out is not None:
-        check_whisker_file(out)
+        check_writable(out, (SUFFIX,))
     if drawing is not None:
         from pipeline.plots.whisker_drawing import check_drawing, save_drawing
 

@@ -57,11 +57,11 @@ def inspect(file: Path, *, out: Path | None = None, reading: Reading = READING, 
     out
         Picture to write, .png, .svg or .pdf (default: FILE-inspect.png in the working folder).
     """
-    from pipeline.plots.pictures import check_picture
+    from pipeline.common.output_paths import PICTURES, check_writable
     from pipeline.workers.options import in_a_worker
 
     picture = out if out is not None else Path(f"{file.stem}-inspect.png")
-    check_picture(picture)
+    check_writable(picture, PICTURES)
     for line in in_a_worker(_draw, file, reading, picture):
         print(line)
     print(f"wrote {picture}")

@@ -89,13 +89,12 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
 
 
 def _write_settings(file: Path) -> int:
-    from glyphs.atomic import replacing
     from pipeline.cli.settings_reference import settings_file
+    from pipeline.common.output_paths import write_text
 
     if os.path.lexists(file):
         raise UsageError(f"serve: {file} is there already", "name another file after --init-config")
-    with replacing(file) as temporary:
-        temporary.write_text(settings_file(), encoding="utf-8")
+    write_text(file, settings_file())
     _say(f"written to {file}: every setting with its default, commented out")
     return 0
 

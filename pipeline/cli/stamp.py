@@ -12,6 +12,7 @@ from glyphs.errors import FileError
 from pipeline.cli.choices import Flag, Positive, listed
 from pipeline.cli.exit_status import UsageError
 from pipeline.cli.tables import write_picture
+from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.stamping import Stamping
 
 if TYPE_CHECKING:
@@ -53,10 +54,9 @@ def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> int:
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
     from pipeline.plots.font_sheet import sheet_figure
-    from pipeline.plots.pictures import check_picture
 
     out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
-    check_picture(out)
+    check_writable(out, PICTURES)
     fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
     write_picture(sheet_figure(fonts, height_mm=height_mm), out)
     return 0
@@ -75,7 +75,6 @@ def build(out: Path, *font: str) -> int:
     if not font:
         raise UsageError("glyphs build: name at least one font")
     from glyphs.fonts.outlines import load_font
-    from pipeline.common.output_paths import check_writable
     from pipeline.formats.glyph_database import GlyphDatabase, save_database
 
     check_writable(out)

@@ -66,8 +66,7 @@ def enroll(
         raise UsageError("enroll: give --truth, a table of what stands on the parts")
     if not from_store and (at.store is not None or since is not None):
         raise UsageError("enroll: --store and --since go with --from-store")
-    from pipeline.common.output_paths import check_writable
-    from pipeline.plots.pictures import check_picture
+    from pipeline.common.output_paths import PICTURES, check_writable
     from pipeline.reading.enrolment import enrol
     from pipeline.reading.enrolment_check import check_held_out
     from pipeline.workers.options import in_a_worker
@@ -84,7 +83,7 @@ def enroll(
             raise CommandError("enroll: no reviewed part with a scan or a height map was found")
         picture = picture or database.with_suffix(".png")
         check_writable(database)
-        check_picture(picture)
+        check_writable(picture, PICTURES)
         report = in_a_worker(enrol, parts, database, font=font, settings=reading)
         if opened is not None:
             for part_id, characters in report.enrolled:

@@ -14,6 +14,8 @@ from pipeline.cli.choices import FidelityName, Flag
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.settings import MAPS, Maps
 from pipeline.cli.tables import write_picture
+from pipeline.common.output_paths import PICTURES, check_writable
+from pipeline.formats.kinds import SCAN_SUFFIXES
 
 if TYPE_CHECKING:
     from whisker_array.scan.session import StageSession
@@ -87,7 +89,7 @@ def scan(
     from whisker_array.whisker.defaults import default_whisker
     from whisker_array.whisker.touch import default_touch
 
-    check_recording(out)
+    check_writable(out, SCAN_SUFFIXES)
     if active and (profilers or two_way or whisker is not None):
         raise UsageError(
             "scan: --active chooses its passes for the usual comb",
@@ -121,21 +123,6 @@ def scan(
     if built is not None and built.known is not None and not built.whisker.is_straight:
         print("\n".join(prediction_lines(predictions(built.whisker, built.touch, built.known))))
     return 0
-
-
-def check_recording(path: Path) -> None:
-    """Check that a recording can have this name and be written.
-
-    Raises:
-        UsageError: another suffix.
-        FileError: it cannot be written.
-    """
-    from pipeline.common.output_paths import check_writable
-    from pipeline.formats.kinds import file_kind
-
-    if file_kind(path.suffix) != "scan":
-        raise UsageError(f"{path}: a recording ends in .h5")
-    check_writable(path)
 
 
 def scan_actively(
@@ -232,9 +219,7 @@ def identify(
     from pipeline.workers.options import in_a_worker
 
     if figure is not None:
-        from pipeline.plots.pictures import check_picture
-
-        check_picture(figure)
+        check_writable(figure, PICTURES)
     found, drawn = in_a_worker(identify_recording, recording, piece, whisker)
     print("\n".join(table_of(found)))
     if out is not None and drawn is not None:
@@ -268,7 +253,7 @@ def import_traces(
     from whisker_array.scan.read_recording import VOLT
     from whisker_array.scan.recording import save_scan
 
-    check_recording(out)
+    check_writable(out, SCAN_SUFFIXES)
     if not files:
         raise UsageError("import: no files", "name the traces to be imported")
     described = read_traces_file(traces)

@@ -1,11 +1,19 @@
-"""Files and folders of output, checked before the work starts."""
+"""Files and folders of output: checked before the work starts, and written whole or not at all."""
 
 from __future__ import annotations
 
+import csv
+import json
 import tempfile
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
+from pipeline.common.texts import harmless
+
+PICTURES = (".png", ".svg", ".pdf")
+"""Suffixes of pictures that are drawn."""
 
 
 def make_folder(folder: Path) -> None:
@@ -20,12 +28,18 @@ def make_folder(folder: Path) -> None:
         raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
     """Try, before the work starts, whether a file can be written there.
+
+    Args:
+        path: the file.
+        suffixes: that it may have (default: any).
 
     Raises:
         FileError: it cannot.
     """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise FileError(path, "has an unsupported output format", f"end it in {', '.join(suffixes)}")
     if path.is_dir():
         raise FileError(path, "is a folder", "name a file")
     try:
@@ -35,3 +49,38 @@ def check_writable(path: Path) -> None:
         raise FileError(
             path, f"cannot be written ({error.strerror or error})", "name a folder that can be written"
         ) from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text; half a character, as a file's name may have it, is written as a word.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write JSON.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    write_text(path, json.dumps(value, indent=1, ensure_ascii=False) + "\n")
+
+
+def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
+    """Write a CSV table whose cells no spreadsheet takes for formulas.
+
+    Args:
+        path: of the table.
+        rows: the headings first; None is an empty cell.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        for row in rows:
+            writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in row])

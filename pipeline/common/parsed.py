@@ -15,9 +15,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.common.output_paths import check_writable
+from pipeline.common.output_paths import write_text
 from pipeline.errors import DataError, naming, require_file
 
 MOST_BYTES = 1_000_000
@@ -153,8 +152,4 @@ def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:
     Raises:
         FileError: it cannot be written.
     """
-    check_writable(path)
-    with replacing(path) as temporary:
-        temporary.write_text(
-            heading + toml_text(model.model_dump(mode="json", exclude_none=True)), encoding="utf-8"
-        )
+    write_text(path, heading + toml_text(model.model_dump(mode="json", exclude_none=True)))

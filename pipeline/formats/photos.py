@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
 from glyphs.camera.photo import Photo
-from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
+from pipeline.common.output_paths import check_writable
 from pipeline.errors import DataError, reading
 from pipeline.formats.grid import MM
 from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, kind_of, refusal
@@ -357,8 +357,7 @@ def write_photo(path: Path, photo: Photo) -> None:
     """
     from PIL import Image
 
-    if path.suffix.lower() != ".png":
-        raise FileError(path, "is not a photograph that can be written", "end it in .png")
+    check_writable(path, (".png",))
     scale = {} if photo.pitch_mm is None else {"dpi": (_INCH_MM / photo.pitch_mm,) * 2}
     with replacing(path) as temporary:
         Image.fromarray(photo.eight_bit).save(temporary, "PNG", compress_level=1, **scale)

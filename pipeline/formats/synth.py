@@ -6,7 +6,6 @@ number only, so the first ten of fifty are the same as ten.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from glyphs.atomic import replacing
 from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import Camera
@@ -32,7 +30,7 @@ from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES, StampingVariation
 from glyphs.surface.maps import HeightMap
-from pipeline.common.output_paths import make_folder
+from pipeline.common.output_paths import make_folder, write_table
 from pipeline.common.settings import SettingsError
 from pipeline.common.stamping import Stamping
 from pipeline.formats.npz import soil_members, write_npz
@@ -150,11 +148,7 @@ def write_parts(
     digits = max(3, len(str(parts - 1)))
     texts = each(partial(_write_numbered, spec, folder, digits, photos), range(parts))
     truth = [(_name(number, digits), text) for number, text in enumerate(texts)]
-    with (
-        replacing(folder / TRUTH_FILE) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as stream,
-    ):
-        csv.writer(stream).writerows([("part", "text"), *truth])
+    write_table(folder / TRUTH_FILE, [("part", "text"), *truth])
     return truth
 
 

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, TypeAdapter
 
-from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece
 from pipeline.common.output_paths import check_writable
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from whisker_array.identification.piece_map import Heights
 
 
+SUFFIX = ".toml"
 FORMAT_VERSION = 1
 """Version of the format; a file without one has this version, too."""
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
@@ -185,21 +185,10 @@ def write_whisker_file(path: Path, content: WhiskerFile) -> None:
     Raises:
         FileError: not a .toml, it cannot be written, or the whisker is of a kind that this file cannot hold.
     """
-    check_whisker_file(path)
+    check_writable(path, (SUFFIX,))
     heading = f"# a whisker of tactile-marks and its use; lengths in mm\nformat_version = {FORMAT_VERSION}\n"
     with naming(path):
         write_toml(path, _written(content), heading=heading)
-
-
-def check_whisker_file(path: Path) -> None:
-    """Refuse, before the work starts, a file that could not be written at its end.
-
-    Raises:
-        FileError: another suffix, or a place that cannot be written.
-    """
-    if path.suffix.lower() != ".toml":
-        raise FileError(path, "is not a whisker file", "end it in .toml")
-    check_writable(path)
 
 
 def _written(content: WhiskerFile) -> _L | _Straight:

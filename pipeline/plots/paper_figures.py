@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -13,8 +12,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glyphs.atomic import replacing
-from pipeline.common.output_paths import make_folder
+from pipeline.common.output_paths import make_folder, write_table
 from pipeline.plots.pictures import BLUE, VERMILION, note, save_figure, styled
 from pipeline.plots.steps import DEPTH_MM, L1_MM, PRELOAD_MM, TIP_RADIUS_MM, Step, feel_step, paper_whisker
 from whisker_array.simulation.traces import Fidelity
@@ -60,15 +58,8 @@ def draw_figures(folder: Path, *, mu: float) -> list[Path]:
         save_figure(figure, written[-1])
         rows += [{"figure": number} | step.row() for number, step in steps]
     written.append(folder / "figures.csv")
-    with (
-        replacing(written[-1]) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as stream,
-    ):
-        writer = csv.DictWriter(stream, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(
-            {n: f"{v:.6g}" if isinstance(v, float) else v for n, v in row.items()} for row in rows
-        )
+    lines = ([f"{v:.6g}" if isinstance(v, float) else v for v in row.values()] for row in rows)
+    write_table(written[-1], [list(rows[0]), *lines])
     return written
 
 

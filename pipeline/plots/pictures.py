@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
-from pipeline.common.output_paths import check_writable
+from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.texts import same_text
 from recognition.decision.picture import edge_panel, height_panel
 
@@ -40,23 +39,10 @@ styled = rc_context(
 )
 """Decorator of functions that draw: the one style."""
 
-_SUFFIXES = (".png", ".svg", ".pdf")
-
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any) -> None:
     """Write text beside a place of the data, `offset` points right of it and above it."""
     axes.annotate(text, at, xytext=offset, textcoords="offset points", **style)
-
-
-def check_picture(path: Path) -> None:
-    """Refuse, before the work starts, a picture that could not be written.
-
-    Raises:
-        FileError: unknown suffix, or a place that cannot be written.
-    """
-    if path.suffix.lower() not in _SUFFIXES:
-        raise FileError(path, "is not a picture that can be drawn", f"end it in {', '.join(_SUFFIXES)}")
-    check_writable(path)
 
 
 def save_figure(figure: Figure, path: Path) -> None:
@@ -65,7 +51,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     Raises:
         FileError: it cannot be written.
     """
-    check_picture(path)
+    check_writable(path, PICTURES)
     # without a salt the names inside an SVG are random
     with rc_context({"svg.hashsalt": path.stem}), replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix[1:].lower())

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
@@ -40,9 +39,7 @@ def check_drawing(path: Path) -> None:
         ModuleNotFoundError: ezdxf is not installed (extra `drawing`).
     """
     import_module("ezdxf")
-    if path.suffix.lower() not in _SUFFIXES:
-        raise FileError(path, "is not a drawing that can be made", f"end it in {' or '.join(_SUFFIXES)}")
-    check_writable(path)
+    check_writable(path, _SUFFIXES)
 
 
 def save_drawing(whisker: WhiskerFile, path: Path) -> None:

@@ -52,11 +52,11 @@ class RunOptions:
             FileError: unknown suffix, or a place that cannot be written.
             SettingsError: pictures without a store.
         """
-        from pipeline.runs.tables import check_output
+        from pipeline.runs.tables import SUFFIXES
 
         if self.evidence is not None and self.store is None:
             raise SettingsError("--evidence goes with a store", hint="such as --out sqlite:///parts.db")
         if self.out is not None and self.store is None:
-            check_output(Path(self.out))
+            check_writable(Path(self.out), SUFFIXES)
         if self.summary is not None:
             check_writable(self.summary)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -10,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from glyphs.atomic import replacing
 from glyphs.compiling import show_compiling
 from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
+from pipeline.common.output_paths import write_json
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
@@ -208,7 +207,5 @@ def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> Non
         if run.quarantine is not None and run.summary.errors:
             print(f"wrote {run.quarantine}, the unread parts; correct their files and give the list to read")
     if options.summary is not None:
-        text = json.dumps(counts, indent=1, ensure_ascii=False)
-        with replacing(options.summary) as temporary:
-            temporary.write_text(f"{text}\n", encoding="utf-8")
+        write_json(options.summary, counts)
         print(f"wrote {options.summary}")

@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from glyphs.atomic import replacing
+from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.errors import describe_fault
 from pipeline.runs.journal import GrowingFile, Journal, set_aside, writing
-from pipeline.runs.tables import WORKBOOK, check_output, form_of, grows, write_table
+from pipeline.runs.tables import SUFFIXES, WORKBOOK, form_of, grows, write_table
 from pipeline.runs.workbook import write_workbook
 from recognition.learning.lot import is_better
 
@@ -56,7 +57,7 @@ class RunJournal(Journal[ReadingRecord]):
             FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.
         """
         if written:
-            check_output(table)
+            check_writable(table, SUFFIXES)
         self.table, self.written, self._form = table, written, form_of(table)
         self.kept: Path | None = None
         self._growing: GrowingFile | None = None

@@ -28,8 +28,6 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
-from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.row import row_of
 from pipeline.common.texts import harmless
@@ -60,17 +58,6 @@ class LineForm:
 
     head: bytes
     encode: Callable[[ReadingRecord], bytes]
-
-
-def check_output(path: Path) -> None:
-    """Refuse, before the work starts, a file that could not be written at its end.
-
-    Raises:
-        FileError: unknown suffix, or a place that cannot be written.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise FileError(path, "is not a table that can be written", f"end it in {', '.join(SUFFIXES)}")
-    check_writable(path)
 
 
 def write_table(records: Iterable[ReadingRecord], path: Path) -> None:

@@ -12,8 +12,9 @@ from typing import Any
 import pyarrow.parquet
 
 from glyphs.errors import FileError
+from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
-from pipeline.runs.tables import check_output, write_table
+from pipeline.runs.tables import SUFFIXES, write_table
 from tests.support.csv_table import csv_rows
 
 _BEST = tuple(f.name for f in fields(CandidateRecord))
@@ -62,7 +63,7 @@ def read_rows(path: Path) -> list[TableRow]:
 
 def write_records(records: Iterable[ReadingRecord], path: Path) -> None:
     """Write a table of records."""
-    check_output(path)
+    check_writable(path, SUFFIXES)
     write_table(records, path)
 
 

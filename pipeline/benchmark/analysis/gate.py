@@ -17,10 +17,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from glyphs.atomic import replacing
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import group_trials
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.output_paths import write_json
 
 EDITIONS = {"marks-exam-1-48": 48, "marks-exam-2-80": 16}
 """Number of parts that are read of each edition: as many as a change can wait for."""
@@ -86,9 +86,7 @@ def save_floors(floors: Floors, path: Path) -> None:
     Raises:
         FileError: it cannot be written.
     """
-    text = json.dumps({mode: counts._asdict() for mode, counts in floors.items()}, indent=1)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", "utf-8")
+    write_json(path, {mode: counts._asdict() for mode, counts in floors.items()})
 
 
 def objections(found: Floors, floors: Floors) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
+from pipeline.common.output_paths import check_writable
 
 ZERO = 32768
 FINEST = 1e-4
@@ -49,8 +49,7 @@ def write_layer(
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    if path.suffix.lower() != ".png":
-        raise FileError(path, "is not a picture that can be written", "end it in .png")
+    check_writable(path, (".png",))
     step = step_of(values)
     known = np.isfinite(values)
     pixels = np.where(known, np.rint(np.where(known, values, 0.0) / step) + ZERO, 0.0).astype(np.uint16)

@@ -11,11 +11,11 @@ from typing import Any
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.report.page import render, write_page, write_table, write_text
+from pipeline.benchmark.report.page import render, write_page
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remake import remake
-from pipeline.common.output_paths import make_folder
+from pipeline.common.output_paths import make_folder, write_table, write_text
 from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"

@@ -2,43 +2,22 @@
 
 from __future__ import annotations
 
-import csv
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from glyphs.atomic import replacing
 from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.output_paths import write_text
 from pipeline.common.shares import Share
-from pipeline.common.texts import align, harmless
+from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 
 PROGRAM = "tactile-marks"
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file of a report, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
-
-
-def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV table whose cells no spreadsheet takes for formulas.
-
-    Args:
-        path: of the table.
-        rows: the headings first; None is an empty cell.
-    """
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        for row in rows:
-            writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in row])
 
 
 def write_page(path: Path, template: str, **values: Any) -> None:

@@ -8,7 +8,6 @@ trials --statistics_of--> Statistics --+--> benchmark.json
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,11 +23,11 @@ from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
 from pipeline.benchmark.report import charts, curves
 from pipeline.benchmark.report.charts import data_uri, leading_mode, modes_in, severities_in
-from pipeline.benchmark.report.page import render, versions, write_page, write_table, write_text
+from pipeline.benchmark.report.page import render, versions, write_page
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
-from pipeline.common.output_paths import make_folder
+from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
@@ -85,7 +84,7 @@ def write_report(
     document = document_of(found, drift)
     make_folder(folder)
     write_table(folder / TABLE, _rows(trials))
-    write_text(folder / FIGURES, json.dumps(_figures(benchmark, trials, found), indent=1) + "\n")
+    write_json(folder / FIGURES, _figures(benchmark, trials, found))
     write_text(folder / DOCUMENT, document)
     values = _values(benchmark, trials, found) | {"worst": worst, "certificate": certificate, "drift": drift}
     write_page(folder / PAGE, "report.html.j2", **values)

@@ -8,7 +8,6 @@ readings.csv   every reading and answer
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -17,11 +16,11 @@ from matplotlib.figure import Figure
 
 from pipeline.benchmark.analysis.statistics import plain
 from pipeline.benchmark.report.charts import WIDTH_IN, data_uri
-from pipeline.benchmark.report.page import render, write_page, write_table, write_text
+from pipeline.benchmark.report.page import render, write_page
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
-from pipeline.common.output_paths import make_folder
+from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.plots.pictures import styled
 
 PAGE, DOCUMENT, FIGURES, READINGS = "study.html", "study.md", "study.json", "readings.csv"
@@ -57,7 +56,7 @@ def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
     figures = plain(
         {"serials": study.serials, "decisions": study.decisions, "depth": study.depth, "sources": sources}
     )
-    write_text(folder / FIGURES, json.dumps(figures, indent=1) + "\n")
+    write_json(folder / FIGURES, figures)
     differ = disputed_parts(study)
     write_page(
         folder / PAGE,

@@ -265,7 +265,7 @@ def test_a_database_that_is_not_there_is_a_wrong_setting_wherever_it_is_named(
     with pytest.raises(SettingsError, match=r"^press-7\.glyphs is not there; check the name"):
         reading("--database", missing)
     FILE.write_text(f'database = "{missing}"\n', encoding="utf-8")
-    with pytest.raises(SettingsError, match="named by database in tactile-marks.toml, is not there"):
+    with pytest.raises(SettingsError, match=r"named by database in tactile-marks\.toml, is not there"):
         serving()
     assert main(["read", "a.npz"]) == 2
     FILE.unlink()

@@ -79,7 +79,7 @@ def test_the_command_draws_both_and_refuses_others(
     assert re.search(r"<svg [^>]*width=\"[\d.]+mm\"", text)
     assert text.count("<path") > 20
     assert main([*ASKED, "--drawing", str(tmp_path / "whisker.png")]) == 1
-    assert "is not a drawing that can be made; end it in .dxf or .svg" in capsys.readouterr().err
+    assert "has an unsupported output format; end it in .dxf, .svg" in capsys.readouterr().err
 
 
 def test_without_the_library_the_extra_is_named(

@@ -30,5 +30,5 @@ def test_values_come_back_to_half_a_step(tmp_path: Path, most: float) -> None:
 
 
 def test_only_png(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="not a picture that can be written"):
+    with pytest.raises(FileError, match="unsupported output format"):
         write_layer(tmp_path / "a.jpg", np.zeros((4, 4)), unit="mm", pitch_mm=0.1, origin_mm=(0.0, 0.0))
