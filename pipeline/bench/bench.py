@@ -73,37 +73,18 @@ class Bench:
         check_limits(self.stage.place_mm(), self.settings.stage)
         self.stage.lift()
 
-    def session(
-        self,
-        part_id: str = "",
-        *,
-        x_mm: float = 0.0,
-        y_mm: float = 0.0,
-        region_mm: tuple[float, float, float, float] | None = None,
-    ) -> BenchSession:
-        """Open a session with the part under the whiskers; home first if needed.
+    def session(self, part_id: str = "") -> BenchSession:
+        """Open a session, in the plate's frame, with the part under the whiskers; home first if needed.
 
         Args:
             part_id: name of the part.
-            x_mm, y_mm: plate coordinates minus session coordinates.
-            region_mm: region of the field that may be felt, in the session's frame (default: the whole field).
 
         Raises:
-            StageError: homing failed, or the region is off the field.
+            StageError: homing failed.
         """
-        fitting = self.settings.fitting(part_id)
-        low, high = np.reshape(fitting.field_mm, (2, 2)) - (x_mm, y_mm)
-        if region_mm is not None:
-            low, high = np.maximum(low, region_mm[:2]), np.minimum(high, region_mm[2:])
-        if (high - low).min() < fitting.height_mm:
-            raise StageError(
-                f"the region {region_mm} mm is not on the bench's field",
-                "check camera_mm and field_mm of [plate]",
-            )
         if self.stage.lost:
             self.home()
-        x0, y0, x1, y1 = (float(v) for v in (*low, *high))
-        return BenchSession(self, replace(fitting, field_mm=(x0, y0, x1, y1)), x_mm=x_mm, y_mm=y_mm)
+        return BenchSession(self, self.settings.fitting(part_id))
 
     def run(self, moves: Moves) -> Record:
         """Feel one pass; the tips end lifted.
@@ -161,13 +142,12 @@ class BenchSession:
     """A `StageSession` over a bench.
 
     Attributes:
-        fitting: whiskers and field, in the session's frame; with known gains, samples come with them taken out.
+        fitting: whiskers and field; with known gains, samples come with them taken out.
     """
 
-    def __init__(self, bench: Bench, fitting: Fitting, *, x_mm: float, y_mm: float) -> None:
+    def __init__(self, bench: Bench, fitting: Fitting) -> None:
         """Take the bench; see `Bench.session`."""
         self._bench: Bench | None = bench
-        self._x_mm, self._y_mm = x_mm, y_mm
         n = fitting.array.n_whiskers
         known = Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None
         self.fitting: Fitting = replace(fitting, calibration=known)
@@ -181,11 +161,10 @@ class BenchSession:
         if self._bench is None:
             raise StageError("the part is no longer on the stage", "open a session of its own for every part")
         settings = self._bench.settings
-        on_plate = order.moved(self._x_mm, self._y_mm)
-        moves = moves_of(on_plate, settings, preload_mm=self.fitting.touch.preload_mm)
+        moves = moves_of(order, settings, preload_mm=self.fitting.touch.preload_mm)
         air, felt, clipped = samples(self._bench.run(moves), order, moves)
         gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]
-        outside = beyond(on_plate, settings.plate.field_mm)
+        outside = beyond(order, settings.plate.field_mm)
         flags = clipped * np.uint8(SampleFlag.OUT_OF_RANGE) | outside * np.uint8(SampleFlag.OUTSIDE)
         # the offset too, so that a whisker's is not another's when the comb has turned
         zero = air.mean(axis=1, keepdims=True) if air.size else 0.0

@@ -12,8 +12,3 @@ Flag = Annotated[bool, Parameter(negative="")]
 """A flag without a negative form (default: off)."""
 Positive = Annotated[int | None, Parameter(validator=Number(gte=1))]
 Jobs = Annotated[int, Parameter(validator=Number(gte=1))]
-
-
-def listed(text: str) -> tuple[str, ...]:
-    """Items of a comma-separated flag."""
-    return tuple(item.strip() for item in text.split(",") if item.strip())

@@ -6,10 +6,11 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.cli.choices import Flag, listed
+from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.tables import write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
+from pipeline.common.texts import listed
 
 if TYPE_CHECKING:
     from pipeline.formats.whisker_file import WhiskerFile

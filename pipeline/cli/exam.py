@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import FidelityName, Flag, Jobs, Positive, listed
+from pipeline.cli.choices import FidelityName, Flag, Jobs, Positive
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
 from pipeline.common.settings import SettingsError
-from pipeline.common.texts import first_of
+from pipeline.common.texts import first_of, listed
 
 if TYPE_CHECKING:
     from pipeline.benchmark.analysis.statistics import Statistics

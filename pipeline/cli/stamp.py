@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from glyphs.errors import FileError
-from pipeline.cli.choices import Flag, Positive, listed
+from pipeline.cli.choices import Flag, Positive
 from pipeline.cli.exit_status import UsageError
 from pipeline.cli.tables import write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.stamping import Stamping
+from pipeline.common.texts import listed
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font

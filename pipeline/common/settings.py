@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 
 from glyphs.errors import MarksError
 from pipeline.common.parsed import json_of, shown
+from pipeline.common.texts import listed
 
 
 class SettingsError(MarksError):
@@ -112,14 +113,12 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
 
 
 def _by_commas(value: Any) -> Any:
-    if isinstance(value, str):
-        return tuple(name.strip() for name in value.split(",") if name.strip())
-    return value
+    return listed(value) if isinstance(value, str) else value
 
 
 def _split(value: tuple[str, ...]) -> tuple[str, ...]:
     # a flag's several names come as one text
-    return tuple(_by_commas(",".join(value)))
+    return listed(",".join(value))
 
 
 def _mode(value: Any) -> Any:

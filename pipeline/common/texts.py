@@ -16,8 +16,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rapidfuzz.distance import Levenshtein
-
 # as spreadsheets take them for formulas; the wide signs, too, in East Asian editions
 _FORMULA = re.compile(r"'*[=+\-@\t\r\n＝＋－＠]")
 MISSING = "nothing"
@@ -34,6 +32,11 @@ def without_blanks(text: str) -> str:
 def same_text(one: str, other: str) -> bool:
     """Whether two serials are the same; spaces are not stamped."""
     return without_blanks(one) == without_blanks(other)
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Items that are separated by commas."""
+    return tuple(item.strip() for item in text.split(",") if item.strip())
 
 
 def first_of(names: Sequence[str]) -> str:
@@ -75,6 +78,8 @@ def align(true: str, read: str) -> tuple[Pair, ...]:
     """The two serials beside each other, left to right."""
     if len(true) == len(read):
         return tuple(Pair(t, r, k) for k, (t, r) in enumerate(zip(true, read, strict=True)))
+    from rapidfuzz.distance import Levenshtein  # slow to import, and every command imports this module
+
     pairs: list[Pair] = []
     for step in Levenshtein.opcodes(true, read):
         if step.tag == "delete":

@@ -7,7 +7,7 @@ read the server's. Nothing is decoded and no link is followed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from glyphs.errors import MarksError
@@ -20,14 +20,15 @@ MOST_CHUNK_BYTES = 268_435_456
 """Largest chunk of an HDF5 dataset: a chunk is unpacked whole, however little of it is read."""
 
 
-def own_datasets(file: Any) -> Iterator[Any]:
-    """The datasets of an open HDF5 file (h5py.File), found to be in this file and in small chunks.
+def check_hdf5(path: Path, *, most: int) -> None:
+    """Check that all that an HDF5 file holds is in it, in small chunks and of bounded size.
 
     Args:
-        file: opened for reading.
+        path: the file.
+        most: values of its signal; another dataset may hold twice as many.
 
     Raises:
-        MarksError: a link or data in another file, too many groups, large chunks.
+        MarksError: it is not so.
     """
     import h5py
 
@@ -42,21 +43,16 @@ def own_datasets(file: Any) -> Iterator[Any]:
             return MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
         return None
 
-    if (problem := file.visititems_links(see)) is not None:
-        raise problem
-    for name, link in links.items():
-        # a soft link's target, within the file, is met by itself
-        if isinstance(link, h5py.HardLink) and isinstance(found := file[name], h5py.Dataset):
-            _check_storage(found)
-            yield found
+    with h5py.File(path, "r") as file:
+        if (problem := file.visititems_links(see)) is not None:
+            raise problem
+        for name, link in links.items():
+            # a soft link's target, within the file, is met by itself
+            if isinstance(link, h5py.HardLink) and isinstance(found := file[name], h5py.Dataset):
+                _check_dataset(found, most)
 
 
-def n_values(dataset: Any) -> int:
-    """Values that a dataset declares."""
-    return math.prod(int(n) for n in dataset.id.shape or ())
-
-
-def _check_storage(dataset: Any) -> None:
+def _check_dataset(dataset: Any, most: int) -> None:
     import h5py
 
     made = dataset.id.get_create_plist()
@@ -64,8 +60,12 @@ def _check_storage(dataset: Any) -> None:
     if layout == h5py.h5d.VIRTUAL or made.get_external_count():
         raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
     if layout == h5py.h5d.CHUNKED:
-        chunk = math.prod(int(n) for n in made.get_chunk()) * dataset.id.get_type().get_size()
+        chunk = math.prod(map(int, made.get_chunk())) * dataset.id.get_type().get_size()
         if chunk > MOST_CHUNK_BYTES:
-            raise MarksError(
-                f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", hint="write it in smaller chunks"
-            )
+            hint = "write it in smaller chunks"
+            raise MarksError(f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", hint=hint)
+    count = math.prod(map(int, dataset.id.shape or ()))
+    # of a single whisker the stage's positions are twice as many as the samples
+    if count > (most if dataset.name == "/scan/signal" else 2 * most):
+        what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
+        raise MarksError(what, hint="split the recording")

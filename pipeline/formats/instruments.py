@@ -26,9 +26,9 @@ import numpy as np
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
+from pipeline.formats.hdf5_checks import check_hdf5
 from pipeline.formats.kinds import FORMATS_SUFFIXES, TABLE_SUFFIXES
 from pipeline.formats.raw_map import RawMap, check_size
-from pipeline.formats.touch_file import check_hdf5
 
 _NO_HEIGHTS = re.compile(
     r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
+from pipeline.common.texts import listed
 from pipeline.errors import is_url, is_web
 from pipeline.formats.kinds import HEIGHT_IMAGE_SUFFIXES, file_kind
 
@@ -206,7 +207,7 @@ def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
     if part.format:
         own["format"] = (part.format,)
     if part.font:
-        own["font"] = tuple(name.strip() for name in part.font.split(",") if name.strip())
+        own["font"] = listed(part.font)
     return settings.model_copy(update=own) if own else settings
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, naming, reading
-from pipeline.formats.hdf5_checks import n_values, own_datasets
+from pipeline.formats.hdf5_checks import check_hdf5
 from pipeline.formats.kinds import FORMATS_SUFFIXES, MESH_SUFFIXES, MOST_BYTES, PHOTO_SUFFIXES, TEXT_SUFFIXES
 
 if TYPE_CHECKING:
@@ -107,20 +107,3 @@ def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
                 raise DataError("is not an HDF5 file", hint)
             check_hdf5(Path(path), most=most)
         return load_scan(path)
-
-
-def check_hdf5(path: Path, *, most: int) -> None:
-    """Check that all that an HDF5 file holds is in it, and of bounded size; links are not followed.
-
-    Raises:
-        MarksError: it is not so.
-    """
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        for dataset in own_datasets(file):
-            count = n_values(dataset)
-            # of a single whisker the stage's positions are twice as many as the samples
-            if count > 2 * most or (dataset.name == "/scan/signal" and count > most):
-                what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
-                raise DataError(what, "split the recording")

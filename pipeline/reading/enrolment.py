@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 MOST_EXEMPLARS = 30
 """Most exemplars of a character in a font; the oldest are dropped first because dies wear."""
 
+_OF_CUT = ("char", "relief", "height_mm", "rotation_deg", "raised", "place")
+
 
 @dataclass(frozen=True)
 class Refused:
@@ -157,16 +159,11 @@ def enrol(
         exemplars = [e for e in exemplars if (e.font_name, e.evidence) != (font, sha)]
         exemplars += [
             Exemplar(
-                char=c.char,
+                **{name: getattr(c, name) for name in _OF_CUT},
                 font_name=font,
                 note=text,
                 enrolled_at=when,
-                relief=c.relief,
-                height_mm=c.height_mm,
-                rotation_deg=c.rotation_deg,
-                raised=c.raised,
                 part=part.name,
-                place=c.place,
                 evidence=sha,
             )
             for c in cuts

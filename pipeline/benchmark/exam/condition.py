@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.common.settings import SettingsError
+from pipeline.common.texts import listed
 
 Level = str | float | bool | None
 """One setting of a factor; None where it is not known."""
@@ -23,7 +24,7 @@ def parse_given(text: str) -> str:
     Raises:
         SettingsError: another word.
     """
-    words = [word.strip() for word in text.split(",") if word.strip() and word.strip() != "nothing"]
+    words = [word for word in listed(text) if word != "nothing"]
     for word in words:
         if word not in GIVEN:
             hint = f"name some of {', '.join(GIVEN)}, or nothing"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.fonts.glyph import FontError
+from pipeline.common.version import file_sha256
 
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.design import PackagedFont
@@ -31,7 +31,7 @@ def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
             hint=f'install it with: pip install "{wanted.package}=={wanted.version}"; '
             'of the editions all, with: pip install "tactile-marks[exam]"',
         ) from error
-    if not path.is_file() or _sha256(path) != wanted.sha256:
+    if not path.is_file() or file_sha256(path) != wanted.sha256:
         raise FontError(
             f"{wanted.file} of the package {wanted.package} is not the font that the design names",
             hint=f'install its version: pip install "{wanted.package}=={wanted.version}"',
@@ -42,8 +42,4 @@ def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
 def font_mark(font: str, packaged: Mapping[str, PackagedFont]) -> str:
     """The font's name, and of a file its contents: another file of that name is another font."""
     path = Path(font_file(font, packaged))
-    return f"{path.name} {_sha256(path)[:12]}" if path.is_file() else font
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return f"{path.name} {file_sha256(path)[:12]}" if path.is_file() else font

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pipeline.bench.bench import Bench, BenchSession
+from pipeline.bench.bench import Bench
 from pipeline.bench.settings import BenchSettings
+from pipeline.reading.framed_session import FramedSession
 from pipeline.service.stage.devices import ScanOrder
 
 
@@ -15,7 +16,7 @@ class BenchStage:
         self._settings = settings
         self._bench: Bench | None = None
 
-    def open(self, order: ScanOrder) -> BenchSession:
+    def open(self, order: ScanOrder) -> FramedSession:
         """The part under the comb, in the frame of the order's region.
 
         The camera's axis meets the plate at `camera_mm` (default: the middle of the field).
@@ -23,12 +24,11 @@ class BenchStage:
         Raises:
             StageError: the bench cannot be opened or homed, or the region is off its field.
         """
-        x0, y0, x1, y1 = self._settings.plate.field_mm
-        camera_mm = self._settings.plate.camera_mm or (0.5 * (x0 + x1), 0.5 * (y0 + y1))
-        x_mm, y_mm = order.shift_mm(camera_mm)
+        plate = self._settings.plate
+        frame = order.frame(plate.field_mm, camera_mm=plate.camera_mm)
         if self._bench is not None and self._bench.stage.lost:
             self._bench.close()  # a port that was pulled out opens anew
             self._bench = None
         if self._bench is None:
             self._bench = Bench(self._settings)
-        return self._bench.session(order.part_name, x_mm=x_mm, y_mm=y_mm, region_mm=order.plan.region_mm)
+        return FramedSession(self._bench.session(order.part_name), **frame)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ScanPlanRecord
@@ -24,7 +24,6 @@ from pipeline.formats.part_files import set_of
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from glyphs.surface.maps import HeightMap
     from whisker_array.scan.session import SessionStage, StageSession
 
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
@@ -46,10 +45,33 @@ class ScanOrder:
     part_name: str
     plan: ScanPlanRecord
 
-    def shift_mm(self, camera_mm: tuple[float, float]) -> tuple[float, float]:
-        """Shift from the order's frame to the plate's, whose camera's axis meets it at `camera_mm`; (x, y)."""
-        middle = self.plan.middle_mm
-        return (0.0, 0.0) if middle is None else (camera_mm[0] - middle[0], camera_mm[1] - middle[1])
+    def frame(
+        self, field_mm: tuple[float, float, float, float], *, camera_mm: tuple[float, float] | None = None
+    ) -> dict[str, Any]:
+        """Frame of a session for the order, as `FramedSession` takes it: its field is the region, within the stage's.
+
+        Args:
+            field_mm: (x0, y0, x1, y1) that the stage can feel, in the plate's frame.
+            camera_mm: where the camera's axis meets the plate (default: the middle of the field).
+
+        Raises:
+            StageError: the region is off the field.
+        """
+        import numpy as np
+
+        ends = np.reshape(field_mm, (2, 2))
+        axis, middle = ends.mean(axis=0) if camera_mm is None else camera_mm, self.plan.middle_mm
+        shift = np.zeros(2) if middle is None else np.subtract(axis, middle)
+        low = np.maximum(ends[0] - shift, self.plan.region_mm[:2])
+        high = np.minimum(ends[1] - shift, self.plan.region_mm[2:])
+        if (high - low).min() < _LEAST_HEIGHTS * self.plan.height_mm:
+            width, height = ends[1] - ends[0]
+            what = f"the region {self.plan.region_mm} mm is not on the field of {width:.1f} x {height:.1f} mm"
+            raise StageError(
+                what, "check where the camera stands over the stage: camera_mm and field_mm of a bench"
+            )
+        field = tuple(float(v) for v in (*low, *high))
+        return {"x_mm": float(shift[0]), "y_mm": float(shift[1]), "field_mm": field}
 
 
 class Stage(Protocol):
@@ -169,9 +191,7 @@ class SimulatedStage:
         try:
             top = read_part_map(path)
             height_map = top.height_map
-            width, height = height_map.size_mm
-            x_mm, y_mm = order.shift_mm((0.5 * width, 0.5 * height))
-            x0, y0, x1, y1 = _on_plate(order.plan, height_map, x_mm, y_mm)
+            frame = order.frame((0.0, 0.0, *height_map.size_mm))
             session = VirtualBench(
                 height_map,
                 order.plan.height_mm,
@@ -187,24 +207,7 @@ class SimulatedStage:
         except MarksError as error:
             hint = error.hint or "check the plan and the map"
             raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
-        field = (x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm)
-        return FramedSession(session, x_mm=x_mm, y_mm=y_mm, field_mm=field)
-
-
-def _on_plate(
-    plan: ScanPlanRecord, height_map: HeightMap, x_mm: float, y_mm: float
-) -> tuple[float, float, float, float]:
-    """The part of the region that lies on the plate, in its frame."""
-    x0, y0, x1, y1 = plan.region_mm
-    width, height = height_map.size_mm
-    region = (max(0.0, x0 + x_mm), max(0.0, y0 + y_mm), min(width, x1 + x_mm), min(height, y1 + y_mm))
-    least = _LEAST_HEIGHTS * plan.height_mm
-    if region[2] - region[0] < least or region[3] - region[1] < least:
-        raise StageError(
-            f"the region {plan.region_mm} mm is not on the part, which is {width:.1f} x {height:.1f} mm",
-            "check where the camera stands over the stage",
-        )
-    return region
+        return FramedSession(session, **frame)
 
 
 def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Path:

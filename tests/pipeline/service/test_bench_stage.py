@@ -42,7 +42,7 @@ def test_the_service_feels_in_the_photographs_frame(tmp_path: Path) -> None:
         session.close()
         with pytest.raises(StageError, match="no longer on the stage"):
             session.feel(a_pass())
-        with pytest.raises(StageError, match="not on the bench's field"):
+        with pytest.raises(StageError, match="not on the field"):
             stage.open(order((40.0, 6.0, 60.0, 14.0)))
         scan = load_scan(feel_plan(stage, order((16.0, 8.0, 20.0, 11.5)), tmp_path))
         assert scan.part_id == "plate 7"

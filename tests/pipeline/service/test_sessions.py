@@ -193,7 +193,7 @@ def test_a_stage_that_feels_nothing_leaves_the_part_waiting(
 def test_a_stage_that_cannot_open_says_why(served: tuple[Service, TestClient], plan: ScanPlanRecord) -> None:
     status, problem, _ = touched(served, replace(plan, middle_mm=(500.0, 500.0)))
     assert status == 422
-    assert "is not on the part" in problem["detail"]
+    assert "is not on the field" in problem["detail"]
     assert Iron.opened == []
 
 

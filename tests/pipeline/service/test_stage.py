@@ -85,7 +85,7 @@ def test_region_is_cut_to_the_plate(plates: Path, tmp_path: Path) -> None:
 
 def test_region_off_the_plate_is_told(plates: Path, tmp_path: Path) -> None:
     plan = replace(PLAN, region_mm=(100.0, 1.0, 120.0, 9.0))
-    with pytest.raises(StageError, match="is not on the part"):
+    with pytest.raises(StageError, match="is not on the field"):
         feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
 
 
