@@ -58,7 +58,7 @@ def draw_figures(folder: Path, *, mu: float) -> list[Path]:
         save_figure(figure, written[-1])
         rows += [{"figure": number} | step.row() for number, step in steps]
     written.append(folder / "figures.csv")
-    lines = ([f"{v:.6g}" if isinstance(v, float) else v for v in row.values()] for row in rows)
+    lines = ([float(f"{v:.6g}") if isinstance(v, float) else v for v in row.values()] for row in rows)
     write_table(written[-1], [list(rows[0]), *lines])
     return written
 

@@ -93,9 +93,9 @@ def table_of(found: Identified) -> list[str]:
     lines += [f"known only together: {', '.join(group)}" for group in confounded(found)]
     if open_ := [name for name in undetermined(found) if name in names]:
         lines.append(f"not determined by this recording: {', '.join(open_)}")
-        for way in remedies(found):
-            better = ", ".join(f"{name} to +-{_WIDE * way.sd[name]:.2g}" for name in open_)
-            lines.append(f"to tell: {way.what} ({better})")
+        for what, then in remedies(found).items():
+            better = ", ".join(f"{name} to +-{_WIDE * then[name]:.2g}" for name in open_)
+            lines.append(f"to tell: {what} ({better})")
     return lines
 
 

@@ -6,27 +6,12 @@ several numbers share such a direction, only their combination is known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from whisker_array.identification.bench import BENCH_GAIN, OF_GAUGE, Unknown, of_whisker
 from whisker_array.identification.fit import Identified
 
 GAINS = "gains"
-
-
-@dataclass(frozen=True)
-class Remedy:
-    """Something that would tell more.
-
-    Attributes:
-        what: to do, in words.
-        sd: standard deviations that undetermined numbers would then have.
-    """
-
-    what: str
-    sd: dict[Unknown, float]
 
 
 def undetermined(found: Identified, *, untold: float = 0.7) -> tuple[Unknown, ...]:
@@ -63,8 +48,11 @@ def confounded(
     return tuple(groups)
 
 
-def remedies(found: Identified) -> tuple[Remedy, ...]:
-    """List what would determine the open numbers, the best first; steps that would hardly help are left out."""
+def remedies(found: Identified) -> dict[str, dict[Unknown, float]]:
+    """What would determine the open numbers, the best first, and the standard deviations that they would then have.
+
+    Steps that would hardly help are left out.
+    """
     open_ = undetermined(found)
     weights = np.zeros_like(found.covariance)
     for whisker in found.whiskers:
@@ -73,13 +61,13 @@ def remedies(found: Identified) -> tuple[Remedy, ...]:
         ("hang a known weight on each tip, which tells the gains to 0.5 %", weights),
         ("record the piece once more", _information(found)),
     ]
-    made = []
+    made: dict[str, dict[Unknown, float]] = {}
     for what, more in ways:
         after = np.sqrt(np.diag(np.linalg.inv(np.linalg.inv(found.covariance) + more)))
         sd = {name: float(after[k]) for k, name in enumerate(Unknown) if name in open_}
         if any(value < 0.8 * found.of(name)[1] for name, value in sd.items()):
-            made.append(Remedy(what, sd))
-    return tuple(sorted(made, key=lambda one: sum(one.sd[n] / found.of(n)[1] for n in one.sd)))
+            made[what] = sd
+    return dict(sorted(made.items(), key=lambda one: sum(sd / found.of(n)[1] for n, sd in one[1].items())))
 
 
 def _information(found: Identified) -> np.ndarray:

@@ -14,7 +14,6 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from io import FileIO
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
@@ -321,22 +320,6 @@ def resumable(
             stored = journal.keep_all(results, again=again)
             yield from [(task, stored[name]) for name, task in tasks.items()]
             tasks, results = {}, {}
-
-
-class GrowingFile(FileIO):
-    """A file that lines are appended to while a run goes on."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "a")
-
-    def append(self, lines: bytes) -> None:
-        """Append whole lines; they are the kernel's before this returns.
-
-        Raises:
-            OSError: the disk refuses.
-        """
-        while lines:
-            lines = lines[self.write(lines) :]
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:

@@ -14,6 +14,7 @@ taken up writes it anew from the journal.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from io import RawIOBase
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,7 +22,7 @@ from glyphs.atomic import replacing
 from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.errors import describe_fault
-from pipeline.runs.journal import GrowingFile, Journal, set_aside, writing
+from pipeline.runs.journal import Journal, set_aside, writing
 from pipeline.runs.tables import SUFFIXES, WORKBOOK, form_of, grows, write_table
 from pipeline.runs.workbook import write_workbook
 from recognition.learning.lot import is_better
@@ -60,12 +61,12 @@ class RunJournal(Journal[ReadingRecord]):
             check_writable(table, SUFFIXES)
         self.table, self.written, self._form = table, written, form_of(table)
         self.kept: Path | None = None
-        self._growing: GrowingFile | None = None
+        self._growing: RawIOBase | None = None
         super().__init__(unfinished(table), description, output=table)
         if written and grows(table):
             try:
                 write_table(self.records(), table)
-                self._growing = GrowingFile(table)
+                self._growing = table.open("ab", buffering=0)
             except BaseException:
                 self.close()
                 raise
@@ -85,7 +86,8 @@ class RunJournal(Journal[ReadingRecord]):
         super().keep_all(stored, again=again)
         if self._growing is not None and not again:
             with self._faults():
-                self._growing.append(lines)
+                while lines:  # they are the kernel's before this returns
+                    lines = lines[self._growing.write(lines) or 0 :]
         return stored
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:

@@ -35,10 +35,6 @@ class ClusterError(MarksError):
     """A cluster that cannot be used, or is lost."""
 
 
-class OtherProgramError(MarksError):
-    """A worker has another version of the program: its answers do not belong to this run."""
-
-
 class ClusterExecutor(Executor):
     """The workers of a Dask scheduler."""
 
@@ -136,8 +132,8 @@ class ClusterExecutor(Executor):
             with contextlib.suppress(Exception):
                 return Outcome(task, future.result())
         fault = future.exception() if future.status == "error" else None
-        if isinstance(fault, OtherProgramError):
-            raise ClusterError(fault.what, hint=fault.hint) from fault
+        if isinstance(fault, ClusterError):  # another version's answers do not belong to this run
+            raise fault
         if isinstance(fault, KilledWorker):
             fault = WorkerLostError("several workers have died of it, perhaps for want of memory", tried=True)
         elif fault is None:
@@ -188,7 +184,7 @@ def _same(order: Any) -> Any:
 def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
     """Call the function in a worker, which may have come later than the others, and may have several threads."""
     if _own_mark() != mark:
-        raise OtherProgramError(_other_program(socket.gethostname()))
+        raise ClusterError(_other_program(socket.gethostname()))
     with _ONE_AT_A_TIME:
         _keep_to_one_core()
         return function(*args)

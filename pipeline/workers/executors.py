@@ -1,4 +1,4 @@
-"""Calls of a function for many tasks: here, in threads or processes of this machine, or on a Dask cluster.
+"""Calls of a function for many tasks: here, in processes of this machine, or on a Dask cluster.
 
     tasks (taken as they are needed) --> Executor.calls --> outcomes (as they are done)
 
@@ -12,10 +12,10 @@ from __future__ import annotations
 import os
 import queue
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Generic, TypeVar
 
 from glyphs.compiling import end_part
 from glyphs.errors import MarksError
@@ -143,26 +143,6 @@ class Executor:
     def _outcome(self, future: Any, task: Any) -> Outcome[Any, Any]:
         error = future.exception()
         return Outcome(task, future.result()) if error is None else Outcome(task, error=error)
-
-
-class ThreadExecutor(Executor):
-    """Calls functions in threads of this process, for work that waits for others."""
-
-    def __init__(self, workers: int) -> None:
-        self.workers, self._threads = workers, ThreadPoolExecutor(workers)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._threads.shutdown()
-
-    def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Begin a call of the function in the next free thread, and return its future."""
-        return self._threads.submit(function, *args)
-
-    def _ahead(self) -> int:
-        return self.workers
 
 
 def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:

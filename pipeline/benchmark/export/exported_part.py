@@ -40,21 +40,11 @@ LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
 
 
-@dataclass(frozen=True)
-class ExportedPart:
-    """The files of one part, to be written where the order came from.
+def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Make a part and all its files, to be written where the order came from.
 
-    Attributes:
-        label: its truth, see the module.
-        files: contents by path within the folder.
-    """
-
-    label: dict[str, Any]
-    files: dict[str, bytes]
-
-
-def export_part(parts: DesignedParts, item: Item) -> ExportedPart:
-    """Make a part and all its files.
+    Returns:
+        Its truth, see the module, and the contents of the files by path within the folder.
 
     Raises:
         MarksError: a part that cannot be made or photographed.
@@ -84,7 +74,7 @@ def export_part(parts: DesignedParts, item: Item) -> ExportedPart:
         "files": {path: sha256(data) for path, data in files.items()},
     }
     text = json.dumps(label, indent=1, ensure_ascii=False)
-    return ExportedPart(json.loads(text), {**files, label_path(item.part): (text + "\n").encode()})
+    return json.loads(text), {**files, label_path(item.part): (text + "\n").encode()}
 
 
 def label_path(part: str) -> str:

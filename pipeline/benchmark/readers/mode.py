@@ -21,8 +21,10 @@ from whisker_array.whisker.array import RasterPlan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import EdgeMap
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
+    from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
 
 
@@ -77,6 +79,24 @@ class PartReadings:
         """
         return self._timed("felt", lambda: feel_part(self.specimen))
 
+    @property
+    def edges(self) -> EdgeMap:
+        """What touch felt, as an edge map.
+
+        Raises:
+            MarksError: it felt no edges.
+        """
+        return self._there("edges", self.felt.edges)
+
+    @property
+    def relief(self) -> Relief:
+        """What touch felt, as heights.
+
+        Raises:
+            MarksError: it felt no heights.
+        """
+        return self._there("heights", self.felt.relief)
+
     @cached_property
     def photo(self) -> Photo:
         """The photograph.
@@ -101,6 +121,12 @@ class PartReadings:
         """
         photo = self._taken("photographs", self.specimen.take_lights)
         return self._timed("lights", lambda: self._reader.vision.read_photo(photo))
+
+    @staticmethod
+    def _there(what: str, found: R | None) -> R:
+        if found is None:
+            raise MarksError(f"touch felt no {what}")
+        return found
 
     def _taken(self, name: str, take: Callable[[], Photo] | None) -> Photo:
         from recognition.reader import centre_on

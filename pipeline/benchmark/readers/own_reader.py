@@ -77,10 +77,7 @@ class ExamPart:
         Raises:
             MarksError: touch felt none.
         """
-        relief = self._senses.felt.relief
-        if relief is None:
-            raise MarksError("touch felt no heights")
-        return relief.height_mm, relief.pitch_mm
+        return self._senses.relief.height_mm, self._senses.relief.pitch_mm
 
     @property
     def edges(self) -> tuple[NDArray[np.float32], float]:
@@ -89,10 +86,7 @@ class ExamPart:
         Raises:
             MarksError: touch felt none.
         """
-        edges = self._senses.felt.edges
-        if edges is None:
-            raise MarksError("touch felt no edges")
-        return edges.enhancement, edges.pitch_mm
+        return self._senses.edges.enhancement, self._senses.edges.pitch_mm
 
     @property
     def surface(self) -> tuple[NDArray[np.float32], float]:

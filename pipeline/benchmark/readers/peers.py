@@ -33,12 +33,12 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
         ModeUnavailableError: the engine or its data are not installed.
     """
     places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
-    reader = open_engine(engine, "".join(sorted(set("".join(places)))) or _ALPHABET)
+    read_line = open_engine(engine, "".join(sorted(set("".join(places)))) or _ALPHABET)
     felt = picture in _FELT
 
     def read(senses: PartReadings) -> Reading:
         drawn = PICTURES[picture](senses)
-        line = reader.read_line(drawn, places) if min(drawn.shape[:2]) >= _LEAST_PX else []
+        line = read_line(drawn, places) if min(drawn.shape[:2]) >= _LEAST_PX else []
         reading = peer_reading(line, places=places)
         return replace(reading, seconds={"scan": senses.felt.simulated_s}) if felt else reading
 

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import MarksError
 from pipeline.benchmark.exam.specimens import Box
 from pipeline.benchmark.readers.mode import PartReadings
+from recognition.views.photo_frame import photo_origin_mm
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import EdgeMap, HeightMap
@@ -49,10 +49,7 @@ def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
     box = None if photo.pitch_mm is None else _line(senses)
     if box is None or photo.pitch_mm is None:
         return pixels
-    rows, cols = photo.shape
-    middle = photo.centre_mm or tuple(0.5 * v for v in senses.specimen.height_map.size_mm)
-    origin = (middle[0] - 0.5 * (cols - 1) * photo.pitch_mm, middle[1] - 0.5 * (rows - 1) * photo.pitch_mm)
-    return _cut(pixels, box, origin_mm=origin, pitch_mm=photo.pitch_mm)
+    return _cut(pixels, box, origin_mm=photo_origin_mm(photo), pitch_mm=photo.pitch_mm)
 
 
 def edges_picture(senses: PartReadings) -> NDArray[np.uint8]:
@@ -61,9 +58,7 @@ def edges_picture(senses: PartReadings) -> NDArray[np.uint8]:
     Raises:
         MarksError: touch has no edges.
     """
-    edges = senses.felt.edges
-    if edges is None:
-        raise MarksError("touch has no edges, so there is nothing to draw")
+    edges = senses.edges
     drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
     return _cut(drawn, _line(senses), origin_mm=edges.origin_mm, pitch_mm=edges.pitch_mm)
 
@@ -101,9 +96,7 @@ def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
     Raises:
         MarksError: touch felt no heights.
     """
-    relief = senses.felt.relief
-    if relief is None:
-        raise MarksError("touch felt no heights, so there is nothing to draw")
+    relief = senses.relief
     cut = _cut(relief.height_mm, _line(senses), origin_mm=relief.origin_mm, pitch_mm=relief.pitch_mm)
     return _grey(cut, pitch_mm=relief.pitch_mm)
 
