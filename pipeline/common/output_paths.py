@@ -71,7 +71,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV table whose cells no spreadsheet takes for formulas.
+    """Write a CSV table whose cells no spreadsheet takes for formulas; half a character is written as a word.
 
     Args:
         path: of the table.
@@ -80,7 +80,10 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
     Raises:
         FileError: it cannot be written.
     """
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+    with (
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream,
+    ):
         writer = csv.writer(stream)
         for row in rows:
             writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in row])

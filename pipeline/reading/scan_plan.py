@@ -16,7 +16,6 @@ field is asked for, in the stage's frame.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pipeline.common.reading_records import ScanPlanRecord
@@ -34,12 +33,6 @@ scanned: half a line, scanned well, would be worse than a longer scan."""
 USUAL_HEIGHT_MM = 5.0
 """Character height assumed if neither camera nor settings give one."""
 STAGE_FIELD_MM = (60.0, 25.0)
-
-
-@dataclass(frozen=True)
-class _Line:
-    region_mm: tuple[float, float, float, float]
-    height_mm: float
 
 
 def plan_of(
@@ -65,11 +58,11 @@ def plan_of(
     from whisker_array.whisker.touch import default_touch
 
     known = photo.pitch_mm is not None
-    line = _around(vision, photo, settings.height_mm) if known else None
-    if line is None:
-        line = _Line((0.0, 0.0, *field_mm), settings.height_mm or USUAL_HEIGHT_MM)
-    raster = default_plan(line.region_mm, character_height_mm=line.height_mm)
-    x0, y0, x1, y1 = (round(v, 3) for v in line.region_mm)
+    region, height_mm = (0.0, 0.0, *field_mm), settings.height_mm or USUAL_HEIGHT_MM
+    if known:
+        region, height_mm = _around(vision, photo, settings.height_mm)
+    raster = default_plan(region, character_height_mm=height_mm)
+    x0, y0, x1, y1 = (round(v, 3) for v in region)
     return ScanPlanRecord(
         region_mm=(x0, y0, x1, y1),
         directions_deg=tuple(int(d) for d in raster.directions),
@@ -77,9 +70,9 @@ def plan_of(
         line_pitch_mm=raster.line_pitch_mm,
         sample_pitch_mm=raster.sample_pitch_mm,
         speed_mm_s=raster.speed_mm_s,
-        preload_mm=default_touch(line.height_mm).preload_mm,
+        preload_mm=default_touch(height_mm).preload_mm,
         seconds=round(raster.scan_time_s, 1),
-        height_mm=line.height_mm,
+        height_mm=height_mm,
         reason=reason,
         middle_mm=photo_middle_mm(photo) if known else None,
     )
@@ -100,11 +93,13 @@ def seen_region(
     """
     if photo.pitch_mm is None or vision.trace.line is None or _mean_belief(vision) < TRUSTED_SHARE:
         return None
-    return _around(vision, photo, height_mm).region_mm
+    return _around(vision, photo, height_mm)[0]
 
 
-def _around(vision: Reading | None, photo: Photo, height_mm: float | None) -> _Line:
-    """The line and its margin, within the picture."""
+def _around(
+    vision: Reading | None, photo: Photo, height_mm: float | None
+) -> tuple[tuple[float, float, float, float], float]:
+    """The region of the line and its margin, within the picture, and the height of its characters."""
     from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm
 
     left, top = photo_origin_mm(photo)
@@ -112,10 +107,11 @@ def _around(vision: Reading | None, photo: Photo, height_mm: float | None) -> _L
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
     line = vision.trace.line if vision is not None else None
     if line is None or vision is None:
-        return _Line((left, top, right, bottom), height_mm or USUAL_HEIGHT_MM)
+        return (left, top, right, bottom), (height_mm or USUAL_HEIGHT_MM)
     height = height_mm or float(f"{line.height_mm:.3g}")
     if _mean_belief(vision) < TRUSTED_SHARE:
-        return _Line((left, top, right, bottom), min(height, _most_height_mm(bottom - top)))
+        # dirt that fills the picture is easily taken for one line as high as the picture
+        return (left, top, right, bottom), min(height, 0.5 * (bottom - top))
     half = 0.5 * line.height_mm
     x0, y0 = (float(v) - half for v in line.centre_mm.min(axis=0))
     x1, y1 = (float(v) + half for v in line.centre_mm.max(axis=0))
@@ -127,18 +123,10 @@ def _around(vision: Reading | None, photo: Photo, height_mm: float | None) -> _L
     x0, y0, x1, y1 = x0 - wide, y0 - high, x1 + wide, y1 + high
     x0, y0, x1, y1 = max(x0, left), max(y0, top), min(x1, right), min(y1, bottom)
     if x1 - x0 < height or y1 - y0 < height:  # the line lies beyond the picture
-        return _Line((left, top, right, bottom), height)
-    return _Line((x0, y0, x1, y1), height)
+        return (left, top, right, bottom), height
+    return (x0, y0, x1, y1), height
 
 
 def _mean_belief(vision: Reading) -> float:
     beliefs = [c.confidence for c in vision.characters]
     return math.fsum(beliefs) / len(beliefs) if beliefs else 0.0
-
-
-def _most_height_mm(field_mm: float) -> float:
-    """Largest plausible character height in a picture of this height.
-
-    Dirt that fills the picture is easily taken for one line as high as the picture.
-    """
-    return 0.5 * field_mm

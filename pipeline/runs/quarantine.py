@@ -7,14 +7,14 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from glyphs.atomic import replacing
 from glyphs.errors import FileError
+from pipeline.common.output_paths import write_table
 from pipeline.formats.manifest import COLUMNS, SEVERAL
 from pipeline.formats.part_files import PartFiles, absolute
 from pipeline.runs.journal import set_aside, writing
-from pipeline.runs.tables import csv_line
 
-_HEAD = ",".join((*COLUMNS, "problem")).encode() + b"\n"
+_COLUMNS = (*COLUMNS, "problem")
+_HEAD = ",".join(_COLUMNS).encode()
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
@@ -35,7 +35,7 @@ def begin_quarantine(path: Path, *, resumed: bool) -> None:
         if not _HEAD.startswith(head):
             raise FileError(path, "is not a list of bad parts", "name another file for it")
         if not resumed:
-            set_aside(path, head=_HEAD)
+            set_aside(path, head=_HEAD + b"\r\n")
 
 
 def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:
@@ -44,21 +44,18 @@ def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:
     Raises:
         FileError: it cannot be written.
     """
-    lines = b"".join(_line(part, problem) for part, problem in bad)
+    rows = [_cells(part, problem) for part, problem in bad]
     with writing(path):
-        if not lines:
+        if rows:
+            write_table(path, [_COLUMNS, *rows])
+        else:
             path.unlink(missing_ok=True)
-            return
-        with replacing(path) as temporary:
-            temporary.write_bytes(_HEAD + lines)
 
 
-def _line(part: PartFiles, problem: str) -> bytes:
+def _cells(part: PartFiles, problem: str) -> list[str]:
     height_map, scan, *photos = map(absolute, (part.height_map, part.scan, *part.photos))
     if not part.files and part.problem is not None:
         height_map = absolute(str(part.problem.path))
     files = (height_map, scan, SEVERAL.join(photos))
     cells = (part.name.strip(), *files, part.expected, part.format, part.font, problem)
-    # what the next reader of the table takes: one line a part, and UTF-8
-    lines = (_CONTROL.sub("?", cell).encode("utf-8", "backslashreplace").decode() for cell in cells)
-    return csv_line(lines, end="\n")
+    return [_CONTROL.sub("?", cell) for cell in cells]  # the next reader of the table takes one line a part

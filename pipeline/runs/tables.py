@@ -125,11 +125,10 @@ def _fitting(value: Any, part: str) -> Any:
     return value
 
 
-def csv_line(cells: Iterable[Any], *, end: str = "\r\n") -> bytes:
+def csv_line(cells: Iterable[Any]) -> bytes:
     """A line of a CSV table, with texts that a spreadsheet does not calculate."""
     line = io.StringIO()
-    writer = csv.writer(line, lineterminator=end)
-    writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
+    csv.writer(line).writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
     return line.getvalue().encode()
 
 

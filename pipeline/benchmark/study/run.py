@@ -10,8 +10,8 @@ from glyphs.errors import FileError
 from pipeline.benchmark.study.repeats import StudyJournal, StudyPlan, measure, studied_parts
 from pipeline.benchmark.study.report import write_study
 from pipeline.benchmark.study.reviews import load_reviews
-from pipeline.benchmark.study.study import Study, study_of
-from pipeline.common.texts import first_of
+from pipeline.benchmark.study.study import Study
+from pipeline.common.texts import first_of, without_blanks
 from pipeline.common.version import program_mark
 from pipeline.formats.find_parts import discover
 from pipeline.formats.part_files import PartFiles
@@ -72,7 +72,7 @@ def run_study(
         progress.start(len(parts) - len(journal.names))
         with workers.opened(len(parts)) as executor:
             measured = measure(plan, parts, executor, journal, progress.advance)
-        found = study_of(measured, answers, true, notes=tuple(notes))
+        found = Study(tuple(measured), tuple(answers), true, tuple(notes))
         document, written = write_study(found, out)
         journal.remove()
     return found, document, written
@@ -81,7 +81,8 @@ def run_study(
 def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> dict[str, str]:
     expected = {part.name: part.expected for part in listed if part.expected}
     texts = PartTexts(expected) if table is None else load_truth(table)
-    known = {name: text for name in names if (text := texts.text_of(name)) is not None}
+    found = {name: texts.text_of(name) for name in names}
+    known = {name: without_blanks(text) for name, text in found.items() if text is not None}
     if table is not None and not known:
         raise FileError(table, "has no row for these parts", "name the parts as their files")
     return known

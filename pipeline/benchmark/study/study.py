@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -21,25 +22,52 @@ class Study:
         measured: every trial of the reader.
         answers: of reviewers.
         truth: by part, as far as known.
-        serials: how far serials agree, of the reader and the reviewers.
-        decisions: how far the reader's decisions agree.
-        depth: how well the mean depth of a part is gauged; None where `no_depth` says why.
-        no_depth: why there is no gauge study; empty where there is one.
-        depths: by part, (appraisers, trials), mm, where all are known.
-        depthless: parts left out of the gauge study, as their depth was not known each time.
         notes: what else to know about it, in sentences.
+
+    Raises:
+        ValueError: not equally many trials of every part, by each appraiser.
     """
 
     measured: tuple[Trial, ...]
-    answers: tuple[Trial, ...]
-    truth: Mapping[str, str]
-    serials: tuple[Agreement, ...]
-    decisions: tuple[Agreement, ...]
-    depth: GaugeRR | None
-    no_depth: str
-    depths: Mapping[str, list[list[float]]]
-    depthless: tuple[str, ...]
+    answers: tuple[Trial, ...] = ()
+    truth: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def serials(self) -> list[Agreement]:
+        """How far serials agree, of the reader and the reviewers."""
+        return agreements(self.texts, self.truth)
+
+    @cached_property
+    def decisions(self) -> list[Agreement]:
+        """How far the reader's decisions agree."""
+        return agreements(_by_appraiser(self.measured, "decision"))
+
+    @cached_property
+    def depths(self) -> dict[str, list[list[float]]]:
+        """Depths by part, (appraisers, trials), mm, where all are known."""
+        found: dict[str, dict[str, list[float]]] = {}
+        for m in self.measured:
+            if m.part not in self.depthless and (depth_mm := depth_of(m)) is not None:
+                found.setdefault(m.part, {}).setdefault(m.mode, []).append(depth_mm)
+        return {part: list(by.values()) for part, by in found.items()}
+
+    @cached_property
+    def depthless(self) -> tuple[str, ...]:
+        """Parts left out of the gauge study, as their depth was not known each time."""
+        return tuple(dict.fromkeys(m.part for m in self.measured if depth_of(m) is None))
+
+    @property
+    def no_depth(self) -> str:
+        """Why there is no gauge study; empty where there is one."""
+        if len(self.depths) < 2:
+            return "the depth of fewer than two parts is known each time"
+        return "every part was measured once" if max(m.number for m in self.measured) < 2 else ""
+
+    @cached_property
+    def depth(self) -> GaugeRR | None:
+        """How well the mean depth of a part is gauged; None where `no_depth` says why."""
+        return None if self.no_depth else gauge_rr(list(self.depths.values()))
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -63,62 +91,9 @@ class Study:
         return _by_appraiser((*self.measured, *self.answers), "text")
 
 
-def study_of(
-    measured: Sequence[Trial],
-    answers: Sequence[Trial] = (),
-    truth: Mapping[str, str] | None = None,
-    *,
-    notes: tuple[str, ...] = (),
-) -> Study:
-    """Compute the results from trials, answers and truth.
-
-    Args:
-        measured: every trial; equally many of every part and appraiser.
-        answers: of reviewers; equally many of every part by each.
-        truth: text by part, as far as known.
-        notes: what else to know.
-
-    Raises:
-        ValueError: not equally many.
-    """
-    truth = {part: "".join(text.split()) for part, text in (truth or {}).items()}
-    depths, depthless = _depths(measured)
-    trials = max((m.number for m in measured), default=0)
-    no_depth = ""
-    if len(depths) < 2:
-        no_depth = "the depth of fewer than two parts is known each time"
-    elif trials < 2:
-        no_depth = "every part was measured once"
-    return Study(
-        measured=tuple(measured),
-        answers=tuple(answers),
-        truth=truth,
-        serials=tuple(agreements(_by_appraiser((*measured, *answers), "text"), truth)),
-        decisions=tuple(agreements(_by_appraiser(measured, "decision"))),
-        depth=None if no_depth else gauge_rr(list(depths.values())),
-        no_depth=no_depth,
-        depths=depths,
-        depthless=depthless,
-        notes=notes,
-    )
-
-
 def _by_appraiser(measured: Sequence[Trial], attribute: str) -> dict[str, dict[str, tuple[str, ...]]]:
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     for m in measured:
         by_part = found.setdefault(m.mode, {})
         by_part[m.part] = (*by_part.get(m.part, ()), getattr(m, attribute))
     return found
-
-
-def _depths(measured: Sequence[Trial]) -> tuple[dict[str, list[list[float]]], tuple[str, ...]]:
-    """Depths by part, (appraisers, trials), mm, where all are known; and the parts where they are not."""
-    found: dict[str, dict[str, list[float]]] = {}
-    unknown: dict[str, None] = {}
-    for m in measured:
-        if (depth_mm := depth_of(m)) is None:
-            unknown[m.part] = None
-        else:
-            found.setdefault(m.part, {}).setdefault(m.mode, []).append(depth_mm)
-    known = {part: list(by.values()) for part, by in found.items() if part not in unknown}
-    return known, tuple(unknown)

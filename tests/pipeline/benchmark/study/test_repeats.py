@@ -11,7 +11,7 @@ from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.study import repeats
 from pipeline.benchmark.study.repeats import StudiedPart, StudyJournal, StudyPlan, studied_parts
 from pipeline.benchmark.study.reviews import load_reviews
-from pipeline.benchmark.study.study import study_of
+from pipeline.benchmark.study.study import Study
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
@@ -152,7 +152,7 @@ def test_a_part_whose_depth_is_not_known_each_time_is_left_out() -> None:
         *trials("c", [0.30, None, 0.30, 0.31]),
     ]  # fmt: skip
     ada = [Trial(part, 1, {"recorded": True}, "Ada", "", text) for part, text in (("a", "A1"), ("b", "B1"))]
-    found = study_of(measured, ada, {"a": "A 1"})
+    found = Study(tuple(measured), tuple(ada), {"a": "A1"})
     assert found.depthless == ("c",)
     assert found.depth is not None
     assert (found.depth.parts, found.depth.appraisers, found.depth.trials) == (2, 2, 2)
@@ -160,8 +160,8 @@ def test_a_part_whose_depth_is_not_known_each_time_is_left_out() -> None:
     between = next(a for a in found.serials if a.kind == "between")
     assert between.disagreed == ("b",)
     assert all(not a.disagreed for a in found.serials if "truth" in a.kind)
-    few = study_of(measured[:4])
+    few = Study(tuple(measured[:4]))
     assert few.depth is None
     assert "fewer than two parts" in few.no_depth
-    once = study_of([m for m in measured if m.number == 1])
+    once = Study(tuple(m for m in measured if m.number == 1))
     assert "measured once" in once.no_depth
