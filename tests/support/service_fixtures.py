@@ -22,6 +22,7 @@ from tests.support.kept_adapters import keep_adapters
 
 keep_adapters()
 FORMAT = "AA99"
+Served = tuple[Service, TestClient]
 
 
 class InlinePool:
@@ -58,22 +59,27 @@ class InlinePool:
 
 @contextlib.contextmanager
 def inline_service(
-    folder: Path, *, reading: ReadSettings | None = None, **settings: Any
-) -> Iterator[tuple[Service, TestClient]]:
-    """A service in a folder and a client of it."""
+    folder: Path,
+    *,
+    reading: ReadSettings | None = None,
+    instead: Callable[..., Any] | None = None,
+    **settings: Any,
+) -> Iterator[Served]:
+    """A service in a folder and a client of it; `instead` is called by its pool in place of reading."""
     kept = service_module.WorkPool
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         read = reading or ReadSettings(format=(FORMAT,), font=("gothic",), height_mm=5.0)
         service = Service(ServiceSettings(folder=folder, **settings), read)
+        service.pool.instead = instead  # type: ignore[attr-defined]
         with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
             yield service, client
     finally:
         service_module.WorkPool = kept  # type: ignore[misc]
 
 
-def triggered(served: tuple[Service, TestClient], name: str, job: str = "") -> PartRecord:
+def triggered(served: Served, name: str, job: str = "") -> PartRecord:
     """The part that a trigger of the TCP port or of OPC UA gives, on the service's own loop; raises the problem that
     those ports answer with."""
     service, client = served

@@ -3,6 +3,7 @@ from __future__ import annotations
 import importlib
 import sys
 import tempfile
+from unittest.mock import Mock
 
 import pytest
 
@@ -34,10 +35,7 @@ def test_a_fault_of_the_program_is_not_taken_for_a_missing_extra() -> None:
 def test_a_fault_of_the_program_is_never_taken_for_bad_usage(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken(*_: object) -> int:
-        raise ValueError("array is empty")
-
-    monkeypatch.setattr("pipeline.runs.production.run_batch", broken)
+    monkeypatch.setattr("pipeline.runs.production.run_batch", Mock(side_effect=ValueError("array is empty")))
     assert main(["read", "part.npz"]) == FAULT
     last = capsys.readouterr().err.splitlines()[-1]
     assert last == (

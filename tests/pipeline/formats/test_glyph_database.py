@@ -2,6 +2,7 @@ import hashlib
 import json
 import os
 import zlib
+from unittest.mock import Mock
 
 import matplotlib
 import numpy as np
@@ -162,10 +163,7 @@ def test_a_failed_save_leaves_the_old_file_and_no_litter(full, tmp_path, monkeyp
     save_database(GlyphDatabase(), path)
     before = path.read_bytes()
 
-    def full_disk(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full_disk)
+    monkeypatch.setattr(os, "fsync", Mock(side_effect=OSError(28, "No space left on device")))
     with pytest.raises(FileError, match="No space left"):
         save_database(full, path)
     assert path.read_bytes() == before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -89,9 +90,6 @@ def test_only_the_scan_is_the_senders_fault(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(OwnFileError, match=r"^golden\.toml: "):
         measure_sent(scan, "a.h5", relief)
 
-    def no_memory(_: Path) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr(golden, "read_scan", no_memory)
+    monkeypatch.setattr(golden, "read_scan", Mock(side_effect=MemoryError))
     with pytest.raises(OwnFileError, match="memory"):
         measure_sent(scan, "a.h5", relief)

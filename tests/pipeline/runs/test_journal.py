@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
+from unittest.mock import Mock
 
 import numpy as np
 import pyarrow.parquet
@@ -272,9 +273,6 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
     for r in rows[4:]:
         add(book, r)
 
-    def kill_replace(source: Path, target: Path) -> None:
-        raise Kill
-
     def kill_unlink(path: Path, missing_ok: bool = False) -> None:
         if path.name.endswith(".unfinished"):
             raise Kill
@@ -282,7 +280,7 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
 
     with monkeypatch.context() as patched:
         if step == "replace":
-            patched.setattr("glyphs.atomic.os.replace", kill_replace)
+            patched.setattr("glyphs.atomic.os.replace", Mock(side_effect=Kill))
         else:
             patched.setattr(Path, "unlink", kill_unlink)
         with pytest.raises(Kill):
@@ -425,12 +423,11 @@ def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(suffix: str, tmp_
 
 
 def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     rows = rows_of(3)
     with monkeypatch.context() as patched, RunJournal(begun(table, rows), RUN) as book:
-        patched.setattr("glyphs.atomic.os.replace", full)
+        patched.setattr(
+            "glyphs.atomic.os.replace", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+        )
         with pytest.raises(FileError, match=r"No space .*make room and start the same command again"):
             book.finish(reversed(names(rows)))
     with RunJournal(table, RUN) as book:

@@ -15,18 +15,14 @@ from pipeline.common.records import PartState, Scope
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
-from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.drivers import load_driver
 from tests.support.page_shop import goes_to
-from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.service_fixtures import FORMAT, Served, inline_service
 from tests.support.store_samples import PLAN, reading
 
 CLEAN = "clean"
 WEBHOOK = {"url": "http://127.0.0.1:9/none"}
-
-
-Served = tuple[Service, TestClient]
 
 
 @pytest.fixture(scope="module")

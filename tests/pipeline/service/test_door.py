@@ -22,7 +22,6 @@ from starlette.testclient import TestClient
 from pipeline.cli.exit_status import CommandError
 from pipeline.cli.serve import check_tls, listening
 from pipeline.common.records import PartState, Scope
-from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
@@ -32,12 +31,11 @@ from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.web.web_server import patient_protocol
 from pipeline.store.store import Store
 from tests.support.self_signed import certificates
-from tests.support.service_fixtures import inline_service
+from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import received
 
 pytestmark = pytest.mark.anyio
 
-Served = tuple[Service, TestClient]
 
 FORWARDED = {
     "X-Forwarded-For": "203.0.113.9",

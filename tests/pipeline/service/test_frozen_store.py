@@ -15,12 +15,11 @@ from starlette.testclient import TestClient
 
 from pipeline.common.records import Scope
 from pipeline.reading.triage import ReadPart
-from pipeline.service.app import Service
 from pipeline.store.errors import StoreError
 from pipeline.store.store import Store
 from tests.support.postgres_server import PostgresServer
 from tests.support.programs import program
-from tests.support.service_fixtures import inline_service
+from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import reading
 
 SILENT_S, CONNECT_S = 1.0, 2.0
@@ -41,10 +40,10 @@ def url(server: PostgresServer, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 @pytest.fixture
-def served(url: str, tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
-    with inline_service(tmp_path / "s", store=url, tokens="on") as (service, client):
+def served(url: str, tmp_path: Path) -> Iterator[Served]:
+    read = ReadPart((reading(),))
+    with inline_service(tmp_path / "s", instead=lambda *_: read, store=url, tokens="on") as (service, client):
         client.headers["authorization"] = f"Bearer {service.store.add_token('line', list(Scope))}"
-        service.pool.instead = lambda *_: ReadPart((reading(),))  # type: ignore[attr-defined]
         yield service, client
 
 
@@ -83,9 +82,7 @@ def test_a_store_says_after_a_while_that_nobody_answers(server: PostgresServer, 
         store.ping()
 
 
-def test_requests_are_answered_while_the_database_is_frozen(
-    server: PostgresServer, served: tuple[Service, TestClient]
-) -> None:
+def test_requests_are_answered_while_the_database_is_frozen(server: PostgresServer, served: Served) -> None:
     service, client = served
     assert sent(client, "before").status_code == 201
     with server.frozen():
@@ -104,7 +101,7 @@ def test_requests_are_answered_while_the_database_is_frozen(
 
 @pytest.mark.parametrize("at", ["insert", "commit"])
 def test_a_part_whose_transaction_is_frozen_is_stored_whole_or_not_at_all(
-    server: PostgresServer, served: tuple[Service, TestClient], at: str
+    server: PostgresServer, served: Served, at: str
 ) -> None:
     service, client = served
     writers: list[object] = []

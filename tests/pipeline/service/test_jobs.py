@@ -20,15 +20,12 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.triage import ReadPart
-from pipeline.service.app import Service
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.teaching import Taught, name_like, teach
 from pipeline.service.web.problem import Problem
 from recognition.reader import Reader
 from tests.support import certificates
-from tests.support.service_fixtures import FORMAT, inline_service, triggered
-
-Served = tuple[Service, TestClient]
+from tests.support.service_fixtures import FORMAT, Served, inline_service, triggered
 
 PNG = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
 BOX = (0.1, 0.2, 0.9, 0.6)
@@ -54,9 +51,8 @@ def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> ReadPart:
 def served(tmp_path: Path) -> Iterator[Served]:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
     (tmp_path / "camera").mkdir()
-    with inline_service(tmp_path, camera={"folder": tmp_path / "camera"}) as (service, client):
-        service.pool.instead = by_format  # type: ignore[attr-defined]
-        yield service, client
+    with inline_service(tmp_path, instead=by_format, camera={"folder": tmp_path / "camera"}) as both:
+        yield both
 
 
 def post(client: TestClient, **data: str) -> Any:
@@ -123,8 +119,7 @@ def test_jobs_that_cannot_be_used_cost_their_own_parts_alone(tmp_path: Path) -> 
     names = [f"bad{k}" for k in range(len(NO_JOBS))]
     for name, text in zip(names, NO_JOBS, strict=True):
         put(tmp_path / "jobs", name, text, encoding="latin-1")
-    with inline_service(tmp_path) as (service, client):
-        service.pool.instead = by_format  # type: ignore[attr-defined]
+    with inline_service(tmp_path, instead=by_format) as (_, client):
         assert post(client, job="left").json()["text"] == "A9"
         for name in names:
             refused = post(client, job=name)

@@ -7,17 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from starlette.testclient import TestClient
 
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
 from pipeline.service.app import Service, check_folder
 from pipeline.service.settings import ServiceSettings
-from tests.support.service_fixtures import inline_service
+from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import PHOTO, received
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
+def served(tmp_path: Path) -> Iterator[Served]:
     with inline_service(tmp_path / "service") as both:
         yield both
 
@@ -30,9 +29,7 @@ def _kept(service: Service) -> tuple[PartRecord, EvidenceRecord]:
     return received(service.store, evidence=(record,)), record
 
 
-def test_a_damaged_file_is_said_and_not_served(
-    served: tuple[Service, TestClient], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_damaged_file_is_said_and_not_served(served: Served, caplog: pytest.LogCaptureFixture) -> None:
     service, client = served
     part, record = _kept(service)
     addresses = (f"/v1/parts/{part.id}/pictures/photo", f"/v1/parts/{part.id}/evidence/{record.sha256}")

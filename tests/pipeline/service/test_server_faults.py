@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import AsyncMock, Mock
 
 import pytest
 from starlette.testclient import TestClient
@@ -20,7 +21,6 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
-from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.idempotency import IdempotentRequests
 from pipeline.service.web.problem import Problem
@@ -28,7 +28,7 @@ from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.errors import AlreadyDoneError
 from pipeline.store.parts import IdempotencyKey
 from pipeline.workers.executors import WorkerLostError
-from tests.support.service_fixtures import FORMAT, inline_service, triggered
+from tests.support.service_fixtures import FORMAT, Served, inline_service, triggered
 from tests.support.store_samples import PLAN, reading
 from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
@@ -52,10 +52,9 @@ def read_at_once(*_: object) -> ReadPart:
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
-    with inline_service(tmp_path / "s") as (service, client):
-        service.pool.instead = read_at_once  # type: ignore[attr-defined]
-        yield service, client
+def served(tmp_path: Path) -> Iterator[Served]:
+    with inline_service(tmp_path / "s", instead=read_at_once) as both:
+        yield both
 
 
 def sent(client: TestClient, plate: bytes) -> Any:
@@ -76,16 +75,13 @@ def is_server_fault(answer: Any) -> bool:
     [("mkdtemp", errno.ENOSPC), ("replace", errno.EROFS), ("fsync", errno.EIO)],
 )
 def test_a_disk_that_does_not_take_files_is_not_the_senders_fault(
-    served: tuple[Service, TestClient], plate: bytes, monkeypatch: pytest.MonkeyPatch, where: str, code: int
+    served: Served, plate: bytes, monkeypatch: pytest.MonkeyPatch, where: str, code: int
 ) -> None:
     service, client = served
 
-    def fail(*_: object, **__: object) -> None:
-        raise OSError(code, os.strerror(code))
-
     with monkeypatch.context() as patched:
         module = "pipeline.store.evidence_folder.tempfile" if where == "mkdtemp" else "os"
-        patched.setattr(f"{module}.{where}", fail)
+        patched.setattr(f"{module}.{where}", Mock(side_effect=OSError(code, os.strerror(code))))
         assert is_server_fault(sent(client, plate))
         if where == "fsync":
             ready = client.get("/readyz")
@@ -97,18 +93,16 @@ def test_a_disk_that_does_not_take_files_is_not_the_senders_fault(
 
 
 def test_no_room_for_an_upload_that_is_coming_is_not_its_senders_fault(
-    served: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+    served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("starlette.formparsers.SpooledTemporaryFile", full)
+    monkeypatch.setattr(
+        "starlette.formparsers.SpooledTemporaryFile",
+        Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))),
+    )
     assert is_server_fault(sent(served[1], b"x" * 100))
 
 
-def test_a_disk_that_is_nearly_full_is_not_ready(
-    served: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_is_nearly_full_is_not_ready(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = shutil.disk_usage("/")
     monkeypatch.setattr("shutil.disk_usage", lambda _: usage._replace(free=1000))
     ready = served[1].get("/readyz")
@@ -124,7 +118,7 @@ def test_a_disk_that_is_nearly_full_is_not_ready(
     ],
 )
 def test_a_lost_worker_is_no_verdict_on_the_part(
-    served: tuple[Service, TestClient], plate: bytes, losses: list[WorkerLostError], status: int
+    served: Served, plate: bytes, losses: list[WorkerLostError], status: int
 ) -> None:
     service, client = served
     left = list(losses)
@@ -143,7 +137,7 @@ def test_a_lost_worker_is_no_verdict_on_the_part(
 
 
 def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_a_clean_part(
-    served: tuple[Service, TestClient], plate: bytes
+    served: Served, plate: bytes
 ) -> None:
     service, client = served
     broken = threading.Event()
@@ -177,7 +171,7 @@ def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
     monkeypatch.setattr("pipeline.formats.synth.hanging", Hanging, raising=False)
     camera = {"camera": {"driver": "pipeline.formats.synth:hanging", "timeout_s": 0.1}}
     try:
-        with inline_service(tmp_path, **camera) as (service, client):
+        with inline_service(tmp_path, instead=read_at_once, **camera) as (service, client):
             for _ in range(3):
                 with pytest.raises(Problem, match="the camera has not answered") as caught:
                     triggered((service, client), "part")
@@ -185,7 +179,6 @@ def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
             ready = client.get("/readyz")
             assert (ready.status_code, "the camera has not answered" in ready.json()["detail"]) == (503, True)
             assert client.get("/healthz").status_code == 200
-            service.pool.instead = read_at_once  # type: ignore[attr-defined]
             assert sent(client, plate).status_code == 201
     finally:
         back.set()
@@ -239,12 +232,11 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
         back.set()
 
 
-def test_a_replay_that_fails_leaves_nobody_waiting(served: tuple[Service, TestClient]) -> None:
+def test_a_replay_that_fails_leaves_nobody_waiting(served: Served) -> None:
     store = served[0].store
     requests = IdempotentRequests(store)
 
-    async def taken() -> Any:
-        raise AlreadyDoneError(part_id=new_part_id(), fingerprint="of another request")
+    taken = AsyncMock(side_effect=AlreadyDoneError(part_id=new_part_id(), fingerprint="of another request"))
 
     async def several() -> list[Any]:
         tries = [requests.carry_out(IdempotencyKey("key", "mine"), taken) for _ in range(3)]
@@ -255,9 +247,7 @@ def test_a_replay_that_fails_leaves_nobody_waiting(served: tuple[Service, TestCl
     assert {error.status for error in made} == {422}
 
 
-def test_while_it_drains_it_is_not_ready_and_takes_no_part(
-    served: tuple[Service, TestClient], plate: bytes
-) -> None:
+def test_while_it_drains_it_is_not_ready_and_takes_no_part(served: Served, plate: bytes) -> None:
     service, client = served
     kept = sent(client, plate).json()
     service.drain()
@@ -269,14 +259,11 @@ def test_while_it_drains_it_is_not_ready_and_takes_no_part(
 
 
 def test_a_request_cut_short_by_the_end_is_told_to_come_again(
-    served: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+    served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service, client = served
 
-    async def cancelled(*_: object, **__: object) -> None:
-        raise asyncio.CancelledError
-
-    monkeypatch.setattr(service.intake, "touch", cancelled)
+    monkeypatch.setattr(service.intake, "touch", AsyncMock(side_effect=asyncio.CancelledError))
     assert is_server_fault(client.post(f"/v1/parts/{new_part_id()}/touch"))
 
 

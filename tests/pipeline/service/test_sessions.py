@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ScanPlanRecord
@@ -19,11 +18,10 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
-from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.driver_thread import DriverThread
 from pipeline.service.stage.stage_link import StageLink
-from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.service_fixtures import FORMAT, Served, inline_service
 from whisker_array.scan.recording import load_scan
 from whisker_array.scan.session import StageSession
 from whisker_array.scan.stage_error import StageError
@@ -85,7 +83,7 @@ def plan(plates: Path) -> ScanPlanRecord:
 
 
 @pytest.fixture(scope="module")
-def served(plates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+def served(plates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     from pipeline.formats import synth
 
     Iron.folder, Iron.opened = plates, []
@@ -105,7 +103,7 @@ def sound_iron() -> Iterator[None]:
     Iron.fails_after, Iron.fault, Iron.opened = None, StageError, []
 
 
-def touched(served: tuple[Service, TestClient], plan: ScanPlanRecord) -> tuple[int, dict[str, Any], str]:
+def touched(served: Served, plan: ScanPlanRecord) -> tuple[int, dict[str, Any], str]:
     """Status and body of the answer where the stage feels a part that waits for touch, and its id."""
     service, client = served
     part_id = new_part_id()
@@ -114,7 +112,7 @@ def touched(served: tuple[Service, TestClient], plan: ScanPlanRecord) -> tuple[i
     return answer.status_code, answer.json(), part_id
 
 
-def recording_of(served: tuple[Service, TestClient], part_id: str, folder: Path) -> Path:
+def recording_of(served: Served, part_id: str, folder: Path) -> Path:
     """The recording kept for a part."""
     service, client = served
     kept = next(e for e in service.store.evidence(part_id) if e.kind == "scan")
@@ -124,7 +122,7 @@ def recording_of(served: tuple[Service, TestClient], part_id: str, folder: Path)
 
 
 def test_a_driver_with_sessions_is_felt_until_the_serial_is_sure(
-    served: tuple[Service, TestClient], plates: Path, plan: ScanPlanRecord, tmp_path: Path
+    served: Served, plates: Path, plan: ScanPlanRecord, tmp_path: Path
 ) -> None:
     status, part, part_id = touched(served, plan)
     assert (status, part["state"], part["text"]) == (200, "accepted", (plates / "truth.txt").read_text())
@@ -157,7 +155,7 @@ def test_a_driver_with_sessions_is_felt_until_the_serial_is_sure(
 
 
 def test_a_stage_that_fails_between_passes_gives_what_was_felt_to_review(
-    served: tuple[Service, TestClient], plan: ScanPlanRecord
+    served: Served, plan: ScanPlanRecord
 ) -> None:
     Iron.fails_after = 3
     status, part, _ = touched(served, plan)
@@ -177,7 +175,7 @@ def test_a_stage_that_fails_between_passes_gives_what_was_felt_to_review(
     ],
 )
 def test_a_stage_that_feels_nothing_leaves_the_part_waiting(
-    served: tuple[Service, TestClient], plan: ScanPlanRecord, fault: type[Exception], answered: int, says: str
+    served: Served, plan: ScanPlanRecord, fault: type[Exception], answered: int, says: str
 ) -> None:
     Iron.fails_after, Iron.fault = 0, fault
     status, problem, part_id = touched(served, plan)
@@ -190,7 +188,7 @@ def test_a_stage_that_feels_nothing_leaves_the_part_waiting(
     assert [s.closed for s in Iron.opened] == [1]
 
 
-def test_a_stage_that_cannot_open_says_why(served: tuple[Service, TestClient], plan: ScanPlanRecord) -> None:
+def test_a_stage_that_cannot_open_says_why(served: Served, plan: ScanPlanRecord) -> None:
     status, problem, _ = touched(served, replace(plan, middle_mm=(500.0, 500.0)))
     assert status == 422
     assert "is not on the field" in problem["detail"]

@@ -13,9 +13,8 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
 from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
-from pipeline.service.app import Service
 from pipeline.service.inputs.trigger import LineDecision, decision_of
-from tests.support.service_fixtures import InlinePool, inline_service, triggered
+from tests.support.service_fixtures import Served, inline_service, triggered
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 HOOK = {"webhook": {"url": "http://127.0.0.1:9/none"}}
@@ -40,17 +39,13 @@ def bench() -> Bench:
 
 
 @pytest.fixture
-def served(bench: Bench, tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
+def served(bench: Bench, tmp_path: Path) -> Iterator[Served]:
     camera = tmp_path / "camera"
     camera.mkdir()
     (camera / "KX40.png").write_bytes(PNG)
-    with inline_service(tmp_path / "service", shadow=True, camera={"folder": camera}, **HOOK) as (
-        service,
-        client,
-    ):
-        assert isinstance(service.pool, InlinePool)
-        service.pool.instead = bench.read
-        yield service, client
+    settings = {"shadow": True, "camera": {"folder": camera}, **HOOK}
+    with inline_service(tmp_path / "service", instead=bench.read, **settings) as both:
+        yield both
 
 
 def post(client: TestClient, name: str, expected: str = "", **more: Any) -> dict[str, Any]:
@@ -73,7 +68,7 @@ def post(client: TestClient, name: str, expected: str = "", **more: Any) -> dict
     ],
 )
 def test_nothing_is_decided(
-    served: tuple[Service, TestClient], bench: Bench, name: str, expected: str, shadow: dict[str, str]
+    served: Served, bench: Bench, name: str, expected: str, shadow: dict[str, str]
 ) -> None:
     service, client = served
     part = post(client, name, expected, touch="stage")
@@ -86,17 +81,17 @@ def test_nothing_is_decided(
     assert client.post(f"/v1/parts/{part['id']}/touch").status_code == 409
 
 
-def test_what_no_serial_can_be_is_compared_all_the_same(served: tuple[Service, TestClient]) -> None:
+def test_what_no_serial_can_be_is_compared_all_the_same(served: Served) -> None:
     # with a format AA999999 it would be refused as expected text
     assert post(served[1], "KX40", "NO READ!")["shadow"]["agreement"] == "other"
 
 
-def test_a_trigger_is_answered_without_a_decision(served: tuple[Service, TestClient]) -> None:
+def test_a_trigger_is_answered_without_a_decision(served: Served) -> None:
     part = triggered(served, "KX40")
     assert (part.state, decision_of(part)) == (PartState.SHADOW, LineDecision.SHADOW)
 
 
-def test_a_scan_is_read_and_compared_too(served: tuple[Service, TestClient], bench: Bench) -> None:
+def test_a_scan_is_read_and_compared_too(served: Served, bench: Bench) -> None:
     _, client = served
     part = post(client, "KX40?", "KX40")
     read = client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}).json()
@@ -104,7 +99,7 @@ def test_a_scan_is_read_and_compared_too(served: tuple[Service, TestClient], ben
     assert [order.part.expected for order in bench.orders] == ["", ""]
 
 
-def test_a_review_says_who_was_right_and_is_not_published(served: tuple[Service, TestClient]) -> None:
+def test_a_review_says_who_was_right_and_is_not_published(served: Served) -> None:
     service, client = served
     part = post(client, "KX40", "KX41")
     body = {"action": "correct", "text": "KX41", "who": "Ada", "outside_format": True}
@@ -113,7 +108,7 @@ def test_a_review_says_who_was_right_and_is_not_published(served: tuple[Service,
     assert "the line’s" in client.get("/shadow").text
 
 
-def test_it_says_that_it_is_in_shadow_mode(served: tuple[Service, TestClient]) -> None:
+def test_it_says_that_it_is_in_shadow_mode(served: Served) -> None:
     _, client = served
     page = client.get("/shadow").text
     assert "Nothing is decided or published" in page
@@ -122,13 +117,11 @@ def test_it_says_that_it_is_in_shadow_mode(served: tuple[Service, TestClient]) -
 
 def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Path) -> None:
     def serve(**settings: Any) -> Any:
-        return inline_service(tmp_path / "service", **settings, **HOOK)
+        return inline_service(tmp_path / "service", instead=bench.read, **settings, **HOOK)
 
     with serve(shadow=True) as (service, client):
-        service.pool.instead = bench.read
         before = post(client, "KX40?", "KX41")
     with serve() as (service, client):
-        service.pool.instead = bench.read
         live = post(client, "KX40", "KX40")
         assert (live["state"], live["shadow"], bench.orders[-1].part.expected) == ("accepted", None, "KX40")
         assert service.store.undelivered() == 1

@@ -15,6 +15,7 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import sqlalchemy as sa
@@ -231,19 +232,13 @@ def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
         restore(tmp_path, other, back)
     (backup / "store.db").write_bytes(whole)
 
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
     with monkeypatch.context() as patch:
-        patch.setattr("shutil.copy", full)
+        patch.setattr("shutil.copy", Mock(side_effect=OSError(28, "No space left on device")))
         with pytest.raises(FileError, match=r"tactile-marks-\w+/store\.db: .*No space left"):
             restore(backup, other, back)
 
-    def killed(*_: object) -> None:
-        raise KeyboardInterrupt
-
     with monkeypatch.context() as patch:
-        patch.setattr("pipeline.store.backup._count_on", killed)
+        patch.setattr("pipeline.store.backup._count_on", Mock(side_effect=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             restore(backup, other, back)
     assert other.parts() == ()

@@ -8,6 +8,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -110,11 +111,8 @@ def test_trouble_with_the_disk_is_told(
     with pytest.raises(FileError, match="the folder can be written"):
         EvidenceFolder(tmp_path / "file" / "evidence")
 
-    def full(_handle: int) -> None:
-        raise OSError(28, "No space left on device")
-
     path = _upload(folder, b"photo")
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", Mock(side_effect=OSError(28, "No space left on device")))
     with pytest.raises(FileError, match=r"No space left on device.*check that the disk has room"):
         folder.keep(path)
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -98,10 +99,7 @@ def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
 
 
 def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object, **__: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr(distributed, "Client", never)
+    monkeypatch.setattr(distributed, "Client", Mock(side_effect=AssertionError))
     monkeypatch.setattr("pipeline.workers.cluster._START_S", 0.0)
     with pytest.raises(ClusterError, match="this machine is too busy"), ClusterExecutor("tcp://localhost:1"):
         pass

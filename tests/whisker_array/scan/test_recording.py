@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import h5py
 import numpy as np
@@ -299,10 +300,7 @@ def test_a_failed_write_leaves_the_old_file(
 ) -> None:
     before = recording.read_bytes()
 
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("glyphs.atomic.os.replace", full)
+    monkeypatch.setattr("glyphs.atomic.os.replace", Mock(side_effect=OSError(28, "No space left on device")))
     with pytest.raises(FileError, match="space"):
         save_scan(scan, recording)
     assert recording.read_bytes() == before

@@ -28,7 +28,7 @@ from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import StoreError
 from pipeline.store.parts import IdempotencyKey
 from tests.support.line_fakes import LONG_S, part
-from tests.support.service_fixtures import InlinePool, inline_service
+from tests.support.service_fixtures import inline_service
 from tests.support.waiting import wait_until
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
@@ -358,9 +358,8 @@ def test_a_service_watches(tmp_path: Path) -> None:
         return ReadPart((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
 
     def served(done: Callable[[Any], None]) -> None:
-        with inline_service(tmp_path / "service", watch={"folder": folder, "every_s": 0.05}) as (service, _):
-            assert isinstance(service.pool, InlinePool)
-            service.pool.instead = read
+        watch = {"folder": folder, "every_s": 0.05}
+        with inline_service(tmp_path / "service", instead=read, watch=watch) as (service, _):
             done(service)
 
     def first(service: Any) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -403,10 +404,7 @@ def test_unknown_addresses_are_refused_in_words(shop: Shop) -> None:
 
 
 def test_a_store_that_does_not_answer_is_told(shop: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(**_: object) -> None:
-        raise StoreError("the disk is full; make room")
-
-    monkeypatch.setattr(shop.store, "queue", fail)
+    monkeypatch.setattr(shop.store, "queue", Mock(side_effect=StoreError("the disk is full; make room")))
     answer = shop.client.get("/review")
     assert answer.status_code == 503
     assert "does not answer" in answer.text
