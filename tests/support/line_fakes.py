@@ -1,18 +1,21 @@
-"""Parts, an outbox in memory, and waiting: for the tests of what stands at the line."""
+"""Parts, an outbox, and waiting: for the tests of what stands at the line."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from datetime import UTC, datetime, timedelta
-from typing import Any
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from typing import Any, Self
 
-from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
-from pipeline.common.records import Delivery, PartRecord, PartState, WaitingResults
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
+from pipeline.common.records import PartRecord, PartState
+from pipeline.store.errors import NotFoundError
+from pipeline.store.store import Store
+from tests.support.store_samples import correct
 from tests.support.waiting import wait_until
 
 NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)
@@ -54,61 +57,33 @@ def part(name: str = "P17", text: str = "KX407251", **changes: Any) -> PartRecor
     return PartRecord(**{**made, **changes})
 
 
-class MemoryOutbox:
-    """An outbox as the store's, in memory, for one dispatcher: of a part and a target only the eldest is due."""
+class Outbox(Store):
+    """A store of parts that are to be sent; it notes what was postponed."""
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._waiting: dict[int, tuple[Delivery, datetime]] = {}
-        self._next = 1
-        self.failures: list[tuple[int, str]] = []
+    @functools.cached_property
+    def postponed(self) -> list[tuple[str, float]]:
+        """Why and for how long, in order."""
+        return []
 
-    def put(self, record: PartRecord, targets: Sequence[str]) -> None:
-        with self._lock:
-            for target in targets:
-                delivery = Delivery(self._next, target, record.id, to_json(record))
-                self._waiting[self._next] = (delivery, datetime.min.replace(tzinfo=UTC))
-                self._next += 1
+    def put(self, number: int, text: str, *targets: str) -> None:
+        """Have the part of a number sent: at first as it was read, then as it is corrected."""
+        part_id = f"{number:026}"
+        try:
+            correct(self, part_id, text, targets=targets)
+        except NotFoundError:
+            read = (reading(text),)
+            self.add_part(part_id=part_id, name="", state=PartState.REVIEW, readings=read, targets=targets)
 
-    def lease(
-        self, owner: str, targets: Collection[str], *, lease_s: float, limit: int = 100
-    ) -> tuple[Delivery, ...]:
-        now = datetime.now(UTC)
-        with self._lock:
-            fronts: dict[tuple[str, str], int] = {}
-            for number in sorted(self._waiting):
-                delivery, _ = self._waiting[number]
-                fronts.setdefault((delivery.target, delivery.part_id), number)
-            ready = [self._waiting[n] for n in fronts.values() if self._waiting[n][1] <= now]
-        ready.sort(key=lambda item: (item[1], item[0].id))
-        of_targets = [[d for d, _ in ready if d.target == target][:limit] for target in targets]
-        return tuple(delivery for found in of_targets for delivery in found)
-
-    def release(self, owner: str) -> None:
-        """Of one dispatcher alone: it is given what it had."""
-
-    def waiting_results(self) -> dict[str, WaitingResults]:
-        with self._lock:
-            counts = Counter(delivery.target for delivery, _ in self._waiting.values())
-        return {target: WaitingResults(n, NOW) for target, n in counts.items()}
-
-    def delivered(self, delivery_id: int) -> None:
-        with self._lock:
-            self._waiting.pop(delivery_id, None)
+    def fill(self, parts: int, each: int, *targets: str) -> Self:
+        """Put so many parts into it, each again and again."""
+        for number in range(each):
+            for index in range(parts):
+                self.put(index, f"TEXT{number}", *targets)
+        return self
 
     def postpone(self, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
-        until = datetime.now(UTC) + timedelta(seconds=wait_s)
-        with self._lock:
-            delivery, _ = self._waiting[delivery_id]
-            again = Delivery(
-                delivery.id, delivery.target, delivery.part_id, delivery.payload, delivery.attempts + 1
-            )
-            self._waiting[delivery_id] = (again, until)
-            self.failures.append((delivery_id, error))
-
-    def undelivered(self) -> int:
-        with self._lock:
-            return len(self._waiting)
+        self.postponed.append((error, wait_s))
+        super().postpone(delivery_id, owner, error=error, wait_s=wait_s)
 
 
 async def until(holds: Callable[[], bool], *, why: str = "") -> None:

@@ -18,7 +18,7 @@ from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
 from pipeline.service.tasks import end_tasks
 from tests.support.line_broker import Broker, GuardedBroker, Listener
-from tests.support.line_fakes import LONG_S, MemoryOutbox, part, until
+from tests.support.line_fakes import LONG_S, Outbox, until
 from tests.support.self_signed import certificates
 from tests.support.waiting import free_port, wait_until
 
@@ -162,11 +162,11 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
 
 
 async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    outbox: Outbox, make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    outbox, parts, each = MemoryOutbox(), 5, 40
+    parts, each = 5, 40
 
     class WhileSeen:
         """Sends only while the listener listens: it has no session, so what is acknowledged before it cannot see."""
@@ -190,7 +190,7 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
     dispatcher.start()
     for step in range(each):
         for index in range(parts - 1):
-            outbox.put(part(id=f"PART{index}", text=f"N{step}"), ("mqtt",))
+            outbox.put(index, f"N{step}", "mqtt")
         dispatcher.wake()
         if step % 20 == 10:
             left = outbox.undelivered()
@@ -198,10 +198,10 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
             broker.kill()  # in the middle of sending
             listener.subscribed.clear()
         # and something is left to be sent, should all have arrived before
-        outbox.put(part(id=f"PART{parts - 1}", text=f"N{step}"), ("mqtt",))
+        outbox.put(parts - 1, f"N{step}", "mqtt")
         if step % 20 == 10:
-            failed = len(outbox.failures)
-            await until(lambda failed=failed: len(outbox.failures) > failed)
+            failed = len(outbox.postponed)
+            await until(lambda failed=failed: len(outbox.postponed) > failed)
             await asyncio.to_thread(broker.start)
         await asyncio.sleep(0.002)
     await until(lambda: outbox.undelivered() == 0, why="for everything to arrive")
@@ -209,7 +209,7 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
     wanted = [f"N{step}" for step in range(each)]
 
     def seen(index: int) -> list[object]:
-        return [result["text"] for result in listener.results() if result["id"] == f"PART{index}"]
+        return [result["text"] for result in listener.results() if int(result["id"]) == index]
 
     with contextlib.suppress(AssertionError):
         wait_until(lambda: all(set(seen(index)) == set(wanted) for index in range(parts)))
@@ -218,7 +218,7 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
     for index in range(parts):
         numbers = [wanted.index(str(text)) for text in seen(index)]
         assert numbers == sorted(numbers), "an older result after a newer one"
-    assert outbox.failures
+    assert outbox.postponed
 
 
 async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
