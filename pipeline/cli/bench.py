@@ -41,7 +41,7 @@ def _opened(settings: BenchSettings) -> Iterator[Bench]:
             signal.signal(one, handler)
 
 
-def check(bench: Path) -> int:
+def check(bench: Path) -> None:
     """Ask stage and converter to identify themselves; nothing moves.
 
     Parameters
@@ -53,10 +53,9 @@ def check(bench: Path) -> int:
 
     with _opened(read_bench(bench)) as opened:
         print(f"stage: {opened.greeting}\nconverter: {opened.daq.describe()}")
-    return 0
 
 
-def home(bench: Path) -> int:
+def home(bench: Path) -> None:
     """Lift the comb, find the ends of all axes, and carry it lifted; also after a crash or an alarm.
 
     Parameters
@@ -70,10 +69,9 @@ def home(bench: Path) -> int:
         opened.home()
         x, y, z = opened.stage.place_mm()
         print(f"homed; the stage stands at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
-    return 0
 
 
-def calibrate(bench: Path) -> int:
+def calibrate(bench: Path) -> None:
     """Find every whisker's gain on a bare plate, and print the lines for bench.toml.
 
     Parameters
@@ -109,7 +107,6 @@ def calibrate(bench: Path) -> int:
         found = opened.calibrate(order)
     print("gains_known = true")
     print(f"volt_per_n_mm = [{', '.join(f'{g:.5g}' for g in found.gain)}]")
-    return 0
 
 
 def scan(
@@ -123,7 +120,7 @@ def scan(
     active: Flag = False,
     budget_s: float = 60.0,
     format: str | None = None,
-) -> int:
+) -> None:
     """Scan the part under the comb and record the raw moments; homes first.
 
     Parameters
@@ -184,10 +181,9 @@ def scan(
         session.close()
     save_scan(made, out)
     print(f"wrote {out}")
-    return 0
 
 
-def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> int:
+def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> None:
     """Print and draw the moves of passes."""
     from pipeline.bench.moves import moves_of
     from pipeline.plots.moves_picture import moves_figure
@@ -204,4 +200,3 @@ def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> i
         )
     save_figure(moves_figure(moves, settings), picture)
     print(f"{len(moves)} passes, all within the stage's travel; wrote {picture}; nothing has moved")
-    return 0

@@ -42,7 +42,7 @@ def design(
     length_mm: float | None = None,
     speed_error: float = 0.05,
     whiskers: str = "1,2,4,6,8,12,16,24,32,48",
-) -> int:
+) -> None:
     """Design the whisker that shows edges best in the worst case, and say what stands in its way.
 
     With --array: the comb of default whiskers and the plan that feel a serial in the least stage time.
@@ -104,7 +104,7 @@ def design(
         print_arrays(wanted, choices)
         if picture is not None:
             write_picture(array_figure(wanted, choices), picture)
-        return 0
+        return
     if alpha is None or mu is None or depth_mm is None:
         raise UsageError(
             "design: --alpha, --mu and --depth-mm say what the whisker is for", "give all three, or --array"
@@ -157,10 +157,9 @@ def design(
         from pipeline.plots.design_picture import design_figure
 
         write_picture(design_figure(made, trades=trades, tuned=tuned), picture)
-    return 0
 
 
-def _report_built(path: Path, request: Request) -> int:
+def _report_built(path: Path, request: Request) -> None:
     """Report what an identified whisker does for a request, and by how much it may be off."""
     from pipeline.cli.design_words import fitness
     from pipeline.formats.whisker_file import read_whisker_file
@@ -174,7 +173,6 @@ def _report_built(path: Path, request: Request) -> int:
         )
     found = predictions(built.whisker, built.touch, built.known, more=fitness(request))
     print("\n".join(prediction_lines(found)))
-    return 0
 
 
 def _range(flag: str, text: str) -> tuple[float, float]:

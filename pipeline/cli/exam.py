@@ -47,7 +47,7 @@ def run(
     fidelity: FidelityName = "contact",
     certificate: Path | None = None,
     cluster: str | None = None,
-) -> int:
+) -> None:
     """Make dirty parts, read each in every mode, and write report.html, benchmark.csv, benchmark.json and benchmark.md.
 
     Start an interrupted run again with the same command; with more --parts it goes on where it ended. With --inputs
@@ -146,7 +146,6 @@ def run(
         written = write_report(tried, trials, out, certificate=vouching, executor=executor)
     print_document(written.document, written.files)
     _check_stable(written.statistics)
-    return 0
 
 
 def gate(
@@ -154,7 +153,7 @@ def gate(
     jobs: Jobs = 1,
     raise_floors: Annotated[bool, Parameter(name="--raise", negative="")] = False,
     out: Path | None = None,
-) -> int:
+) -> None:
     """Read small editions of both exams by every sense, and fail if anything is read worse than its floors allow.
 
     Parameters
@@ -199,7 +198,6 @@ def gate(
         raise CommandError("worse than the floors: " + "; ".join(worse))
     if not raise_floors:
         print("no worse than the floors")
-    return 0
 
 
 def export(
@@ -210,7 +208,7 @@ def export(
     jobs: Jobs = 1,
     cluster: str | None = None,
     check: Flag = False,
-) -> int:
+) -> None:
     """Write an exam's parts, photographs, felt views and truth. An interrupted export goes on with the same command.
 
     Parameters
@@ -242,11 +240,10 @@ def export(
             hint = "run the export again, and remove what is not in the manifest"
             raise CommandError(f"the folder differs from its manifest, files: {len(found)}", hint=hint)
         print(f"{folder} is as its manifest says")
-        return 0
+        return
     with _at_work(len(exam.items()), folder, jobs, cluster) as (progress, executor):
         written = exporting.export(exam, folder, executor=executor, progress=progress)
     print(f"wrote {written} parts and their truth to {folder}")
-    return 0
 
 
 def score(
@@ -259,7 +256,7 @@ def score(
     name: str | None = None,
     give: str = "nothing",
     out: Path | None = None,
-) -> int:
+) -> None:
     """Score tables of answers against an exam: columns part (or file) and text, also confidence, decision or accepted.
 
     Parameters
@@ -326,10 +323,9 @@ def score(
     else:
         written = write_report(benchmark, trials, out)
         print_document(written.document, written.files)
-    return 0
 
 
-def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs = 1) -> int:
+def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs = 1) -> None:
     """Compare two finished benchmarks of the same parts, and show what flipped.
 
     Writes compare.html, with pictures of the parts that flipped, compare.md and compare.csv.
@@ -352,7 +348,6 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs
     with WorkerSettings(jobs=jobs).opened(SHOWN) as executor:
         written = write_comparison(before, after, out or after, executor=executor)
     print_document(written.document, written.files)
-    return 0
 
 
 @contextmanager

@@ -128,7 +128,7 @@ for _name, _group, _line in _GROUPS:
     app.command(App(name=_name, help=_line, group=_group, help_flags=_HELP, help_format="markdown"))
 
 
-def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
+def completion(shell: Literal["bash", "zsh", "fish"]) -> None:
     """Print the script with which a shell completes commands and options.
 
     For bash, in ~/.bashrc: eval "$(tactile-marks completion bash)"; for zsh the same in ~/.zshrc, after compinit; for
@@ -148,7 +148,6 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
         either = f"_{PROGRAM}_or_file"
         script += f'\n{either}() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef {either} {PROGRAM}'
     print(script)
-    return 0
 
 
 for _words, _group, _function, _line, _ in _COMMANDS:

@@ -45,7 +45,9 @@ def read(
         return run_batch(inputs, reading, run, executor)
 
 
-def inspect(file: Path, *, out: Path | None = None, reading: Reading = READING, config: Config = None) -> int:
+def inspect(
+    file: Path, *, out: Path | None = None, reading: Reading = READING, config: Config = None
+) -> None:
     """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
 
     A photograph beside the file with the same name is shown, too, where it is read.
@@ -65,7 +67,6 @@ def inspect(file: Path, *, out: Path | None = None, reading: Reading = READING, 
     for line in in_a_worker(_draw, file, reading, picture):
         print(line)
     print(f"wrote {picture}")
-    return 0
 
 
 def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:

@@ -45,7 +45,8 @@ def serve(
         file named. One that is there is left alone.
     """
     if init_config is not None:
-        return _write_settings((*init_config, DEFAULT_FILE)[0])
+        _write_settings((*init_config, DEFAULT_FILE)[0])
+        return 0
     if reading.mode is not None:
         raise UsageError(
             "serve: mode is set, but a service reads with the camera first and then by touch",
@@ -54,7 +55,7 @@ def serve(
     return _serve(service, reading)
 
 
-def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = None) -> int:
+def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = None) -> None:
     """Work for a Dask scheduler until it ends, one process a core; a lost process is replaced.
 
     Start the scheduler with: dask scheduler. This is `dask worker` with one thread a process and the memory of maps
@@ -88,7 +89,7 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     os.execve(sys.executable, arguments, environment)
 
 
-def _write_settings(file: Path) -> int:
+def _write_settings(file: Path) -> None:
     from pipeline.cli.settings_reference import settings_file
     from pipeline.common.output_paths import write_text
 
@@ -96,7 +97,6 @@ def _write_settings(file: Path) -> int:
         raise UsageError(f"serve: {file} is there already", "name another file after --init-config")
     write_text(file, settings_file())
     _say(f"written to {file}: every setting with its default, commented out")
-    return 0
 
 
 def _say(line: str) -> None:

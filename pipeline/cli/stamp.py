@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
 
 
-def list_fonts(database: Path | None = None) -> int:
+def list_fonts(database: Path | None = None) -> None:
     """List the built-in fonts, or those of a glyph database, with the number of their characters.
 
     Parameters
@@ -37,10 +37,9 @@ def list_fonts(database: Path | None = None) -> int:
         print(f"{font.name:<20} {len(font.glyphs):4d} characters  {stroke:<18}  {font.source}")
     if content is not None:
         print(f"{len(content.exemplars)} enrolled exemplars")
-    return 0
 
 
-def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> int:
+def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> None:
     """Draw every character of fonts.
 
     Parameters
@@ -60,10 +59,9 @@ def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> int:
     check_writable(out, PICTURES)
     fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
     write_picture(sheet_figure(fonts, height_mm=height_mm), out)
-    return 0
 
 
-def build(out: Path, *font: str) -> int:
+def build(out: Path, *font: str) -> None:
     """Write a glyph database of fonts, to be given to `read --database`.
 
     Parameters
@@ -82,7 +80,6 @@ def build(out: Path, *font: str) -> int:
     fonts = [load_font(name) for name in font]
     save_database(GlyphDatabase(fonts={f.name: f for f in fonts}), out)
     print(f"wrote {out}: " + ", ".join(f"{f.name} ({len(f.glyphs)})" for f in fonts))
-    return 0
 
 
 def _fonts_of(name: str) -> list[Font]:
@@ -109,7 +106,7 @@ def synth(
     photo: bool = True,
     jobs: Positive = None,
     overwrite: Flag = False,
-) -> int:
+) -> None:
     """Stamp serials on plates: part-000.npz, part-000.png and so on, and truth.csv.
 
     Parameters
@@ -148,7 +145,6 @@ def synth(
         each = partial(ordered_map, executor)
         made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
     print(f"wrote {len(made)} parts and truth.csv to {out}")
-    return 0
 
 
 def _amounts(mix: str, kinds: Iterable[str]) -> dict[str, float]:

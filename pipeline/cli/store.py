@@ -81,7 +81,7 @@ def add(
     scope: Annotated[tuple[ScopeName, ...], Parameter(negative="")],
     days: Days = None,
     at: AtStore = STORE,
-) -> int:
+) -> None:
     """Make a token and print its secret once: the store keeps only its hash.
 
     Parameters
@@ -102,10 +102,9 @@ def add(
     until = "" if expires_at is None else f" until {expires_at:%Y-%m-%d}"
     print(f"token {name} for {', '.join(sorted(set(scope)))}{until}; keep it now:", file=sys.stderr)
     print(secret)
-    return 0
 
 
-def list_tokens(*, at: AtStore = STORE) -> int:
+def list_tokens(*, at: AtStore = STORE) -> None:
     """List the tokens, without their secrets."""
     with at.open_store() as store:
         found = store.tokens()
@@ -114,10 +113,9 @@ def list_tokens(*, at: AtStore = STORE) -> int:
         print(f"{token.name:<24} {scopes:<20} made {token.created_at:%Y-%m-%d}  {_status(token)}")
     if not found:
         print("no tokens; make one with `tactile-marks tokens add NAME --scope read`", file=sys.stderr)
-    return 0
 
 
-def revoke(name: str, *, at: AtStore = STORE) -> int:
+def revoke(name: str, *, at: AtStore = STORE) -> None:
     """Refuse a token from now on.
 
     Parameters
@@ -128,7 +126,6 @@ def revoke(name: str, *, at: AtStore = STORE) -> int:
     with at.open_store() as store:
         store.revoke(name)
     print(f"token {name} is refused from now on")
-    return 0
 
 
 def backup(

