@@ -147,9 +147,7 @@ def scan(
     from glyphs.surface.maps import TraceDirection
     from pipeline.bench.raster import feel_all, raster_passes
     from pipeline.bench.settings import read_bench
-    from pipeline.cli.whisker import scan_actively
-    from pipeline.common.output_paths import check_writable
-    from pipeline.formats.kinds import SCAN_SUFFIXES
+    from pipeline.cli.whisker import check_recording, scan_actively
     from whisker_array.scan.recording import save_scan
     from whisker_array.whisker.array import ALL_DIRECTIONS
 
@@ -168,7 +166,7 @@ def scan(
     if dry_run is not None:
         return _draw(passes, settings, dry_run)
     assert out is not None
-    check_writable(out, SCAN_SUFFIXES)
+    check_recording(out)
     with _opened(settings) as opened:
         session = opened.session(part_id)
         if active:

@@ -57,12 +57,14 @@ def certify(
     for name, value in (("risk", risk), ("confidence", confidence)):
         if not 0.0 < value < 1.0:
             raise UsageError(f"certify: {name} is {value:g}", "it lies between 0 and 1")
+    if out.suffix.lower() != ".json":
+        raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
     from pipeline.benchmark.report.certificate_page import write_certificate_page
     from pipeline.common.output_paths import check_writable
     from pipeline.reading.certificate import write_certificate
     from pipeline.runs import certification
 
-    check_writable(out, (".json",))
+    check_writable(out)
     with resumable(out.parent, hint=_GO_ON):
         found = certification.certify(
             inputs, truth, reading, workers, out=out, risk=risk, confidence=confidence, manifests=manifest

@@ -89,7 +89,7 @@ def scan(
     from whisker_array.whisker.defaults import default_whisker
     from whisker_array.whisker.touch import default_touch
 
-    check_writable(out, SCAN_SUFFIXES)
+    check_recording(out)
     if active and (profilers or two_way or whisker is not None):
         raise UsageError(
             "scan: --active chooses its passes for the usual comb",
@@ -122,6 +122,18 @@ def scan(
     )
     if built is not None and built.known is not None and not built.whisker.is_straight:
         print("\n".join(prediction_lines(predictions(built.whisker, built.touch, built.known))))
+
+
+def check_recording(path: Path) -> None:
+    """Check that a recording can have this name and be written.
+
+    Raises:
+        UsageError: another suffix.
+        FileError: it cannot be written.
+    """
+    if path.suffix.lower() not in SCAN_SUFFIXES:
+        raise UsageError(f"{path}: a recording ends in {SCAN_SUFFIXES[0]}")
+    check_writable(path)
 
 
 def scan_actively(
@@ -249,7 +261,7 @@ def import_traces(
     from whisker_array.scan.read_recording import VOLT
     from whisker_array.scan.recording import save_scan
 
-    check_writable(out, SCAN_SUFFIXES)
+    check_recording(out)
     if not files:
         raise UsageError("import: no files", "name the traces to be imported")
     described = read_traces_file(traces)
