@@ -380,31 +380,33 @@ def _parts(
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
 
-    given = {name: value for name, value in flags.items() if value is not None}
+    levels: dict[str, tuple[str | float, ...]] = {
+        name: _numbers(str(value))
+        if name == "severity"
+        else listed(value)
+        if isinstance(value, str)
+        else (value,)
+        for name, value in flags.items()
+        if value is not None
+    }
     words = {"severity": "dirt", "height_mm": "height-mm"}
     if (inputs is None) != (truth is None):
         raise UsageError("benchmark: --inputs and --truth go together")
-    if design is not None and (more := [*given, *(["inputs"] if inputs else [])]):
+    if design is not None and (more := [*levels, *(["inputs"] if inputs else [])]):
         what = f"benchmark: --design says what the parts are, and so does --{words.get(more[0], more[0])}"
         raise UsageError(what, "leave one of them out")
     if inputs is not None and truth is not None:
         made = ["parts"] * (parts is not None) + ["give"] * bool(give)
-        if extra := [*made, *(name for name in given if name not in ("severity", "font", "format"))]:
+        if extra := [*made, *(name for name in levels if name not in ("severity", "font", "format"))]:
             raise UsageError(f"benchmark: --{words.get(extra[0], extra[0])} is for parts that are made")
-        formats, severities = listed(str(given.get("format", ""))), _numbers(str(given.get("severity", "")))
+        formats, severities = levels.get("format", ("",)), levels.get("severity", (None,))
         if len(formats) > 1 or len(severities) > 1:
             raise UsageError("benchmark: a folder has one format and one dirt")
-        known = Condition(severity=(*severities, None)[0], format=(*formats, "")[0])
-        return ListedParts.of_files(inputs, truth, known)
+        return ListedParts.of_files(inputs, truth, Condition(severity=severities[0], format=formats[0]))
     if design is not None:
         return DesignedParts(design_named(design).with_given(give), parts)
-    levels: dict[str, tuple[str | float, ...]] = {
-        n: _numbers(str(v)) if n == "severity" else listed(v) if isinstance(v, str) else (v,)
-        for n, v in given.items()
-        if n != "seed"
-    }
-    seed = int(given.get("seed", 1))
-    return DesignedParts(of_flags(levels, parts=parts or 200, seed=seed, given=give or ("format",)))
+    (seed,) = levels.pop("seed", (1,))
+    return DesignedParts(of_flags(levels, parts=parts or 200, seed=int(seed), given=give or ("format",)))
 
 
 def _numbers(text: str) -> tuple[float, ...]:

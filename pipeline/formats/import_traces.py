@@ -174,11 +174,9 @@ def between_polls(u: Floats) -> Floats:
     usual = float(np.median(held[1:] if held.size > 1 else held))
     if usual < 2.0:
         return u
-    made = u.copy()
-    for begin, n in zip(polls[:-1], held, strict=True):
-        if n <= _GAP_STEPS * usual:
-            made[begin : begin + n] += np.arange(n) / n * (u[begin + n] - u[begin])
-    return made
+    lines, moves = np.interp(np.arange(u.size), polls, u[polls]), np.zeros(u.size, dtype=np.bool_)
+    moves[: polls[-1]] = np.repeat(held <= _GAP_STEPS * usual, held)
+    return np.where(moves, lines, u)
 
 
 def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -182,7 +181,7 @@ def checked(path: Path) -> Certificate:
         FileError: the file is not a certificate.
         SettingsError: it was made with another program or other networks.
     """
-    made = _loaded(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
+    made = load_certificate(path)
     differ = differences(made.versions, reader_versions())
     if differ:
         raise SettingsError(
@@ -227,8 +226,3 @@ def settings_described(settings: ReadSettings) -> dict[str, Any]:
 def _hash_of_file(path: Path) -> str:
     require_file(path, most_bytes=1_000_000_000)
     return f"sha256:{file_sha256(path)[:16]}"
-
-
-@cache
-def _loaded(name: str, _: int) -> Certificate:
-    return load_certificate(Path(name))

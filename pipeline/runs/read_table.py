@@ -23,7 +23,7 @@ _COLOUR = {
 }
 _GAP = "  "
 _LEAST_WIDTH = 20
-_SHORT_NAME = 8
+_USUAL_NAME = 16
 
 
 def print_table(records: Sequence[ReadingRecord]) -> None:
@@ -79,12 +79,12 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    """The columns that fit: up to two spare ones are left out to fit all names, else any for short names."""
-    for least, spare in ((widths["part"], _SPARE[:2]), (min(widths["part"], _SHORT_NAME), _SPARE)):
-        for count in range(len(spare) + 1):
-            kept = [h for h in headings if h not in spare[:count]]
-            if _total(kept, {**widths, "part": least}) <= width:
-                return kept
+    """The columns that fit beside names of a usual length; spare ones are left out as need be."""
+    least = {**widths, "part": min(widths["part"], _USUAL_NAME)}
+    for count in range(len(_SPARE) + 1):
+        kept = [h for h in headings if h not in _SPARE[:count]]
+        if _total(kept, least) <= width:
+            break
     return kept
 
 

@@ -10,7 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError, MarksError, MissingExtraError
+from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
@@ -92,16 +92,11 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
 
     settings, digest = order.settings, ""
     reader = _reader_for(order, listed)
-    try:
-        with local_copies(listed, photos=settings.mode not in (None, "tactile")) as part:
-            reading = PartReader(reader, settings).read(part, expected=listed.expected)
-            if order.digests:
-                texts = [*(file_sha256(Path(path)) for path in part.files), listed.format, listed.font]
-                digest = sha256(
-                    "\n".join((*texts, listed.expected)).encode("utf-8", "surrogatepass")
-                ).hexdigest()
-    except MissingExtraError as error:
-        raise FileError(listed.name, str(error), "where its worker runs") from error
+    with local_copies(listed, photos=settings.mode not in (None, "tactile")) as part:
+        reading = PartReader(reader, settings).read(part, expected=listed.expected)
+        if order.digests:
+            texts = [*(file_sha256(Path(path)) for path in part.files), listed.format, listed.font]
+            digest = sha256("\n".join((*texts, listed.expected)).encode("utf-8", "surrogatepass")).hexdigest()
     if order.verify and not listed.expected:
         note = "not verified: the table of expected texts has no such part"
         reading = replace(reading, notes=(*reading.notes, note))
