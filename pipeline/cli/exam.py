@@ -143,9 +143,9 @@ def run(
     with _at_work(len(source.items()), out, jobs, cluster) as (progress, executor):
         trials = run_benchmark(tried, out, executor=executor, progress=progress)
         progress.step("drawing the report")
-        written = write_report(tried, trials, out, certificate=vouching, executor=executor)
-    print_document(written.document, written.files)
-    _check_stable(written.statistics)
+        document, files, found = write_report(tried, trials, out, certificate=vouching, executor=executor)
+    print_document(document, files)
+    _check_stable(found)
 
 
 def gate(
@@ -321,8 +321,8 @@ def score(
     if out is None:
         print_document(document_of(statistics_of(trials, benchmark.crossed)))
     else:
-        written = write_report(benchmark, trials, out)
-        print_document(written.document, written.files)
+        document, files, _ = write_report(benchmark, trials, out)
+        print_document(document, files)
 
 
 def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs = 1) -> None:
@@ -346,8 +346,8 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs
     from pipeline.workers.options import WorkerSettings
 
     with WorkerSettings(jobs=jobs).opened(SHOWN) as executor:
-        written = write_comparison(before, after, out or after, executor=executor)
-    print_document(written.document, written.files)
+        document, files = write_comparison(before, after, out or after, executor=executor)
+    print_document(document, files)
 
 
 @contextmanager

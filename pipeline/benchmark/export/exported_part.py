@@ -71,7 +71,7 @@ def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[
         "views": writer.views,
         "lines": writer.lines,
         "scan": writer.scan,
-        "files": {path: sha256(data) for path, data in files.items()},
+        "files": {path: hashlib.sha256(data).hexdigest() for path, data in files.items()},
     }
     text = json.dumps(label, indent=1, ensure_ascii=False)
     return json.loads(text), {**files, label_path(item.part): (text + "\n").encode()}
@@ -80,11 +80,6 @@ def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[
 def label_path(part: str) -> str:
     """Path of the label of a part, within the folder."""
     return f"{LABELS}/{part}.json"
-
-
-def sha256(data: bytes) -> str:
-    """SHA-256, as in manifests."""
-    return hashlib.sha256(data).hexdigest()
 
 
 @dataclass

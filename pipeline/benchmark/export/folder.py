@@ -19,14 +19,10 @@ from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.export.data_card import CARD, card_of, page_of
-from pipeline.benchmark.export.exported_part import (
-    FOLDERS,
-    export_part,
-    label_path,
-    sha256,
-)
+from pipeline.benchmark.export.exported_part import FOLDERS, export_part, label_path
 from pipeline.benchmark.export.label_files import label_files
-from pipeline.common.version import differences
+from pipeline.common.output_paths import make_folder, write_json, write_text
+from pipeline.common.version import differences, file_sha256
 from pipeline.runs.progress import Progress
 from pipeline.workers.executors import Executor
 
@@ -74,7 +70,8 @@ def export(
             continue
         labels[item.part], files = outcome.result
         for path in sorted(files, key=label_path(item.part).__eq__):  # the label last
-            _put(folder / path, files[path])
+            with replacing(folder / path) as temporary:
+                temporary.write_bytes(files[path])
         if progress:
             progress.advance()
     if failed:
@@ -101,7 +98,7 @@ def check(parts: DesignedParts, folder: Path) -> dict[str, str]:
     for path, hashed in wanted.items():
         if path not in there:
             found[path] = "missing"
-        elif sha256((folder / path).read_bytes()) != hashed:
+        elif file_sha256(folder / path) != hashed:
             found[path] = "changed"
     return dict(sorted(found.items()))
 
@@ -118,24 +115,19 @@ def _prepare(parts: DesignedParts, folder: Path) -> None:
     Raises:
         FileError: they are not.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        occupied = any(folder.iterdir())
-        held = _json_of(folder / CARD)
-        new = card_of(parts, [], design=_design_of(parts))
-        if occupied:
-            if held is None:
-                raise FileError(folder, "is not empty and holds no export", "name another folder")
-            was, now = ({**(c.get("design") or {}), "program": c.get("program")} for c in (held, new))
-            if was != now:
-                what = f"holds another export ({differences(was, now)})"
-                raise FileError(folder, what, "name another folder")
-        for name in FOLDERS:
-            (folder / name).mkdir(exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    make_folder(folder)
+    held, new = _json_of(folder / CARD), card_of(parts, [], design=_design_of(parts))
+    if held is not None:
+        was, now = ({**(c.get("design") or {}), "program": c.get("program")} for c in (held, new))
+        if was != now:
+            what = f"holds another export ({differences(was, now)})"
+            raise FileError(folder, what, "name another folder")
+    elif any(folder.iterdir()):
+        raise FileError(folder, "is not empty and holds no export", "name another folder")
+    for name in FOLDERS:
+        make_folder(folder / name)
     if held is None:
-        _put(folder / CARD, _json(new))
+        write_json(folder / CARD, new)
 
 
 def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
@@ -144,7 +136,7 @@ def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
     if label is None or not isinstance(label.get("files"), dict):
         return None
     try:
-        same = all(sha256((folder / path).read_bytes()) == hashed for path, hashed in label["files"].items())
+        same = all(file_sha256(folder / path) == hashed for path, hashed in label["files"].items())
     except OSError:
         return None
     return label if same else None
@@ -153,24 +145,15 @@ def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
 def _finish(parts: DesignedParts, folder: Path, labels: Sequence[dict[str, Any]]) -> None:
     """Label files, card and manifest."""
     card = card_of(parts, labels, design=_design_of(parts))
-    texts = {**label_files(labels), CARD: _json(card), PAGE: page_of(card)}
-    hashes: dict[str, str] = {}
-    for label in labels:
-        path = label_path(label["part"])
-        hashes |= {**label["files"], path: sha256((folder / path).read_bytes())}
+    texts = {**label_files(labels), PAGE: page_of(card)}
+    write_json(folder / CARD, card)
     for name, text in texts.items():
-        _put(folder / name, text)
-        hashes[name] = sha256(text.encode())
-    _put(folder / MANIFEST, _json({"format_version": FORMAT_VERSION, "files": dict(sorted(hashes.items()))}))
-
-
-def _put(path: Path, contents: bytes | str) -> None:
-    with replacing(path) as temporary:
-        temporary.write_bytes(contents.encode() if isinstance(contents, str) else contents)
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, indent=1, ensure_ascii=False) + "\n"
+        write_text(folder / name, text)
+    made = [CARD, *texts, *(label_path(label["part"]) for label in labels)]
+    hashes = {path: file_sha256(folder / path) for path in made}
+    for label in labels:
+        hashes |= label["files"]
+    write_json(folder / MANIFEST, {"format_version": FORMAT_VERSION, "files": dict(sorted(hashes.items()))})
 
 
 def _json_of(path: Path) -> dict[str, Any] | None:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.benchmark.report.page import write_page
+from pipeline.benchmark.report.page import render
+from pipeline.common.output_paths import write_text
 from pipeline.reading.certificate import Certificate
 from recognition.decision.accepted_risk import Shown
 from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts
@@ -22,8 +23,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> None:
     Raises:
         FileError: the file cannot be written.
     """
-    write_page(
-        path,
+    page = render(
         "certificate.html.j2",
         title="Certificate of acceptance",
         c=certificate,
@@ -32,6 +32,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> None:
         p_value=P_VALUE,
         least_parts=LEAST_PARTS,
     )
+    write_text(path, page)
 
 
 def _spread(kind: KindOfParts) -> list[tuple[str, list[str]]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,10 @@ from typing import Any
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.report.page import render, write_page
+from pipeline.benchmark.report.page import render, write_files
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remake import remake
-from pipeline.common.output_paths import make_folder, write_table, write_text
 from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"
@@ -25,22 +23,9 @@ _MOST_LEVELS = 8
 """Levels of factors that the document names, those that changed most."""
 
 
-@dataclass(frozen=True)
-class Compared:
-    """A report.
-
-    Attributes:
-        files: the page with pictures, the tables in Markdown, and the table with a line a flip.
-        document: the tables in Markdown, and why there are no pictures where parts flipped.
-    """
-
-    files: tuple[Path, ...]
-    document: str
-
-
 def write_comparison(
     before: Path, after: Path, folder: Path, *, executor: Executor | None = None
-) -> Compared:
+) -> tuple[str, tuple[Path, ...]]:
     """Compare two folders of finished benchmarks.
 
     Args:
@@ -48,6 +33,9 @@ def write_comparison(
         after: folder B.
         folder: output folder for the page and the table; created if needed.
         executor: executor that draws (default: this process).
+
+    Returns:
+        The tables in Markdown, and why there are no pictures where parts flipped; and the paths of all files.
 
     Raises:
         FileError: a folder holds no benchmark, or cannot be written.
@@ -61,11 +49,7 @@ def write_comparison(
     changed = [row for row in found.by_factor if row.compared.characters.difference.value]
     changed.sort(key=lambda row: -abs(row.compared.characters.difference.value))
     document = render("compare.md.j2", **values, largest=changed[:_MOST_LEVELS])
-    make_folder(folder)
-    write_table(folder / TABLE, _rows(found))
-    write_text(folder / DOCUMENT, document)
-    write_page(
-        folder / PAGE,
+    page = render(
         "compare.html.j2",
         **values,
         title="What the change did",
@@ -73,7 +57,7 @@ def write_comparison(
         programs=tuple(str(book.description.get("program", "not known")) for book in books),
         drawn=drawn,
     )
-    return Compared(tuple(folder / name for name in (PAGE, DOCUMENT, TABLE)), document)
+    return document, write_files(folder, {PAGE: page, DOCUMENT: document, TABLE: _rows(found)})
 
 
 def _drawn(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.trials.journal import Trial
-from pipeline.common.output_paths import write_text
+from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.common.shares import Share
 from pipeline.common.texts import align
 from pipeline.common.version import library_versions
@@ -20,9 +21,24 @@ from pipeline.common.version import library_versions
 PROGRAM = "tactile-marks"
 
 
-def write_page(path: Path, template: str, **values: Any) -> None:
-    """Write a page of `pipeline.benchmark.report.templates`."""
-    write_text(path, render(template, **values))
+def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
+    """Write the files of a report: the rows of a .csv, the values of a .json, texts.
+
+    Args:
+        folder: output folder; created if missing.
+        contents: of the files, by name.
+
+    Returns:
+        Their paths.
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
+    make_folder(folder)
+    writers: dict[str, Callable[[Path, Any], None]] = {".csv": write_table, ".json": write_json}
+    for name, content in contents.items():
+        writers.get(Path(name).suffix, write_text)(folder / name, content)
+    return tuple(folder / name for name in contents)
 
 
 def render(template: str, **values: Any) -> str:

@@ -9,7 +9,6 @@ trials --statistics_of--> Statistics --+--> benchmark.json
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,11 +22,10 @@ from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
 from pipeline.benchmark.report import charts, curves
 from pipeline.benchmark.report.charts import data_uri, leading_mode, modes_in, severities_in
-from pipeline.benchmark.report.page import render, versions, write_page
+from pipeline.benchmark.report.page import render, versions, write_files
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
-from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
@@ -40,30 +38,10 @@ WRONG_LIMIT = 0.001
 PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 
 
-@dataclass(frozen=True)
-class Written:
-    """A report.
-
-    Attributes:
-        folder: of its files.
-        statistics: all figures.
-        document: the tables, in Markdown.
-    """
-
-    folder: Path
-    statistics: Statistics
-    document: str
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The page, the tables for documents as Markdown, the table of trials, and the figures."""
-        return tuple(self.folder / name for name in (PAGE, DOCUMENT, TABLE, FIGURES))
-
-
 def write_report(
     benchmark: Benchmark, trials: Sequence[Trial], folder: Path, *, certificate: Certificate | None = None,
     executor: Executor | None = None,
-) -> Written:  # fmt: skip
+) -> tuple[str, tuple[Path, ...], Statistics]:  # fmt: skip
     """Write the page, the tables and the figures.
 
     Args:
@@ -72,6 +50,9 @@ def write_report(
         folder: output folder.
         certificate: certificate that the parts were read with, if any.
         executor: executor that draws the worst parts (default: this process).
+
+    Returns:
+        The tables in Markdown, the paths of all files, and the figures.
 
     Raises:
         FileError: the folder cannot be written.
@@ -82,13 +63,14 @@ def write_report(
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
     document = document_of(found, drift)
-    make_folder(folder)
-    write_table(folder / TABLE, _rows(trials))
-    write_json(folder / FIGURES, _figures(benchmark, trials, found))
-    write_text(folder / DOCUMENT, document)
     values = _values(benchmark, trials, found) | {"worst": worst, "certificate": certificate, "drift": drift}
-    write_page(folder / PAGE, "report.html.j2", **values)
-    return Written(folder, found, document)
+    contents = {
+        PAGE: render("report.html.j2", **values),
+        DOCUMENT: document,
+        TABLE: _rows(trials),
+        FIGURES: _figures(benchmark, trials, found),
+    }
+    return document, write_files(folder, contents), found
 
 
 def document_of(found: Statistics, drift: Mapping[str, str] | None = None) -> str:

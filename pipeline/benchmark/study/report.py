@@ -16,11 +16,10 @@ from matplotlib.figure import Figure
 
 from pipeline.benchmark.analysis.statistics import plain
 from pipeline.benchmark.report.charts import WIDTH_IN, data_uri
-from pipeline.benchmark.report.page import render, write_page
+from pipeline.benchmark.report.page import render, write_files
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
-from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.plots.pictures import styled
 
 PAGE, DOCUMENT, FIGURES, READINGS = "study.html", "study.md", "study.json", "readings.csv"
@@ -50,16 +49,11 @@ def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
         "errors": [m for m in study.measured if m.error],
     }
     document = render("study.md.j2", **values)
-    make_folder(folder)
-    write_table(folder / READINGS, _readings(study))
-    write_text(folder / DOCUMENT, document)
     figures = plain(
         {"serials": study.serials, "decisions": study.decisions, "depth": study.depth, "sources": sources}
     )
-    write_json(folder / FIGURES, figures)
     differ = disputed_parts(study)
-    write_page(
-        folder / PAGE,
+    page = render(
         "study.html.j2",
         **values,
         title="Agreement study",
@@ -68,7 +62,8 @@ def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
         differ=[(part, study.truth.get(part, ""), _answers_of(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
     )
-    return document, tuple(folder / name for name in (PAGE, DOCUMENT, FIGURES, READINGS))
+    contents = {PAGE: page, DOCUMENT: document, FIGURES: figures, READINGS: _readings(study)}
+    return document, write_files(folder, contents)
 
 
 def disputed_parts(study: Study) -> list[str]:
