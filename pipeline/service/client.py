@@ -14,6 +14,7 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
 
 from __future__ import annotations
 
+import contextlib
 import random
 import secrets
 import ssl
@@ -303,15 +304,11 @@ def _read(source: Source, name: str) -> tuple[str, bytes]:
 
 
 def _refused(answer: httpx.Response) -> ServiceError:
-    try:
-        problem = answer.json()
-    except ValueError:
-        problem = {}
-    if not isinstance(problem, dict):
-        problem = {}
-    if not problem and answer.has_redirect_location:
-        return ServiceError(answer.status_code, {}, f"the service has moved to {answer.headers['location']}")
-    return ServiceError(answer.status_code, problem, "" if problem else answer.reason_phrase)
+    with contextlib.suppress(ValueError):
+        if isinstance(problem := answer.json(), dict) and problem:
+            return ServiceError(answer.status_code, problem)
+    moved = f"the service has moved to {answer.headers['location']}" if answer.has_redirect_location else ""
+    return ServiceError(answer.status_code, {}, moved or answer.reason_phrase)
 
 
 def _path(part_id: str) -> str:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from glyphs.errors import MarksError
 from pipeline.common.job_file import FILES, job_text
+from pipeline.common.settings import ReadSettings
 from pipeline.service.job_folder import JobFolder, without_paths
 from pipeline.service.web.problem import Problem
 
@@ -19,10 +22,15 @@ def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
     Raises:
         Problem: settings that cannot be, or that name a file of the service's machine.
     """
-    settings = jobs.settings_of(asked)
+    if not isinstance(asked, dict):
+        raise Problem(422, "the body is not a JSON object of settings")
+    try:
+        settings: ReadSettings = jobs.call(partial(ReadSettings.of, **asked))
+    except MarksError as error:
+        raise Problem(422, str(error)) from error
     written: dict[str, Any] = settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     if settings.database is not None:
-        written["database"] = str(jobs.databases.path(str(settings.database)))
+        written["database"] = str(jobs.databases.find(str(settings.database)))
     named: list[str] = [key for key in ("lexicon", "certificate") if key in written]
     named += [font for font in settings.font if Path(font).name != font or "." in font]
     if named:

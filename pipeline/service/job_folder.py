@@ -18,7 +18,6 @@ import threading
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -171,20 +170,6 @@ class JobFolder(RecentFiles):
         job = self._job(name)
         lines = {"line": list(job.settings.line)} if job.settings.line else {}
         return {**job.written, **lines}
-
-    def settings_of(self, written: Any) -> ReadSettings:
-        """Check the settings of a request and return them.
-
-        Raises:
-            Problem: they are not valid.
-        """
-        if not isinstance(written, dict):
-            raise Problem(422, "the body is not a JSON object of settings")
-        try:
-            settings: ReadSettings = self.call(partial(ReadSettings.of, **written))
-        except MarksError as error:
-            raise Problem(422, str(error)) from error
-        return settings
 
     def save(self, name: str, written: Mapping[str, Any]) -> bool:
         """Write a job, and return whether it is new.

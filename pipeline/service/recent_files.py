@@ -108,15 +108,6 @@ class GlyphDatabases(RecentFiles):
                 f"there is no glyph database {default}", hint="make it with enroll, or name another"
             )
 
-    def path(self, name: str) -> Path | None:
-        """The file of a database; None if no name is given: then the settings of reading decide.
-
-        Raises:
-            OwnProblem: its file was there lately, and is away.
-            Problem: no database has that name.
-        """
-        return self.find(name) if name else None
-
     def listed(self) -> list[dict[str, Any]]:
         """Name, size and time of each, and whether it is the default."""
         found = []

@@ -89,8 +89,9 @@ class WorkerCalls:
     async def _settings_with(self, database: str, job: str) -> ReadSettings:
         """The settings of a job, with the glyph database that a caller has named."""
         settings = await asyncio.to_thread(self.jobs.settings, job) if job else self.jobs.settings(job)
-        glyphs = self.jobs.databases.path(database)
-        return settings if glyphs is None else settings.model_copy(update={"database": glyphs})
+        if not database:
+            return settings
+        return settings.model_copy(update={"database": self.jobs.databases.find(database)})
 
     def outside_format(self, text: str, job: str) -> str:
         """Why a text does not fit the format of a job; empty if it fits, or the job is gone."""

@@ -124,8 +124,7 @@ class OpcUaPort:
         }
         self._nodes, self._events = await set_up_device(server, methods)
         await server.start()
-        if server.bserver is not None:
-            self.port = server.bserver.port
+        self.port = server.bserver.port
         self._server = server
         return {"host": self.host, "port": self.port}
 

@@ -85,8 +85,6 @@ class MqttSender:
         Raises:
             DeliveryError: no broker, no acknowledgement, or the broker refuses it.
         """
-        if not _NO_TOPIC.isdisjoint(delivery.part_id) or "/" in delivery.part_id:
-            raise DeliveryError(f"the part {delivery.part_id!r} makes no topic", lasting=True)
         connection = await self._connected()
         try:
             alert = delivery.payload.get("alert")

@@ -125,10 +125,7 @@ class MqttConnection:
             )
         acknowledged: asyncio.Future[Any] = self._loop.create_future()
         async with self._room:
-            try:
-                sent = self._client.publish(topic, payload, QOS, retain)
-            except ValueError as error:
-                raise DeliveryError(f"cannot be published: {error}", lasting=True) from error
+            sent = self._client.publish(topic, payload, QOS, retain)
             self._pending[sent.mid] = (acknowledged, n_bytes)
             try:
                 await self._first(acknowledged)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import PartRecord
@@ -103,7 +102,7 @@ def _doubt(character: CharacterRecord) -> str:
 
 
 def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateRecord, ...]:
-    least = len(list(takewhile(lambda c: c.probability >= _LEAST_PROBABILITY, candidates)))
+    least = sum(c.probability >= _LEAST_PROBABILITY for c in candidates)
     return tuple(candidates[: min(MOST_CANDIDATES, max(_FEWEST_CANDIDATES, least))])
 
 

@@ -303,10 +303,3 @@ async def test_over_tls_the_brokers_certificate_is_checked(
     with pytest.raises(DeliveryError):
         await plain.send(one_delivery())
     await plain.close()
-
-
-async def test_a_part_cannot_choose_another_topic() -> None:
-    sender = sender_to("mqtt://127.0.0.1:1")
-    for name in ("a/b", "#", "a+"):
-        with pytest.raises(DeliveryError, match="topic"):
-            await sender.send(one_delivery(name))
