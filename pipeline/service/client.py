@@ -274,29 +274,28 @@ class Client:
         """
         import httpx
 
-        until, attempt = time.monotonic() + self._patience_s, 0
+        until, wait_s = time.monotonic() + self._patience_s, _FIRST_WAIT_S
         while True:
-            attempt += 1
-            wait_s = 0.0
             try:
                 answer = self._http.request(method, path, **request)
             except httpx.TransportError as error:
                 # if there was no connection, nothing was sent
                 safe = repeatable or isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
-                failure = ServiceError(0, {}, f"the service was not reached: {error or repr(error)}")
+                failure, asked_s = (
+                    ServiceError(0, {}, f"the service was not reached: {error or error!r}"),
+                    0.0,
+                )
             else:
                 if answer.is_success:
                     return answer
-                failure = _refused(answer)
-                asked_to_wait = "retry-after" in answer.headers
-                safe = answer.status_code in _BUSY and (asked_to_wait or repeatable)
-                wait_s = retry_after_s(answer.headers)
-            wait_s = max(wait_s, min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2.0 ** (attempt - 1)))
+                failure, asked_s = _refused(answer), retry_after_s(answer.headers)
+                safe = answer.status_code in _BUSY and ("retry-after" in answer.headers or repeatable)
             # spread the retries of clients that were refused at the same time
-            wait_s *= 1.0 + 0.25 * random.random()
-            if not safe or time.monotonic() + wait_s > until:
+            pause_s = max(wait_s, asked_s) * (1.0 + 0.25 * random.random())
+            if not safe or time.monotonic() + pause_s > until:
                 raise failure
-            time.sleep(wait_s)
+            time.sleep(pause_s)
+            wait_s = min(2.0 * wait_s, _LONGEST_WAIT_S)
 
 
 def _read(source: Source, name: str) -> tuple[str, bytes]:

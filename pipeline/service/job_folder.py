@@ -254,8 +254,7 @@ class JobFolder(RecentFiles):
         except MarksError as error:
             problem = without_folders(str(error))
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
-            kept = (None, None) if before is None else (before.job, before.watch)
-            found = _Known(state, *kept, problem)
+            found = replace(before or _Known(state, None, None), state=state, problem=problem)
         else:
             log.info("job", job=name, sha256=job.sha256)
             found = _Known(state, job, watch)

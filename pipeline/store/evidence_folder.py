@@ -112,14 +112,10 @@ class EvidenceFolder:
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
         """Write content to a file and keep it, as `keep`."""
-        with file_errors(self.incoming):
-            handle, name = tempfile.mkstemp(prefix="made-", dir=self.incoming)
-            try:
-                with os.fdopen(handle, "wb") as stream:
-                    stream.write(content)
-                return self.keep(Path(name), sha256=hashlib.sha256(content).hexdigest())
-            finally:
-                Path(name).unlink(missing_ok=True)
+        with file_errors(self.incoming), tempfile.TemporaryDirectory(dir=self.incoming) as folder:
+            made = Path(folder, "made")
+            made.write_bytes(content)
+            return self.keep(made, sha256=hashlib.sha256(content).hexdigest())
 
     def path(self, sha256: str) -> Path:
         """Path at which the file with that hash is kept, whether it is there or not.

@@ -12,7 +12,7 @@ from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.user_managers import UserManager
 
 from pipeline.common.version import program_version
-from pipeline.service.inputs.opcua_model import load_model, ua
+from pipeline.service.inputs.opcua_model import AUTOID_URI, DI_URI, NODE_SET, READER_URI, ua
 
 # texts that are empty at first, which the file of the model cannot say
 _EMPTY = (
@@ -31,7 +31,11 @@ async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) 
     Returns:
         Its nodes by name, and the generator of its events.
     """
-    device, ocr_event = await load_model(server)
+    uris = (DI_URI, AUTOID_URI, READER_URI)
+    _, autoid, reader = [await server.register_namespace(uri) for uri in uris]
+    await server.import_xml(NODE_SET)
+    await server.load_data_type_definitions()
+    device = server.get_node(ua.NodeId("reader", reader))
     nodes = {(await node.read_browse_name()).Name: node for node in await device.get_children()}
     words = {
         **dict.fromkeys(_EMPTY, ""),
@@ -43,7 +47,7 @@ async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) 
         await nodes[name].write_value(value)
     for name, method in methods.items():
         server.link_method(nodes[name], method)
-    events = await server.get_event_generator(ocr_event, device)
+    events = await server.get_event_generator(ua.NodeId(1005, autoid), device)
     events.event.DeviceName = await nodes["DeviceName"].read_value()
     # the node set has no values to take them from
     events.event.data_types |= {

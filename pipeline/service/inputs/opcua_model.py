@@ -28,15 +28,3 @@ DI_URI = "http://opcfoundation.org/UA/DI/"
 AUTOID_URI = "http://opcfoundation.org/UA/AutoID/"
 READER_URI = "urn:tactile-marks:reader"
 NODE_SET = Path(__file__).with_name("opcua_autoid.xml")
-
-
-async def load_model(server: Any) -> tuple[Any, Any]:
-    """Load the types and the device into a server that has been initialised.
-
-    Returns:
-        The OCR reader, and the type of its events.
-    """
-    _, autoid, reader = [await server.register_namespace(uri) for uri in (DI_URI, AUTOID_URI, READER_URI)]
-    await server.import_xml(NODE_SET)
-    await server.load_data_type_definitions()
-    return server.get_node(ua.NodeId("reader", reader)), server.get_node(ua.NodeId(1005, autoid))

@@ -30,6 +30,7 @@ LEAVE_S = 2.0
 _UNSUPPORTED_VERSION, _NOT_AUTHORISED, _TOO_LARGE = 0x84, 0x87, 0x95
 _ENDS_OVER_A_MESSAGE = frozenset({0x82, _TOO_LARGE})
 """Protocol error (mosquitto's answer to a large message, which the library does not know), packet too large."""
+_TOO_LONG = "raise the broker's limit for messages"
 _TOGETHER = 20
 """Messages on the way at most; a broker may ask for fewer."""
 _HEAD_BYTES = 16
@@ -88,28 +89,24 @@ class MqttConnection:
         Raises:
             DeliveryError: no broker there, or it refuses the connection.
         """
-        where = f"{self._host}:{self._port}"
         try:
             await asyncio.to_thread(self._client.connect, self._host, self._port, KEEPALIVE_S)
         except (OSError, ValueError) as error:
-            raise DeliveryError(f"the broker {where} cannot be reached: {error}", away=True) from error
+            raise self._away(str(error)) from error
         self._client.loop_start()
         try:
-            await self._first(self._accepted)
+            code = await self._first(self._accepted)
         except asyncio.CancelledError:
             self._drop()  # which ends its thread
             raise
-        code = self._accepted.result() if self._accepted.done() else None
-        if code is not None and not code.is_failure:
-            return
-        await self.end()
-        if code is None:
-            why = self.lost.result() if self.lost.done() else "it does not answer"
-            raise DeliveryError(f"the broker {where} cannot be reached: {why}", away=True)
-        hint = ""
-        if code.value == _UNSUPPORTED_VERSION and self._new:
-            hint = 'it does not speak MQTT 5; set mqtt.version = "3.1.1"'
-        raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
+        except DeliveryError:
+            await self.end()
+            raise
+        if code.is_failure:
+            await self.end()
+            old = code.value == _UNSUPPORTED_VERSION and self._new
+            hint = 'it does not speak MQTT 5; set mqtt.version = "3.1.1"' if old else ""
+            raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
 
     async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
         """Publish and wait for the acknowledgement.
@@ -119,31 +116,26 @@ class MqttConnection:
         """
         n_bytes = _HEAD_BYTES + len(topic.encode()) + len(payload)
         if 0 < self._most_bytes < n_bytes:
-            raise DeliveryError(
-                f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be",
-                hint="raise the broker's limit for messages",
-            )
+            what = f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be"
+            raise DeliveryError(what, hint=_TOO_LONG)
         acknowledged: asyncio.Future[Any] = self._loop.create_future()
         async with self._room:
             sent = self._client.publish(topic, payload, QOS, retain)
             self._pending[sent.mid] = (acknowledged, n_bytes)
             try:
-                await self._first(acknowledged)
+                code = await self._first(acknowledged)
+            except DeliveryError:
+                if sent.mid != self._blamed:
+                    raise
+                raise DeliveryError(
+                    f"the broker refuses it: {self.lost.result()}; it has {n_bytes} bytes", hint=_TOO_LONG
+                ) from None
             finally:
                 del self._pending[sent.mid]
-        if acknowledged.done():
-            code = acknowledged.result()
-            if code.is_failure:
-                raise DeliveryError(f"the broker refuses it: {code}", hint=self._hint(code, topic))
-        elif sent.mid == self._blamed:
-            raise DeliveryError(
-                f"the broker refuses it: {self.lost.result()}; it has {n_bytes} bytes",
-                hint="raise the broker's limit for messages",
-            )
-        elif self.lost.done():
-            raise DeliveryError(f"the broker has gone: {self.lost.result()}", away=True)
-        else:
-            raise DeliveryError("the broker has not acknowledged it in time", away=True)
+        if code.is_failure:
+            denied = f"let the user {self._user or 'without a name'} write to {topic}"
+            hints = {_NOT_AUTHORISED: denied, _TOO_LARGE: _TOO_LONG}
+            raise DeliveryError(f"the broker refuses it: {code}", hint=hints.get(code.value, ""))
 
     async def end(self) -> None:
         """Disconnect; a broker that does not answer is left, and counts as lost."""
@@ -155,14 +147,15 @@ class MqttConnection:
         self._drop()
         await asyncio.to_thread(self._client.loop_stop)
 
-    async def _first(self, answer: asyncio.Future[Any]) -> None:
-        """Wait for an answer, the loss of the connection, or the end of patience."""
+    async def _first(self, answer: asyncio.Future[Any]) -> Any:
+        """The answer; an error once the connection is lost or patience ends."""
         await asyncio.wait({answer, self.lost}, timeout=self._timeout_s, return_when=asyncio.FIRST_COMPLETED)
+        if answer.done():
+            return answer.result()
+        raise self._away(self.lost.result() if self.lost.done() else "it does not answer")
 
-    def _hint(self, code: Any, topic: str) -> str:
-        if code.value == _NOT_AUTHORISED:
-            return f"let the user {self._user or 'without a name'} write to {topic}"
-        return "raise the broker's limit for messages" if code.value == _TOO_LARGE else ""
+    def _away(self, why: str) -> DeliveryError:
+        return DeliveryError(f"the broker {self._host}:{self._port} cannot be reached: {why}", away=True)
 
     def _drop(self) -> None:
         raw: Any = self._client.socket()

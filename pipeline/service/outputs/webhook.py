@@ -128,21 +128,14 @@ async def _leave(answer: httpx.Response) -> None:
 
 
 def _judge(answer: httpx.Response) -> None:
-    status = answer.status_code
-    if 200 <= status < 300:
-        return
-    if answer.has_redirect_location:
-        raise DeliveryError(
-            f"answers {status}, a redirect, which is not followed",
-            hint="set the webhook to the address it means",
-            away=True,
-            lasting=True,
-        )
+    status, what = answer.status_code, f"answers {answer.status_code}"
     if status in _LATER:
-        raise DeliveryError(f"answers {status}", away=True, retry_after_s=retry_after_s(answer.headers))
-    if status in _ADDRESS_WRONG:
-        raise DeliveryError(f"answers {status}", hint="check the webhook's address", away=True, lasting=True)
-    raise DeliveryError(f"answers {status}", lasting=400 <= status < 500)
+        raise DeliveryError(what, away=True, retry_after_s=retry_after_s(answer.headers))
+    if answer.has_redirect_location or status in _ADDRESS_WRONG:
+        hint = "check the webhook's address; redirects are not followed"
+        raise DeliveryError(what, hint=hint, away=True, lasting=True)
+    if not answer.is_success:
+        raise DeliveryError(what, lasting=400 <= status < 500)
 
 
 def _key(secret: str) -> bytes:

@@ -15,11 +15,12 @@ import pytest
 import structlog
 
 from glyphs.errors import FileError
+from pipeline.common.private import open_no_link
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
-from pipeline.service.inputs.watch_folder import WatchedFolder, open_no_link
+from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
