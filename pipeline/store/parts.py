@@ -122,7 +122,7 @@ def add_part(
     happened = [("received", given), *happened]
     if why := added.get("not_felt"):
         happened.append(("not_felt", {"why": why}))
-    figures = {"fell_back": False, "by_camera": False, "rejected": False, **changed}
+    figures = {"fell_back": False, "by_camera": False, **changed}
     part = write_part(tx, part, happened, targets=added.get("targets", ()), new=True, figures=figures)
     _keep_files(tx, part_id, added.get("evidence", ()))
     _claim_key(tx, added.get("idempotency"), part_id)
@@ -191,7 +191,6 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
         last = readings[-1]
         part = replace(part, reading=last, text="" if waits else last.text)
         figures["by_camera"] = part.state is PartState.ACCEPTED and last.source == "vision"
-        figures["rejected"] = last.decision == "reject"
     return part, [*happened, *alarms], figures
 
 

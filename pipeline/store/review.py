@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import sqlalchemy as sa
 
@@ -173,11 +173,11 @@ def review(
     }:
         part = replace(part, state=PartState.REVIEW, touch=None)
         return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
-    figures = _how_right(part, action, after)
-    judged = _NOT_JUDGED if unreadable else _RIGHT if figures["was_right"] else _WRONG
-    figures["audit"] = sa.case((parts.c.audit.is_not(None), judged))
+    right = part.reading is not None and part.reading.text == after
+    judged = _NOT_JUDGED if unreadable else _RIGHT if right else _WRONG
+    figures = {"audit": sa.case((parts.c.audit.is_not(None), judged)), **_NOT_CLAIMED}
     part = replace(part, state=PartState.REVIEWED, text=after, plan=None, touch=None, review=said)
-    return write_part(tx, part, [(REVIEWED, to_json(said))], targets=targets, figures=figures | _NOT_CLAIMED)
+    return write_part(tx, part, [(REVIEWED, to_json(said))], targets=targets, figures=figures)
 
 
 def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
@@ -201,8 +201,7 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
     if not person.said(said):
         hint = "who reviewed it can undo it; or review it anew"
         raise ConflictError(f"part {part_id} was reviewed by {said.who}", hint=hint)
-    figures: dict[str, Any] = {"was_right": None, "characters": None, "characters_right": None}
-    figures |= {"audit": sa.case((parts.c.audit.is_not(None), _DISPUTED))}
+    figures = {"audit": sa.case((parts.c.audit.is_not(None), _DISPUTED))}
     undone = ("review_undone", {"who": person.name, "text": said.before})
     part = replace(part, state=PartState.REVIEW, text=said.before)
     return write_part(tx, part, [undone], targets=targets, figures=figures)
@@ -312,15 +311,3 @@ def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
         what = f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}"
         raise ConflictError(what, hint="correct it instead")
     return part.text
-
-
-def _how_right(part: PartRecord, action: ReviewAction, after: str) -> dict[str, Any]:
-    read = part.reading.text[: 2 * MAX_TEXT] if part.reading is not None else ""
-    if action is ReviewAction.UNREADABLE:
-        # the true characters are unknown, so none is counted
-        return {"was_right": False, "characters": 0, "characters_right": 0}
-    from pipeline.common.texts import align
-
-    wrong = 0 if read == after else sum(not pair.right for pair in align(after, read))
-    n = len(after)
-    return {"was_right": read == after, "characters": n, "characters_right": max(0, n - wrong)}

@@ -12,9 +12,9 @@ import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import from_json, to_json
-from pipeline.common.records import EvidenceRecord, PartRecord
+from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ReviewAction
 from pipeline.store.database import AnyRow, Transaction, json_text
-from pipeline.store.errors import ConflictError, NotFoundError
+from pipeline.store.errors import MAX_TEXT, ConflictError, NotFoundError
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.tables import events, evidence, parts
 
@@ -68,7 +68,25 @@ def search_columns(part: PartRecord) -> dict[str, Any]:
         "touch_until": None if touch is None else touch.until,
         "agreement": None if shadow is None else shadow.agreement,
         "would_be": None if shadow is None else shadow.would_be,
+        "rejected": part.reading is not None and part.reading.decision == "reject",
+        **_how_right(part),
     }
+
+
+def _how_right(part: PartRecord) -> dict[str, Any]:
+    """After review: whether the reading was right, of how many characters, and how many of them."""
+    said = part.review if part.state is PartState.REVIEWED else None
+    if said is None:
+        return {"was_right": None, "characters": None, "characters_right": None}
+    if said.action is ReviewAction.UNREADABLE:
+        # the true characters are unknown, so none is counted
+        return {"was_right": False, "characters": 0, "characters_right": 0}
+    from pipeline.common.texts import align
+
+    read = part.reading.text[: 2 * MAX_TEXT] if part.reading is not None else ""
+    wrong = 0 if read == said.after else sum(not pair.right for pair in align(said.after, read))
+    n = len(said.after)
+    return {"was_right": read == said.after, "characters": n, "characters_right": max(0, n - wrong)}
 
 
 def write_part(
