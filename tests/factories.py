@@ -37,14 +37,13 @@ def scanned(
     friction: float | None = None,
     gain_sd: float | None = 0.03,
     chain: SensorChain | None = None,
-    memory: bool = False,
     **more: Any,
 ) -> Scan:
-    """A scan with sensors as from the bench, drawn from seed 3; `gain_sd` None: ideal ones; `memory`: they creep."""
+    """A scan with sensors as from the bench, drawn from seed 3; `gain_sd` None: ideal ones."""
     rng = np.random.default_rng(3)
     if chain is None and gain_sd is not None:
         n = plan.array.n_whiskers * plan.array.kinds
-        chain = draw_sensor_chain(n, rng=rng, gain_sd=gain_sd, memory=memory)
+        chain = draw_sensor_chain(n, rng=rng, gain_sd=gain_sd, memory=False)
     return trace_scan(
         surface, touch=touch, others=others, plan=plan, fidelity=fidelity, friction=friction, sensor=chain,
         rng=rng, **more,

@@ -152,11 +152,9 @@ def status_of(url: str) -> int:
             return 0
 
 
-def save_height_map(
-    path: Path, text: str, *, height_mm: float = 4.0, font: str = "gothic", seed: int = 3
-) -> Path:
+def save_height_map(path: Path, text: str, *, height_mm: float = 4.0) -> Path:
     """Stamp a clean plate and save its heights as npz."""
-    surface = stamp(text, font=font, height_mm=height_mm, seed=seed).height_map
+    surface = stamp(text, font="gothic", height_mm=height_mm, seed=3).height_map
     np.savez(path, z_mm=surface.z_mm, pitch_mm=surface.pitch_mm)
     return path
 

@@ -37,12 +37,12 @@ def plate() -> Heights:
 Z = plate()
 
 
-def columns(z: Heights = Z, *, fmt: str = "%.5f", delimiter: str = " ", head: str = "") -> str:
+def columns(z: Heights = Z, *, delimiter: str = " ", head: str = "") -> str:
     """x, y upwards and z, a line a point."""
     y, x = np.mgrid[0 : z.shape[0], 0 : z.shape[1]] * PITCH
     stream = io.StringIO()
     rows = np.column_stack([x.ravel(), (y.max() - y).ravel(), z.ravel()])
-    np.savetxt(stream, rows, fmt=["%.2f", "%.2f", fmt], delimiter=delimiter)
+    np.savetxt(stream, rows, fmt=["%.2f", "%.2f", "%.5f"], delimiter=delimiter)
     return head + stream.getvalue()
 
 
@@ -52,9 +52,9 @@ def matrix(z: Heights = Z, *, delimiter: str = " ", head: str = "", fmt: str = "
     return head + stream.getvalue()
 
 
-def with_gaps(mark: str, text: str = "") -> str:
+def with_gaps(mark: str) -> str:
     """Columns whose every 50th height is written as a mark."""
-    lines = (text or columns()).splitlines()
+    lines = columns().splitlines()
     for n in range(7, len(lines), 50):
         lines[n] = lines[n].rsplit(" ", 1)[0] + " " + mark
     return "\n".join(lines)

@@ -46,7 +46,6 @@ from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
 from tests.support.postgres_server import PostgresServer
-from tests.support.programs import program
 from tests.support.service_fixtures import InlinePool
 from tests.support.store_samples import reading
 from tests.support.waiting import PATIENCE_S, free_port, wait_until
@@ -285,7 +284,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the first round; the next has the next one")
     given = parser.parse_args()
     all_right = True
-    with contextlib.closing(PostgresServer(initdb=program("initdb"), postgres=program("postgres"))) as server:
+    with contextlib.closing(PostgresServer()) as server:
         for number in range(given.seed, given.seed + given.rounds):
             one = played(
                 server, f"round{number}", parts=given.parts, kills=given.kills,

@@ -321,7 +321,7 @@ def _photos_wait(root: Path) -> None:
         os.utime(path, (1_790_000_000 + number,) * 2)
 
 
-def _watch(root: Path, *, looks: int = 4) -> None:
+def _watch(root: Path) -> None:
     """As a service does from its start to its end."""
     parts = _Parts(root)
     watched = WatchedFolder(
@@ -332,7 +332,7 @@ def _watch(root: Path, *, looks: int = 4) -> None:
     )
 
     async def look() -> None:
-        for _ in range(looks):
+        for _ in range(4):
             await watched.look()
         await watched.stop(grace_s=0.0)
 

@@ -12,15 +12,13 @@ import pytest
 from tests.faults.history import DATABASE, Arrival, Kill, judged
 from tests.faults.plant import FROZEN, played
 from tests.support.postgres_server import PostgresServer
-from tests.support.programs import program
 
 PARTS, KILLS = 8, 1
 
 
 @pytest.mark.parametrize("database", [DATABASE, FROZEN])
 def test_two_services_lose_double_and_reorder_nothing(database: str) -> None:
-    server = PostgresServer(initdb=program("initdb"), postgres=program("postgres"))
-    with contextlib.closing(server):
+    with contextlib.closing(PostgresServer()) as server:
         one = played(server, "plant", parts=PARTS, kills=KILLS, database=[database], seed=5)
     assert not one.verdict.wrong, one.verdict
     assert one.parts == PARTS

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.support.postgres_server import PostgresServer
-from tests.support.programs import program
 
 if TYPE_CHECKING:
     from pipeline.store.store import Store
@@ -24,14 +23,10 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[Callable[[str], str]]:
-    """A PostgreSQL of this session: gives the URL of a database of its, by name.
-
-    It listens on a socket in its own folder and on no port, and ends with this process however that ends.
-    """
-    server = PostgresServer(initdb=program("initdb"), postgres=program("postgres"))
-    with contextlib.closing(server):
-        yield server.url
+def postgres() -> Iterator[PostgresServer]:
+    """A PostgreSQL of this session; it ends with this process however that ends."""
+    with contextlib.closing(PostgresServer()) as server:
+        yield server
 
 
 @pytest.fixture(scope="session")
@@ -52,13 +47,11 @@ def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pyt
                 Store.open(f"sqlite:///{template}").close()
             shutil.copyfile(template, made)
             return f"sqlite:///{made}"
-        url: Callable[[str], str] = request.getfixturevalue("postgres")
+        server: PostgresServer = request.getfixturevalue("postgres")
         if backend not in templates:
             templates[backend] = "template_store"
-            _administer(url("postgres"), "CREATE DATABASE template_store")
-            Store.open(url("template_store")).close()
-        _administer(url("postgres"), f"CREATE DATABASE {name} TEMPLATE template_store STRATEGY FILE_COPY")
-        return url(name)
+            Store.open(server.create("template_store")).close()
+        return server.create(name, like="template_store")
 
     return new_store
 
@@ -102,14 +95,5 @@ def blank_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """A database without any table."""
     if request.param == "sqlite":
         return f"sqlite:///{tmp_path}/blank.db"
-    url: Callable[[str], str] = request.getfixturevalue("postgres")
-    name = f"blank_{time.monotonic_ns()}"
-    _administer(url("postgres"), f"CREATE DATABASE {name}")
-    return url(name)
-
-
-def _administer(url: str, command: str) -> None:
-    import psycopg
-
-    with psycopg.connect(url, autocommit=True) as connection:
-        connection.execute(command.encode())
+    server: PostgresServer = request.getfixturevalue("postgres")
+    return server.create(f"blank_{time.monotonic_ns()}")

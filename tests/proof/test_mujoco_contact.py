@@ -106,9 +106,9 @@ def deviation(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0, d0
     return np.asarray((theirs.moment_n_mm - ours.moment_n_mm[0]) / land)
 
 
-def land_reading(run: Drag, d0: float = D0) -> int:
+def land_reading(run: Drag) -> int:
     """The last reading well before the seam: the tip is up to 0.3 d0 away from its force-free place."""
-    return int(np.searchsorted(run.free_tip_x_mm, -0.4 * d0))
+    return int(np.searchsorted(run.free_tip_x_mm, -0.4 * D0))
 
 
 def figures(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0) -> tuple[float, ...]:

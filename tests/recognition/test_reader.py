@@ -20,7 +20,7 @@ from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.reader import Reader
 from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire
-from tests.support.felt import felt
+from tests.support.felt import felt, shallower
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import ALL_DIRECTIONS
@@ -291,20 +291,11 @@ def test_every_character_has_a_depth(plain: tuple[StampedPart, Reading]) -> None
     assert found.depth_mean_mm == pytest.approx(np.mean([d.mean_mm for d in known]))
 
 
-def faint(part: StampedPart, which: int, floor_mm: float) -> HeightMap:
-    """The part with one character struck by the same die, less deep."""
-    z, pitch = part.height_map.z_mm.copy(), part.height_map.pitch_mm
-    x0, y0, x1, y1 = part.boxes_mm[which]
-    cell = (slice(int(y0 / pitch) - 1, int(y1 / pitch) + 3), slice(int(x0 / pitch) - 1, int(x1 / pitch) + 3))
-    z[cell] = np.minimum(z[cell] - z[cell].min() - floor_mm, 0.0)
-    return HeightMap(z, pitch)
-
-
 def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     make_part: Make, reader: Readers
 ) -> None:
     part = make_part("K7B29", calm=True)
-    shallow = faint(part, 3, 0.05)
+    shallow = shallower(part, 3, floor_mm=0.05)
     rules = (depth_rule("27CFR478.92"),)
     told = reader(depth_rules=rules, **KNOWN).read(shallow)
     assert told.text == part.text

@@ -112,9 +112,9 @@ def _npy_head(shape: tuple[int, ...], dtype: str = "<f4") -> bytes:
     return stream.getvalue()
 
 
-def _pitch(value: Any = 0.05) -> bytes:
+def _pitch() -> bytes:
     stream = io.BytesIO()
-    np.save(stream, np.asarray(value))
+    np.save(stream, np.asarray(0.05))
     return stream.getvalue()
 
 

@@ -36,9 +36,7 @@ def recorded(
     *,
     touch: Touch | None = None,
     friction: float = 0.2,
-    seed: int = 0,
     whiskers: int = 2,
-    memory: bool = False,
 ) -> Scan:
     """A scan of a piece by a few default whiskers, which says that they are as drawn whatever they are.
 
@@ -46,19 +44,16 @@ def recorded(
         piece: under the whiskers, its corner at the plate's.
         touch: how they truly meet it.
         friction: true.
-        seed: of the noise; gains and offsets are the same for all.
         whiskers: of the comb.
-        memory: whether its gauges creep and lag, and its stage has play.
     """
     drawn = default_touch(HEIGHT_MM)
     comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
     plan = RasterPlan(
         comb, (0.0, 0.0, *piece.size_mm), comb.pitch_mm / 4, 0.03125, speed_mm_s=50.0, lead_mm=1.5
     )
-    bench = VirtualBench(
-        piece.height_map(FINE_MM), HEIGHT_MM, memory=memory, sensor_seed=1, friction=friction
-    )
-    scan = bench.scan(plan, touch=touch or drawn, noise_seed=seed)
+    heights = piece.height_map(FINE_MM)
+    bench = VirtualBench(heights, HEIGHT_MM, memory=False, sensor_seed=1, friction=friction)
+    scan = bench.scan(plan, touch=touch or drawn, noise_seed=0)
     return replace(scan, touch=drawn)
 
 
@@ -99,28 +94,20 @@ class HiddenBench:
 
 
 def hidden_bench(
-    seed: int,
-    *,
-    whiskers: int = 3,
-    lines_a_pitch: int = 28,
-    memory: bool = True,
-    gains_shown: bool = False,
-    piece: Piece | None = None,
+    seed: int, *, memory: bool = True, gains_shown: bool = False, whiskers: int = 3
 ) -> HiddenBench:
-    """A bench whose every number is drawn as a workshop knows it before, and its recording of a piece.
+    """A bench whose every number is drawn as a workshop knows it before, and its recording of pits.
 
     The tip slides through places `_FINER` times as close as the samples, as on iron.
 
     Args:
         seed: of all numbers, and of the noise.
-        whiskers: of the comb.
-        lines_a_pitch: that the comb is moved by between two tips.
         memory: whether gauges creep and lag, and the stage's screw is as it is bought.
         gains_shown: whether a weight on each tip has shown the gains, as well as it does.
-        piece: under the whiskers; pits unless given.
+        whiskers: of the comb.
     """
     rng = np.random.default_rng(seed)
-    piece = piece or Piece(PieceKind.PITS)
+    piece = Piece(PieceKind.PITS)
     drawn, touch = default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM)
     comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
     nominal = nominal_bench(drawn, touch, n_whiskers=whiskers)
@@ -139,9 +126,7 @@ def hidden_bench(
     step_mm = 0.03125
     size = [round(value / step_mm) * step_mm for value in piece.size_mm]
     region = (_BESIDE_MM, _BESIDE_MM, _BESIDE_MM + size[0], _BESIDE_MM + size[1])
-    plan = RasterPlan(
-        comb, region, comb.pitch_mm / lines_a_pitch, step_mm, speed_mm_s=50.0, lead_mm=1.5, two_way=True
-    )
+    plan = RasterPlan(comb, region, comb.pitch_mm / 28, step_mm, speed_mm_s=50.0, lead_mm=1.5, two_way=True)
     chain = draw_sensor_chain(
         whiskers, rng=rng, full_scale_n_mm=3.0 * abs(touch.land_moment_n_mm()), memory=memory
     )

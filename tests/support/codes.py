@@ -21,18 +21,12 @@ MARGIN_MM = 8.0
 _FINE = 8
 
 
-def stamped_photo(text: str, *, seed: int = 4) -> Photo:
+def stamped_photo(text: str) -> Photo:
     """A photograph of a stamped serial with room for a code below it."""
-    font = load_font("gothic")
-    part = stamp_line(
-        text,
-        font,
-        default_die(5.0, font=font),
-        height_mm=5.0,
-        margin_mm=MARGIN_MM,
-        rng=np.random.default_rng(seed),
-    )
-    return Part(part, Soiling(), (seed,)).photograph()
+    font, rng = load_font("gothic"), np.random.default_rng(4)
+    die = default_die(5.0, font=font)
+    part = stamp_line(text, font, die, height_mm=5.0, margin_mm=MARGIN_MM, rng=rng)
+    return Part(part, Soiling(), (4,)).photograph()
 
 
 def with_code(

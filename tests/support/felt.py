@@ -47,3 +47,14 @@ def stamped_line(part: StampedPart) -> tuple[TextLine, NDArray[np.float64]]:
     along = np.linalg.norm(middles - middles[0], axis=1) + half
     line = TextLine(straight_through(middles, before=half, after=half), part.height_mm)
     return line, (along / part.height_mm + MARGIN) * HEIGHT_ROWS - 0.5
+
+
+def shallower(part: StampedPart, which: int, *, floor_mm: float, below: float = 0.0) -> HeightMap:
+    """The part with one character struck less deep by the same die, or only its part below a share of its box."""
+    z, pitch = part.height_map.z_mm.copy(), part.height_map.pitch_mm
+    x0, y0, x1, y1 = part.boxes_mm[which]
+    y0 += below * (y1 - y0)
+    cell = (slice(int(y0 / pitch) - 1, int(y1 / pitch) + 3), slice(int(x0 / pitch) - 1, int(x1 / pitch) + 3))
+    lifted = z[cell] - z[cell].min() - floor_mm
+    z[cell] = np.minimum(lifted, 0.0)
+    return HeightMap(z, pitch)

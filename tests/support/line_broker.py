@@ -66,17 +66,17 @@ class Broker:
 
 
 class GuardedBroker(Broker):
-    """Asks for a password; `rights` are lines of its ACL for the user marks, and the user reader may do everything."""
+    """Asks for a password; the users marks and reader may do everything."""
 
     user, password, reader = "marks", "geheim", "reader"
 
-    def __init__(self, folder: Path, rights: str = "topic readwrite #") -> None:
+    def __init__(self, folder: Path) -> None:
         folder.mkdir(exist_ok=True)
-        passwords, self._acl, self._rights = folder / "passwords", folder / "acl", rights
+        passwords, self._acl = folder / "passwords", folder / "acl"
         for user, new in ((self.user, ("-c",)), (self.reader, ())):
             command = [program("mosquitto_passwd"), "-b", *new, str(passwords), user, self.password]
             subprocess.run(command, check=True, capture_output=True)
-        self._write_rights(rights)
+        self._write_rights()
         super().__init__(folder, f"allow_anonymous false\npassword_file {passwords}\nacl_file {self._acl}\n")
         self.url = f"mqtt://{self.user}:{self.password}@127.0.0.1:{self.port}"
 
@@ -88,14 +88,14 @@ class GuardedBroker(Broker):
         try:
             yield
         finally:
-            self._write_rights(self._rights)
+            self._write_rights()
             self.kill(signal.SIGHUP)
 
     def listener(self) -> Listener:
         """One who may hear everything."""
         return Listener(self.port, user=self.reader, password=self.password)
 
-    def _write_rights(self, rights: str) -> None:
+    def _write_rights(self, rights: str = "topic readwrite #") -> None:
         self._acl.write_text(f"user {self.reader}\ntopic readwrite #\nuser {self.user}\n{rights}\n")
 
 

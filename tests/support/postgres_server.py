@@ -14,6 +14,8 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tests.support.programs import program
+
 _START_S = 30.0
 _PR_SET_PDEATHSIG = 1
 
@@ -21,9 +23,9 @@ _PR_SET_PDEATHSIG = 1
 class PostgresServer:
     """One server with its data; may be killed and started again."""
 
-    def __init__(self, *, initdb: str, postgres: str) -> None:
-        """Make its data and start it; arguments are paths of the programs."""
-        self._program, self._user = postgres, _unprivileged()
+    def __init__(self) -> None:
+        """Make its data and start it."""
+        self._program, initdb, self._user = program("postgres"), program("initdb"), _unprivileged()
         self.folder = Path(tempfile.mkdtemp(prefix="tactile-marks-pg-"))
         self._process: subprocess.Popen[bytes] | None = None
         try:
@@ -84,12 +86,12 @@ class PostgresServer:
         """Of a database of its, by name."""
         return f"postgresql://postgres@/{name}?host={self.folder}"
 
-    def create(self, name: str) -> str:
-        """Make an empty database; its URL."""
+    def create(self, name: str, *, like: str = "template1") -> str:
+        """Make a database, empty or with all that another has; its URL."""
         import psycopg
 
         with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
-            connection.execute(f"CREATE DATABASE {name}".encode())
+            connection.execute(f"CREATE DATABASE {name} TEMPLATE {like} STRATEGY FILE_COPY".encode())
         return self.url(name)
 
     def kill(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
@@ -17,6 +18,21 @@ SMALL_PLAN = RasterPlan(
     air_samples=6,
 )
 """Of a plate of 6 x 4 mm."""
+ROUGH_PLAN = RasterPlan(
+    array=WhiskerArray(3, 0.5),
+    region_mm=(0.5, 0.5, 6.0, 3.0),
+    line_pitch_mm=0.25,
+    sample_pitch_mm=0.1,
+    directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_Y),
+    lead_mm=0.7,
+    air_samples=5,
+)
+"""Of `rough_plate`."""
+
+
+def rough_plate(rng: np.random.Generator) -> HeightMap:
+    """Noise of 2 um, on 7.2 x 3.6 mm."""
+    return HeightMap(rng.normal(0.0, 0.002, (60, 120)).astype(np.float32), 0.06)
 
 
 def _assert_arrays(one: object, other: object, *names: str) -> None:

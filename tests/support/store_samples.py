@@ -37,6 +37,19 @@ PLAN = ScanPlanRecord(
     height_mm=5.0,
     reason="the camera is unsure",
 )
+STAGE_PLAN = ScanPlanRecord(
+    region_mm=(2.0, 1.0, 14.0, 9.0),
+    directions_deg=(0, 90, 180, 270),
+    passes=1,
+    line_pitch_mm=0.125,
+    sample_pitch_mm=0.0625,
+    speed_mm_s=50.0,
+    preload_mm=1.0,
+    seconds=1.0,
+    height_mm=5.0,
+    reason="to try it",
+)
+"""For a simulated stage."""
 
 
 @dataclass

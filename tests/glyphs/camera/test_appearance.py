@@ -26,13 +26,13 @@ def _matt(shape: tuple[int, int], albedo: float = 0.5) -> Look:
     return Look(albedo * np.ones((*shape, 3)), 0.5 * ones, 0.0 * ones)
 
 
-def _plane(slope_x: float, slope_y: float, n: int = 24) -> HeightMap:
-    y, x = np.mgrid[:n, :n] * 0.1
+def _plane(slope_x: float, slope_y: float) -> HeightMap:
+    y, x = np.mgrid[:24, :24] * 0.1
     return HeightMap((slope_x * x + slope_y * y).astype(np.float32), 0.1)
 
 
-def _scene(z: np.ndarray, look: Look, pitch_mm: float = 0.1) -> SoiledPart:
-    height_map = HeightMap(z.astype(np.float32), pitch_mm)
+def _scene(z: np.ndarray, look: Look) -> SoiledPart:
+    height_map = HeightMap(z.astype(np.float32), 0.1)
     part = StampedPart(height_map, "", 5.0, (), "none")
     return SoiledPart(part, height_map, Soil(np.zeros(z.shape), np.float32(1.0), np.float32(0.2)), look)
 

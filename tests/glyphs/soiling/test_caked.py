@@ -23,8 +23,8 @@ def _caked(amount: float, seed: int, height_mm: float = 5.0, raised: bool = Fals
     return caked(_coat(height_mm=height_mm, raised=raised), amount, rng=np.random.default_rng(seed))
 
 
-def _laid(amount: float, seed: int, height_mm: float = 5.0) -> Field:
-    return np.asarray(_caked(amount, seed, height_mm).z_mm - _coat(height_mm=height_mm).z_mm)
+def _laid(amount: float, seed: int) -> Field:
+    return np.asarray(_caked(amount, seed).z_mm - _coat(height_mm=5.0).z_mm)
 
 
 def _floor(coat: Coat) -> NDArray[np.bool_]:

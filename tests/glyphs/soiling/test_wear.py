@@ -18,9 +18,9 @@ from tests.support.coats import bare_part
 _coat = partial(bare_part, "H8", seed=1, varied=False)
 
 
-def _rubbed(coat: Coat, amount: float, *, soft: float, seed: int = 0) -> Field:
+def _rubbed(coat: Coat, amount: float, *, soft: float) -> Field:
     life = wear._Life(rubbed=1.0, peened=0.0, knocked=0.0, soft=soft, crossed=0.0)
-    z, _ = wear._rub(on_bench(coat), coat.z_mm, amount, life, rng=np.random.default_rng(seed))
+    z, _ = wear._rub(on_bench(coat), coat.z_mm, amount, life, rng=np.random.default_rng(0))
     return z
 
 

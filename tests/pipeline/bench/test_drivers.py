@@ -59,7 +59,7 @@ def shape_of(moment: NDArray[np.float32]) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("firmware", FIRMWARE)
 def test_passes_in_all_directions_feel_what_the_simulated_stage_feels(firmware: str) -> None:
-    part, _ = on_plate(level(stamped()), None, bench_settings())
+    part = on_plate(level(stamped()), bench_settings())
     alone = SimulatedSession(
         part,
         touch=bench_settings().touch(),

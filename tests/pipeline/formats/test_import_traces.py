@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,15 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FileError, MissingExtraError
-from glyphs.surface.maps import HeightMap, TraceDirection
+from glyphs.surface.maps import TraceDirection
 from pipeline.cli.main import main
 from pipeline.formats.import_traces import import_traces
 from pipeline.formats.traces_file import TracesFile, read_traces_file
 from tests.factories import scanned
+from tests.support.scans import ROUGH_PLAN, rough_plate
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.stagger import to_instants
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
 TOUCH = default_touch(5.0)
@@ -34,18 +35,9 @@ def told(**more: Any) -> TracesFile:
 
 @pytest.fixture(scope="module")
 def scan() -> Scan:
-    rng = np.random.default_rng(3)
-    plan = RasterPlan(
-        array=WhiskerArray(3, 0.5),
-        region_mm=(0.5, 0.5, 6.0, 1.9),
-        line_pitch_mm=0.25,
-        sample_pitch_mm=0.1,
-        directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y, TraceDirection.BACK_X),
-        lead_mm=0.7,
-        air_samples=5,
-    )
-    surface = HeightMap(rng.normal(0.0, 0.002, (60, 120)).astype(np.float32), 0.06)
-    return scanned(surface, plan, touch=TOUCH)
+    ways = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y, TraceDirection.BACK_X)
+    plan = replace(ROUGH_PLAN, region_mm=(0.5, 0.5, 6.0, 1.9), directions=ways)
+    return scanned(rough_plate(np.random.default_rng(3)), plan, touch=TOUCH)
 
 
 def rows_of(scan: Scan, *, behind: tuple[int, ...] = (0, 0, 0)) -> dict[str, np.ndarray]:

@@ -22,15 +22,15 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.runs.quarantine import begin_quarantine, write_quarantine
 
 
-def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:
-    path = folder / name
+def table(folder: Path, text: str | bytes) -> str:
+    path = folder / "lot.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return str(path)
 
 
-def parquet_table(folder: Path, columns: dict[str, Any], name: str = "lot.parquet") -> str:
-    parquet.write_table(pyarrow.table(columns), folder / name)
-    return str(folder / name)
+def parquet_table(folder: Path, columns: dict[str, Any]) -> str:
+    parquet.write_table(pyarrow.table(columns), folder / "lot.parquet")
+    return str(folder / "lot.parquet")
 
 
 # --------------------------------------------------------------------------------------------------- good tables

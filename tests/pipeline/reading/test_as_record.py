@@ -33,7 +33,7 @@ from recognition.views.codes import Code
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
 
-def reading(text: str, *, confidence: float = 0.97) -> Reading:
+def reading(text: str) -> Reading:
     characters = tuple(
         CharacterReading(
             (Candidate(c, 0.9, 0.9), Candidate("X", 0.4, 0.08), Candidate("Y", 0.1, 0.002)), BOX, depth
@@ -42,7 +42,7 @@ def reading(text: str, *, confidence: float = 0.97) -> Reading:
     )
     return Reading(
         characters,
-        confidence,
+        0.97,
         flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
         findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for x: 1 0.212 mm (at least 0.3)"),),
         font="gothic",

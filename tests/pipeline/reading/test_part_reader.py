@@ -31,8 +31,8 @@ from tests.support.readings import reading_of
 SHAPE = (20, 30)
 
 
-def lattice(text: str, chars: str = "AB12") -> Lattice:
-    return Lattice(tuple(chars), np.log([[0.999 if c == t else 1e-5 for c in chars] for t in text]))
+def lattice(text: str) -> Lattice:
+    return Lattice(tuple("AB12"), np.log([[0.999 if c == t else 1e-5 for c in "AB12"] for t in text]))
 
 
 class FakeReader(Reader):

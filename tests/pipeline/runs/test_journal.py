@@ -77,8 +77,8 @@ def row(name: str, **more: Any) -> ReadingRecord:
     return ReadingRecord("tactile", "AB12", "accept", 0.97, part=name, seconds=0.25, font="gothic", **more)
 
 
-def rows_of(n: int, start: int = 0) -> list[ReadingRecord]:
-    return [row(f"part-{i}") for i in range(start, start + n)]
+def rows_of(n: int) -> list[ReadingRecord]:
+    return [row(f"part-{i}") for i in range(n)]
 
 
 def names(rows: Iterable[TableRow | ReadingRecord]) -> list[str]:

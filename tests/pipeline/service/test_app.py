@@ -4,34 +4,25 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.records import PartState, Scope
 from pipeline.common.settings import SettingsError
-from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.drivers import load_driver
 from tests.support.page_shop import goes_to
 from tests.support.service_fixtures import FORMAT, Served, inline_service
-from tests.support.store_samples import PLAN, reading
+from tests.support.store_samples import PLAN, STAGE_PLAN, reading
 
 CLEAN = "clean"
+WHOLE_PLATE = replace(STAGE_PLAN, region_mm=(0.0, 0.0, 60.0, 15.0))
 WEBHOOK = {"url": "http://127.0.0.1:9/none"}
-
-
-@pytest.fixture(scope="module")
-def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A clean part that the camera reads."""
-    folder = tmp_path_factory.mktemp("parts")
-    text = write_part(SynthSpec(format=FORMAT, seed=21), folder / CLEAN, 0, photos=True)
-    (folder / f"{CLEAN}.txt").write_text(text)
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -46,26 +37,26 @@ def client(served: Served) -> TestClient:
     return served[1]
 
 
-def truth(parts: Path, name: str) -> str:
-    return (parts / f"{name}.txt").read_text()
+def truth(parts: Path) -> str:
+    return (parts / f"{CLEAN}.txt").read_text()
 
 
-def photo(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
-    return {"photo": (f"{name}.png", (parts / f"{name}.png").read_bytes())}
+def photo(parts: Path) -> dict[str, tuple[str, bytes]]:
+    return {"photo": (f"{CLEAN}.png", (parts / f"{CLEAN}.png").read_bytes())}
 
 
-def height_map(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
-    return {"scan": (f"{name}.npz", (parts / f"{name}.npz").read_bytes())}
+def height_map(parts: Path) -> dict[str, tuple[str, bytes]]:
+    return {"scan": (f"{CLEAN}.npz", (parts / f"{CLEAN}.npz").read_bytes())}
 
 
 def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts: Path) -> None:
-    files = [*photo(parts, CLEAN).items(), ("photo", ("again.png", (parts / f"{CLEAN}.png").read_bytes()))]
+    files = [*photo(parts).items(), ("photo", ("again.png", (parts / f"{CLEAN}.png").read_bytes()))]
     part = client.post("/v1/parts", files=files).json()
-    assert (part["state"], part["text"], part["reading"]["photos"]) == ("accepted", truth(parts, CLEAN), 2)
+    assert (part["state"], part["text"], part["reading"]["photos"]) == ("accepted", truth(parts), 2)
     history = client.get(f"{part['links']['self']}/history").json()
     kept = [one["name"] for one in history["evidence"] if one["kind"] == "photo"]
     assert kept == [f"{CLEAN}.png", "again.png"]
-    refused = client.post("/v1/parts", files=[*photo(parts, CLEAN).items()] * 13)
+    refused = client.post("/v1/parts", files=[*photo(parts).items()] * 13)
     assert refused.status_code == 422
     assert refused.json()["detail"] == "there are 13 photos; 12 of a part may be"
 
@@ -99,7 +90,7 @@ def test_names_and_reviews_hold_nothing_hidden(served: Served, parts: Path) -> N
     service.store.add_part(part_id=(part_id := new_part_id()), name="odd", state=PartState.REVIEW)
     said = {"action": "correct", "text": "KX40", "who": "Anna", "note": "two\nlines"}
     for name in ("KX4\u202e15", "a\x1b[31m", "zero\u200bwidth"):
-        refused = client.post("/v1/parts", files=photo(parts, CLEAN), data={"name": name})
+        refused = client.post("/v1/parts", files=photo(parts), data={"name": name})
         assert (refused.status_code, "name" in refused.json()["detail"]) == (422, True)
         for field in ("text", "who", "note"):
             hidden = client.post(f"/v1/parts/{part_id}/review", json={**said, field: name})
@@ -111,7 +102,7 @@ def test_a_full_queue_refuses_at_once(served: Served, parts: Path) -> None:
     service, client = served
     service.pool.full = True  # type: ignore[attr-defined]
     try:
-        answer = client.post("/v1/parts", files=photo(parts, CLEAN))
+        answer = client.post("/v1/parts", files=photo(parts))
     finally:
         service.pool.full = False  # type: ignore[attr-defined]
     assert answer.status_code == 503
@@ -177,7 +168,7 @@ def test_settings_over_the_limit_are_no_fault_of_the_program(
 
 def test_a_photograph_of_too_many_pixels_is_refused_unseen(tmp_path: Path, parts: Path) -> None:
     with inline_service(tmp_path, limits={"photo_pixels": 1000}) as (_, client):
-        answer = client.post("/v1/parts", files=photo(parts, CLEAN))
+        answer = client.post("/v1/parts", files=photo(parts))
         assert answer.status_code == 422
         assert "1,000" in answer.json()["detail"]
 
@@ -189,12 +180,12 @@ def test_beyond_the_loopback_tokens_are_asked_for_and_scopes_hold(tmp_path: Path
         reader = service.store.add_token("reader", [Scope.READ])
         told = {"Authorization": f"Bearer {reader}"}
         assert client.get("/v1/parts", headers=told).json() == []
-        assert client.post("/v1/parts", files=photo(parts, CLEAN), headers=told).status_code == 403
+        assert client.post("/v1/parts", files=photo(parts), headers=told).status_code == 403
         writer = service.store.add_token("writer", [Scope.WRITE])
         told = {"Authorization": f"Bearer {writer}"}
-        assert client.post("/v1/parts", files=photo(parts, CLEAN), headers=told).status_code == 201
+        assert client.post("/v1/parts", files=photo(parts), headers=told).status_code == 201
         service.store.revoke("writer")
-        assert client.post("/v1/parts", files=photo(parts, CLEAN), headers=told).status_code == 401
+        assert client.post("/v1/parts", files=photo(parts), headers=told).status_code == 401
         assert goes_to(client.get("/review", follow_redirects=False)).startswith("/login")
 
 
@@ -203,7 +194,7 @@ def test_a_foreign_page_cannot_reach_a_service_without_tokens(client: TestClient
     assert rebound.status_code == 400
     for own in ("localhost", "127.0.0.1:8417", "[::1]:8417", "LOCALHOST:1"):
         assert client.get("/v1/parts", headers={"Host": own}).status_code == 200
-    forged = client.post("/v1/parts", files=photo(parts, CLEAN), headers={"Origin": "http://evil.example"})
+    forged = client.post("/v1/parts", files=photo(parts), headers={"Origin": "http://evil.example"})
     assert forged.status_code == 403
 
 
@@ -215,10 +206,10 @@ def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
     save_database(GlyphDatabase({"gothic": load_font("gothic")}), tmp_path / "databases" / "press-7.glyphs")
     with inline_service(tmp_path) as (_, client):
         assert [d["name"] for d in client.get("/v1/databases").json()] == ["press-7"]
-        part = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"database": "press-7"}).json()
-        assert part["text"] == truth(parts, CLEAN)
+        part = client.post("/v1/parts", files=height_map(parts), data={"database": "press-7"}).json()
+        assert part["text"] == truth(parts)
         assert part["database"] == part["reading"]["database"] == "press-7"
-        missing = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"database": "../press-7"})
+        missing = client.post("/v1/parts", files=height_map(parts), data={"database": "../press-7"})
         assert missing.status_code == 422
         assert "press-7" in missing.json()["detail"]
 
@@ -231,7 +222,7 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
         unsure = ReadPart((reading(source="vision", decision="review"),), plan=PLAN)
         service.pool.instead = lambda *_: unsure  # type: ignore[attr-defined]
         asked = {} if touch is None else {"touch": touch}
-        part = client.post("/v1/parts", files=photo(parts, CLEAN), data=asked).json()
+        part = client.post("/v1/parts", files=photo(parts), data=asked).json()
         assert part["state"] == state
         assert part["plan"]["region_mm"]
         assert service.store.undelivered() == 1
@@ -240,7 +231,7 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
         assert [p.id for p in service.store.queue()] == ([part["id"]] if state == "review" else [])
         if touch == "plan":  # whoever has a stage may still send what it felt
             service.pool.instead = None  # type: ignore[attr-defined]
-            felt = client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, CLEAN))
+            felt = client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts))
             assert (felt.status_code, felt.json()["reading"]["source"]) == (200, "fused")
 
 
@@ -257,28 +248,21 @@ class Iron:
 def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
     tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    Iron.recording = feel_plan(SimulatedStage(parts), ScanOrder(CLEAN, _whole_plate()), tmp_path)
+    Iron.recording = feel_plan(SimulatedStage(parts), ScanOrder(CLEAN, WHOLE_PLATE), tmp_path)
     monkeypatch.setattr("pipeline.formats.synth.iron_stage", Iron, raising=False)
     with inline_service(tmp_path / "s", stage={"driver": "pipeline.formats.synth:iron_stage"}) as (
         service,
         client,
     ):
         part_id = new_part_id()
-        service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=_whole_plate())
+        service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=WHOLE_PLATE)
         part = client.post(f"/v1/parts/{part_id}/touch").json()
-        assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
+        assert (part["state"], part["text"]) == ("accepted", truth(parts))
     for wrong, says in (("nowhere", "module:name"), ("no.such:thing", "found"), ("json:no_such", "found")):
         with pytest.raises(SettingsError, match=says):
             load_driver(wrong, verbs=("feel",))
     with pytest.raises(SettingsError, match="no method 'open' or 'feel'"):
         load_driver("builtins:dict", verbs=("open", "feel"))
-
-
-def _whole_plate() -> ScanPlanRecord:
-    return ScanPlanRecord(
-        region_mm=(0.0, 0.0, 60.0, 15.0), directions_deg=(0, 90, 180, 270), passes=1, line_pitch_mm=0.125,
-        sample_pitch_mm=0.0625, speed_mm_s=50.0, preload_mm=1.0, seconds=1.0, height_mm=5.0, reason="to try it",
-    )  # fmt: skip
 
 
 def test_the_description_of_the_interface_stands_and_has_examples(client: TestClient) -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
 from tests.support.certificates import measured, written
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
@@ -25,10 +24,9 @@ def certified(tmp_path_factory: pytest.TempPathFactory) -> ReadSettings:
 
 
 def test_a_trigger_has_the_stage_feel_what_the_certificate_does_not_cover(
-    certified: ReadSettings, tmp_path: Path
+    certified: ReadSettings, parts: Path, tmp_path: Path
 ) -> None:
-    write_part(SynthSpec(format=FORMAT, seed=21), tmp_path / "clean", 0, photos=True)
-    around = {"stage": {"folder": tmp_path}, "camera": {"folder": tmp_path}, "webhook": {"url": NOBODY}}
+    around = {"stage": {"folder": parts}, "camera": {"folder": parts}, "webhook": {"url": NOBODY}}
     with inline_service(tmp_path / "data", reading=certified, **around) as served:
         part, store = triggered(served, "clean"), served[0].store
         first, last = store.story(part.id).readings

@@ -18,7 +18,6 @@ from pipeline.reading.triage import ReadPart
 from pipeline.store.errors import StoreError
 from pipeline.store.store import Store
 from tests.support.postgres_server import PostgresServer
-from tests.support.programs import program
 from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import reading
 
@@ -26,17 +25,10 @@ SILENT_S, CONNECT_S = 1.0, 2.0
 MOST_S = 2.0 * (SILENT_S + CONNECT_S)
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[PostgresServer]:
-    one = PostgresServer(initdb=program("initdb"), postgres=program("postgres"))
-    with contextlib.closing(one):
-        yield one
-
-
 @pytest.fixture
-def url(server: PostgresServer, monkeypatch: pytest.MonkeyPatch) -> str:
+def url(postgres: PostgresServer, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setattr("pipeline.store.postgres.SILENT_S", SILENT_S)
-    return f"{server.create(f'frozen_{time.monotonic_ns()}')}&connect_timeout={CONNECT_S:.0f}"
+    return f"{postgres.create(f'frozen_{time.monotonic_ns()}')}&connect_timeout={CONNECT_S:.0f}"
 
 
 @pytest.fixture
@@ -65,7 +57,7 @@ def timed(call: Callable[[], Any]) -> tuple[Any, float]:
     return call(), time.monotonic() - began_s
 
 
-def test_a_store_says_after_a_while_that_nobody_answers(server: PostgresServer, url: str) -> None:
+def test_a_store_says_after_a_while_that_nobody_answers(postgres: PostgresServer, url: str) -> None:
     def refused(_: int = 0) -> bool:
         with pytest.raises(StoreError, match=r"does not answer.*; check that the database runs"):
             store.ping()
@@ -73,7 +65,7 @@ def test_a_store_says_after_a_while_that_nobody_answers(server: PostgresServer, 
 
     with contextlib.closing(Store.open(url)) as store, ThreadPoolExecutor(8) as threads:
         store.ping()
-        with server.frozen():
+        with postgres.frozen():
             assert timed(refused)[1] < MOST_S
             # one asks, and the others are refused
             done, took_s = timed(lambda: list(threads.map(refused, range(40))))
@@ -82,10 +74,10 @@ def test_a_store_says_after_a_while_that_nobody_answers(server: PostgresServer, 
         store.ping()
 
 
-def test_requests_are_answered_while_the_database_is_frozen(server: PostgresServer, served: Served) -> None:
+def test_requests_are_answered_while_the_database_is_frozen(postgres: PostgresServer, served: Served) -> None:
     service, client = served
     assert sent(client, "before").status_code == 201
-    with server.frozen():
+    with postgres.frozen():
         answer, took_s = timed(lambda: sent(client, "while"))
         assert says_later(answer), answer.text
         assert took_s < MOST_S
@@ -101,7 +93,7 @@ def test_requests_are_answered_while_the_database_is_frozen(server: PostgresServ
 
 @pytest.mark.parametrize("at", ["insert", "commit"])
 def test_a_part_whose_transaction_is_frozen_is_stored_whole_or_not_at_all(
-    server: PostgresServer, served: Served, at: str
+    postgres: PostgresServer, served: Served, at: str
 ) -> None:
     service, client = served
     writers: list[object] = []
@@ -110,11 +102,11 @@ def test_a_part_whose_transaction_is_frozen_is_stored_whole_or_not_at_all(
         if statement.startswith("INSERT INTO parts") and not writers:
             writers.append(connection)
             if at == "insert":
-                frozen.enter_context(server.frozen())
+                frozen.enter_context(postgres.frozen())
 
     def commit(connection: object) -> None:
         if at == "commit" and writers == [connection]:
-            frozen.enter_context(server.frozen())
+            frozen.enter_context(postgres.frozen())
 
     sa.event.listen(service.store._engine, "before_cursor_execute", insert)
     sa.event.listen(service.store._engine, "commit", commit)

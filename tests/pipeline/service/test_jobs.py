@@ -331,17 +331,13 @@ def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
     assert reading.text == "CRPUIB"  # SY859990 is above it
 
 
-def test_a_scan_of_what_the_camera_saw_has_no_regions(tmp_path: Path) -> None:
-    text = write_part(SynthSpec(format="AA99", seed=21), tmp_path / "part", 0, photos=True)
+def test_a_scan_of_what_the_camera_saw_has_no_regions(parts: Path, tmp_path: Path) -> None:
     # the line is in the middle of all that was scanned, wherever the photograph has it: looked for at the rim of the
     # scan, a line of eight was a review at 0.33
     settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
-    scanned = PartOrder(
-        tmp_path,
-        PartFiles("part", height_map=str(tmp_path / "part.npz"), photos=(str(tmp_path / "part.png"),)),
-        earlier=True,
-    )
+    files = PartFiles("part", height_map=str(parts / "clean.npz"), photos=(str(parts / "clean.png"),))
+    scanned = PartOrder(tmp_path, files, earlier=True)
     reading = read_order(scanned, settings, Limits()).readings[-1]
-    assert (reading.text, reading.decision) == (text, "accept")
+    assert (reading.text, reading.decision) == ((parts / "clean.txt").read_text(), "accept")
     seen = Reader(region=BOX, lines={"lot": "A9"}, format="AA99").after_photo()
     assert (seen.vision.settings.region, seen.touch.settings.region) == (BOX, None)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.common.records import PartState, Scope
-from pipeline.formats.synth import SynthSpec, write_part
-from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import reading, received
 
 
@@ -58,9 +57,8 @@ def test_a_second_reader_does_not_see_over_http_what_the_first_has_read(tmp_path
         assert state_after(cleo, "ZZ11") == "reviewed"
 
 
-def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_path: Path) -> None:
-    write_part(SynthSpec(format=FORMAT, seed=21), tmp_path / "clean", 0, photos=True)
-    photo = {"photo": ("clean.png", (tmp_path / "clean.png").read_bytes())}
+def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_path: Path, parts: Path) -> None:
+    photo = {"photo": ("clean.png", (parts / "clean.png").read_bytes())}
     with inline_service(tmp_path / "service", review={"audit_per_thousand": 1000.0}) as (service, client):
         part = client.post("/v1/parts", files=photo).json()
         assert part["state"] == "accepted"

@@ -19,7 +19,6 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
-from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.idempotency import IdempotentRequests
@@ -28,22 +27,15 @@ from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.errors import AlreadyDoneError
 from pipeline.store.parts import IdempotencyKey
 from pipeline.workers.executors import WorkerLostError
-from tests.support.service_fixtures import FORMAT, Served, inline_service, triggered
+from tests.support.service_fixtures import Served, inline_service, triggered
 from tests.support.store_samples import PLAN, reading
 from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
 
 
-@pytest.fixture(scope="module")
-def plate_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("plate")
-    write_part(SynthSpec(format=FORMAT, seed=21), folder / "part", 0, photos=False)
-    return folder / "part.npz"
-
-
-@pytest.fixture(scope="module")
-def plate(plate_file: Path) -> bytes:
-    return plate_file.read_bytes()
+@pytest.fixture
+def plate(parts: Path) -> bytes:
+    return (parts / "clean.npz").read_bytes()
 
 
 def read_at_once(*_: object) -> ReadPart:
@@ -186,13 +178,13 @@ def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
 
 @pytest.mark.parametrize(("jams", "status"), [("open", 503), ("feel", 503), ("close", 422)])
 def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
-    tmp_path: Path, plate_file: Path, monkeypatch: pytest.MonkeyPatch, jams: str, status: int
+    tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch, jams: str, status: int
 ) -> None:
     back = threading.Event()
 
     plan = replace(PLAN, region_mm=(1.0, 1.0, 30.0, 12.0))
     # made before the time of a call counts
-    fitting = SimulatedStage(plate_file.parent).open(ScanOrder("part", plan)).fitting
+    fitting = SimulatedStage(parts).open(ScanOrder("clean", plan)).fitting
 
     class Hanging:
         def __init__(self) -> None:

@@ -15,24 +15,20 @@ from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.driver_thread import DriverThread
 from pipeline.service.stage.stage_link import StageLink
 from tests.support.service_fixtures import FORMAT, Served, inline_service
+from tests.support.store_samples import STAGE_PLAN
 from whisker_array.scan.recording import load_scan
 from whisker_array.scan.session import StageSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.passes import Pass
 
-PLAN = ScanPlanRecord(
-    region_mm=(100.0, 50.0, 160.0, 65.0), directions_deg=(0, 90, 180, 270), passes=1, line_pitch_mm=0.125,
-    sample_pitch_mm=0.0625, speed_mm_s=50.0, preload_mm=1.0, seconds=90.0, height_mm=5.0, reason="to try it",
-    middle_mm=None,
-)  # fmt: skip
+PLAN = replace(STAGE_PLAN, region_mm=(100.0, 50.0, 160.0, 65.0), seconds=90.0)
 
 
 class Iron:
@@ -64,29 +60,20 @@ class Iron:
 
 
 @pytest.fixture(scope="module")
-def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("plates")
-    (folder / "truth.txt").write_text(
-        write_part(SynthSpec(format=FORMAT, seed=21), folder / "part", 0, photos=False)
-    )
-    return folder
-
-
-@pytest.fixture(scope="module")
-def plan(plates: Path) -> ScanPlanRecord:
+def plan(parts: Path) -> ScanPlanRecord:
     """Of the whole plate, in a frame whose middle is elsewhere."""
     from pipeline import read_height_map
 
-    width, height = read_height_map(plates / "part.npz").size_mm
+    width, height = read_height_map(parts / "clean.npz").size_mm
     region = (100.0, 50.0, 100.0 + width, 50.0 + height)
     return replace(PLAN, region_mm=region, middle_mm=(100.0 + 0.5 * width, 50.0 + 0.5 * height))
 
 
 @pytest.fixture(scope="module")
-def served(plates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     from pipeline.formats import synth
 
-    Iron.folder, Iron.opened = plates, []
+    Iron.folder, Iron.opened = parts, []
     synth.iron_stage = Iron  # type: ignore[attr-defined]
     try:
         with inline_service(
@@ -107,7 +94,7 @@ def touched(served: Served, plan: ScanPlanRecord) -> tuple[int, dict[str, Any], 
     """Status and body of the answer where the stage feels a part that waits for touch, and its id."""
     service, client = served
     part_id = new_part_id()
-    service.store.add_part(part_id=part_id, name="part", state=PartState.TOUCH_NEEDED, plan=plan)
+    service.store.add_part(part_id=part_id, name="clean", state=PartState.TOUCH_NEEDED, plan=plan)
     answer = client.post(f"/v1/parts/{part_id}/touch")
     return answer.status_code, answer.json(), part_id
 
@@ -122,10 +109,10 @@ def recording_of(served: Served, part_id: str, folder: Path) -> Path:
 
 
 def test_a_driver_with_sessions_is_felt_until_the_serial_is_sure(
-    served: Served, plates: Path, plan: ScanPlanRecord, tmp_path: Path
+    served: Served, parts: Path, plan: ScanPlanRecord, tmp_path: Path
 ) -> None:
     status, part, part_id = touched(served, plan)
-    assert (status, part["state"], part["text"]) == (200, "accepted", (plates / "truth.txt").read_text())
+    assert (status, part["state"], part["text"]) == (200, "accepted", (parts / "clean.txt").read_text())
     (session,) = Iron.opened
     reading = part["reading"]
     assert session.closed == 1
@@ -206,8 +193,8 @@ def test_a_link_that_no_worker_comes_to_ends() -> None:
         link.stage.open(ScanOrder("part", PLAN))
 
 
-def test_the_setting_scans_the_whole_plan(plates: Path, plan: ScanPlanRecord, tmp_path: Path) -> None:
-    with inline_service(tmp_path, stage={"folder": plates, "active": False}) as served:
+def test_the_setting_scans_the_whole_plan(parts: Path, plan: ScanPlanRecord, tmp_path: Path) -> None:
+    with inline_service(tmp_path, stage={"folder": parts, "active": False}) as served:
         x0, y0, *_ = plan.region_mm
         little = replace(plan, region_mm=(x0 + 5.0, y0 + 4.0, x0 + 12.0, y0 + 9.5))
         _, part, part_id = touched(served, little)

@@ -10,27 +10,13 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.work import CameraWork, StageWork
+from tests.support.store_samples import STAGE_PLAN
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.stage_error import StageError
-
-PLAN = ScanPlanRecord(
-    region_mm=(2.0, 1.0, 14.0, 9.0),
-    directions_deg=(0, 90, 180, 270),
-    passes=1,
-    line_pitch_mm=0.125,
-    sample_pitch_mm=0.0625,
-    speed_mm_s=50.0,
-    preload_mm=1.0,
-    seconds=1.0,
-    height_mm=5.0,
-    reason="",
-    middle_mm=None,
-)
 
 
 @pytest.fixture
@@ -60,10 +46,10 @@ def pit_mm(path: Path) -> tuple[float, float]:
 def test_recording_lies_in_the_frame_of_the_order(
     plates: Path, tmp_path: Path, off: tuple[float, float]
 ) -> None:
-    x0, y0, x1, y1 = PLAN.region_mm
+    x0, y0, x1, y1 = STAGE_PLAN.region_mm
     # the middle of the picture lies over the middle of the plate, (10, 5) mm, wherever its frame has that
     plan = replace(
-        PLAN,
+        STAGE_PLAN,
         region_mm=(x0 + off[0], y0 + off[1], x1 + off[0], y1 + off[1]),
         middle_mm=(10.0 + off[0], 5.0 + off[1]),
     )
@@ -78,13 +64,13 @@ def test_recording_lies_in_the_frame_of_the_order(
 
 
 def test_region_is_cut_to_the_plate(plates: Path, tmp_path: Path) -> None:
-    plan = replace(PLAN, region_mm=(-50.0, -50.0, 50.0, 50.0))
+    plan = replace(STAGE_PLAN, region_mm=(-50.0, -50.0, 50.0, 50.0))
     made = feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
     assert read_scan(made).sweeps[0].plan.line_mm.min() >= 0.0
 
 
 def test_region_off_the_plate_is_told(plates: Path, tmp_path: Path) -> None:
-    plan = replace(PLAN, region_mm=(100.0, 1.0, 120.0, 9.0))
+    plan = replace(STAGE_PLAN, region_mm=(100.0, 1.0, 120.0, 9.0))
     with pytest.raises(StageError, match="is not on the field"):
         feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
 
@@ -93,7 +79,7 @@ def test_the_same_part_gives_the_same_moments(plates: Path, tmp_path: Path) -> N
     moments = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        made = feel_plan(SimulatedStage(plates, seed=3), ScanOrder("plate", PLAN), tmp_path / name)
+        made = feel_plan(SimulatedStage(plates, seed=3), ScanOrder("plate", STAGE_PLAN), tmp_path / name)
         moments.append(read_scan(made).sweeps[0].moment_n_mm)
     np.testing.assert_array_equal(*moments)
 
@@ -121,7 +107,7 @@ def test_stage_and_camera_never_leave_their_folder(plates: Path, tmp_path: Path,
     os.symlink(tmp_path / "outside.npz", plates / "link.npz")
     os.symlink(tmp_path / "outside.npz", plates / "link.png")
     with pytest.raises(StageError):
-        feel_plan(SimulatedStage(plates), ScanOrder(name, PLAN), tmp_path)
+        feel_plan(SimulatedStage(plates), ScanOrder(name, STAGE_PLAN), tmp_path)
     with pytest.raises(StageError):
         FolderCamera(plates).take(name)
 
@@ -139,7 +125,7 @@ def test_a_camera_of_several_lights_gives_them_all(tmp_path: Path) -> None:
 def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path: Path) -> None:
     (plates / "broken.npz").write_bytes(b"no map")
     with pytest.raises(StageError) as caught:
-        feel_plan(SimulatedStage(plates), ScanOrder("broken", PLAN), tmp_path)
+        feel_plan(SimulatedStage(plates), ScanOrder("broken", STAGE_PLAN), tmp_path)
     assert str(plates) not in str(caught.value)
     assert "broken.npz" in str(caught.value)
 
@@ -150,7 +136,7 @@ def test_camera_finds_the_photograph_of_the_part(plates: Path) -> None:
 
 def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="send a scan"):
-        asyncio.run(StageWork(None).scan(ScanOrder("plate", PLAN), tmp_path, asyncio.to_thread))
+        asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path, asyncio.to_thread))
     with pytest.raises(StageError, match="send a photograph"):
         asyncio.run(CameraWork(None).take("plate", tmp_path))
 

@@ -57,10 +57,10 @@ class Bench:
     async def give_up(self, part: PartRecord, why: str) -> None:
         await asyncio.to_thread(self.store.give_up_touch, part.id, why=why, targets=("mqtt",))
 
-    async def until(self, done: Callable[[], bool], patience_s: float = 20.0) -> None:
+    async def until(self, done: Callable[[], bool]) -> None:
         """Let the queue run until something is so."""
         running = asyncio.create_task(repeat("look", self.queue.look, every_s=0.01))
-        until = time.monotonic() + patience_s
+        until = time.monotonic() + 20.0
         while not await asyncio.to_thread(done) and time.monotonic() < until:
             await asyncio.sleep(0.01)
         running.cancel()

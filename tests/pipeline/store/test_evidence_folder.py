@@ -27,8 +27,8 @@ def folder(tmp_path: Path) -> EvidenceFolder:
     return EvidenceFolder(tmp_path / "evidence")
 
 
-def _upload(folder: EvidenceFolder, content: bytes, name: str = "upload") -> Path:
-    path = folder.new_work_folder() / name
+def _upload(folder: EvidenceFolder, content: bytes) -> Path:
+    path = folder.new_work_folder() / "upload"
     path.write_bytes(content)
     return path
 

@@ -34,11 +34,10 @@ def gain(*, cross: float = -2.0, along: float = -2.0) -> Gain:
     return Gain(ways, sure=3.0, surer=2.0, looks=-1.0)
 
 
-def felt(*, confidences: tuple[float, ...], lines: dict[Way, int] | None = None) -> Progress:
-    lines = lines if lines is not None else {Way.ALONG: FIRST + len(confidences) - 1}
+def felt(*, confidences: tuple[float, ...]) -> Progress:
     return Progress(
         FITTING,
-        MappingProxyType(lines),
+        MappingProxyType({Way.ALONG: FIRST + len(confidences) - 1}),
         stage_s=5.0,
         confidences=confidences,
         steps=tuple((Way.ALONG, FIRST + k) for k in range(len(confidences))),

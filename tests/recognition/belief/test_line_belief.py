@@ -19,16 +19,16 @@ SLIP = 1e-4
 EXACT = 1e-9
 
 
-def steps(text: str, *, sure: float = 0.9, rival: str = "", chars: str = CHARS) -> Steps:
+def steps(text: str, *, sure: float = 0.9, rival: str = "") -> Steps:
     """A blank, a character, a blank and so on; what is left of a character's belief is its rival's, or blank's."""
-    blank, shares = np.full(2 * len(text) + 1, 0.999), np.zeros((2 * len(text) + 1, len(chars)))
+    blank, shares = np.full(2 * len(text) + 1, 0.999), np.zeros((2 * len(text) + 1, len(CHARS)))
     for k, char in enumerate(text):
         step = 2 * k + 1
-        shares[step, chars.index(char)] = sure
+        shares[step, CHARS.index(char)] = sure
         blank[step] = 0.0 if rival else 1.0 - sure
         if rival:
-            shares[step, chars.index(rival[k])] = 1.0 - sure
-    return Steps.of(blank, shares, chars, np.arange(blank.size) * 14.0)
+            shares[step, CHARS.index(rival[k])] = 1.0 - sure
+    return Steps.of(blank, shares, CHARS, np.arange(blank.size) * 14.0)
 
 
 def lattice(*rows: tuple[float, ...]) -> Lattice:

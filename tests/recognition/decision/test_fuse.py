@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from recognition.belief.fuse_lattices import contradictions, fuse_lattices
@@ -34,8 +35,8 @@ SETTINGS = ReaderSettings(format="AA9999")
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 
-def boxes(n: int, *, first: float = 0.0, step: float = 4.0) -> tuple[Box, ...]:
-    return tuple(Box(first + step * k, 0.0, first + step * k + 3.0, 5.0) for k in range(n))
+def boxes(n: int) -> tuple[Box, ...]:
+    return tuple(Box(4.0 * k, 0.0, 4.0 * k + 3.0, 5.0) for k in range(n))
 
 
 def lattice(
@@ -84,15 +85,8 @@ touch = partial(vision, source="tactile")
 
 
 @st.composite
-def lattices(draw: st.DrawFn, places: int = 3) -> Lattice:
-    rows = draw(
-        st.lists(
-            st.lists(st.floats(0.01, 1.0), min_size=len(CHARS) + 1, max_size=len(CHARS) + 1),
-            min_size=places,
-            max_size=places,
-        )
-    )
-    belief = np.array(rows)
+def lattices(draw: st.DrawFn) -> Lattice:
+    belief = draw(arrays(np.float64, (3, len(CHARS) + 1), elements=st.floats(0.01, 1.0)))
     return lattice((belief / belief.sum(axis=1, keepdims=True))[:, :-1])
 
 

@@ -25,15 +25,15 @@ from tests.support.readings import reading_of
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 
-def line(text: str, *, beliefs: dict[int, dict[str, float]] | None = None, belief: float = 0.999) -> Lattice:
+def line(text: str, *, beliefs: dict[int, dict[str, float]] | None = None) -> Lattice:
     """Each character believed in ("." stands for nothing at all); the beliefs of single places may be given.
 
     A hundredth of what is left goes to each other character, the rest to no character.
     """
-    p = np.full((len(text), len(ALPHABET)), (1.0 - belief) / 100.0)
+    p = np.full((len(text), len(ALPHABET)), 1e-5)
     for k, char in enumerate(text):
         if char != ".":
-            p[k, ALPHABET.index(char)] = belief
+            p[k, ALPHABET.index(char)] = 0.999
     for k, given_ in (beliefs or {}).items():
         p[k] = 1e-6
         for char, value in given_.items():

@@ -13,12 +13,12 @@ RARE = 2e-2
 """What characters that show nowhere could change: FLOOR at each of a dozen steps, many times over."""
 
 
-def some(seed: int, *, frames: int = 12, showing: int = 3) -> Steps:
+def some(seed: int, *, frames: int = 12) -> Steps:
     """Beliefs in a few of the characters."""
     rng = np.random.default_rng(seed)
-    p = rng.dirichlet(np.full(showing + 1, 0.4), frames)
+    p = rng.dirichlet(np.full(4, 0.4), frames)
     shares = np.zeros((frames, len(CHARS)))
-    shares[:, rng.permutation(len(CHARS))[:showing]] = p[:, 1:]
+    shares[:, rng.permutation(len(CHARS))[:3]] = p[:, 1:]
     return Steps.of(p[:, 0], shares, CHARS, np.arange(frames) * 2.0)
 
 

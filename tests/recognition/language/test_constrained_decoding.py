@@ -57,9 +57,9 @@ def strings(grammar: Grammar, chars: str, n: int, allowed: Allowed) -> list[str]
 
 
 @st.composite
-def lattices(draw: st.DrawFn, chars: str, *, most_places: int = 4) -> Lattice:
+def lattices(draw: st.DrawFn, chars: str) -> Lattice:
     """Beliefs of all kinds: sure, undecided, impossible characters, places with nothing."""
-    n = draw(st.integers(1, most_places))
+    n = draw(st.integers(1, 4))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     sharp = draw(st.sampled_from([0.0, 1.0, 4.0]))
     weight = np.exp(sharp * rng.normal(size=(n, len(chars))))

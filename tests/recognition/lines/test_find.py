@@ -100,8 +100,8 @@ def test_bare_land_has_no_line(roughness_mm: float) -> None:
 
 
 def test_lines_overlap_where_one_lies_in_the_others_band() -> None:
-    def line(x: float, y: float, length: float, height: float = 5.0) -> TextLine:
-        return TextLine.straight(x, y, length_mm=length, height_mm=height)
+    def line(x: float, y: float, length: float) -> TextLine:
+        return TextLine.straight(x, y, length_mm=length, height_mm=5.0)
 
     assert overlap(line(0, 0, 20), line(0, 0, 20))
     assert overlap(line(5, 1, 10), line(0, 0, 20))

@@ -21,7 +21,7 @@ from recognition.marks.depth import MarkDepth, mark_depths
 from recognition.marks.laid_text import LaidText
 from recognition.views.levelling import level
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from tests.support.felt import felt, view_of
+from tests.support.felt import felt, shallower, view_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief, Route, relief_from_edges
 from whisker_array.whisker.touch import default_touch
@@ -216,17 +216,6 @@ def test_a_filled_stroke_has_no_depth_and_never_a_negative_one(
     found = depths_of(replace(relief, height_mm=z), part, gothic)[2]
     assert found is not None
     assert (found.min_mm, found.mean_mm, found.max_mm) == (0.0, 0.0, 0.0)
-
-
-def shallower(part: StampedPart, which: int, *, floor_mm: float, below: float = 0.0) -> HeightMap:
-    """The part with one character struck less deep by the same die, or only its part below a share of its box."""
-    z, pitch = part.height_map.z_mm.copy(), part.height_map.pitch_mm
-    x0, y0, x1, y1 = part.boxes_mm[which]
-    y0 += below * (y1 - y0)
-    cell = (slice(int(y0 / pitch) - 1, int(y1 / pitch) + 3), slice(int(x0 / pitch) - 1, int(x1 / pitch) + 3))
-    lifted = z[cell] - z[cell].min() - floor_mm
-    z[cell] = np.minimum(lifted, 0.0)
-    return HeightMap(z, pitch)
 
 
 def test_one_shallow_character_among_deep_ones(gothic: Font) -> None:

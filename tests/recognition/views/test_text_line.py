@@ -19,9 +19,9 @@ def along(line: TextLine, columns: NDArray[np.float64], row: float = MIDDLE) -> 
     return line.places_mm(columns, np.full(columns.size, row))
 
 
-def arc(radius_mm: float, *, upper: bool, points: int = 181) -> TextLine:
+def arc(radius_mm: float, *, upper: bool) -> TextLine:
     """Half a circle about (0, 0): over the top clockwise, or through the bottom against the clock."""
-    t = np.linspace(np.pi, 0.0, points)
+    t = np.linspace(np.pi, 0.0, 181)
     side = -1.0 if upper else 1.0  # y runs down
     return TextLine(radius_mm * np.stack([np.cos(t), side * np.sin(t)], axis=1), 2.0)
 

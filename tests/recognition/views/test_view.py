@@ -37,12 +37,12 @@ def view_of(layers: NDArray[np.float32], *, origin_mm: tuple[float, float] = (0.
     return View(ViewKind.FELT, layers, PITCH_MM, origin_mm)
 
 
-def random_view(seed: int, *, rows: int = 120, columns: int = 150) -> View:
+def random_view(seed: int) -> View:
     """Smooth noise in every layer, all of it known."""
     from scipy import ndimage
 
     rng = np.random.default_rng(seed)
-    layers = ndimage.gaussian_filter(rng.normal(size=(LAYERS, rows, columns)), (0, 3, 3)).astype(np.float32)
+    layers = ndimage.gaussian_filter(rng.normal(size=(LAYERS, 120, 150)), (0, 3, 3)).astype(np.float32)
     layers[KNOWN] = 1.0
     return view_of(layers)
 

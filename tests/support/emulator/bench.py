@@ -7,7 +7,6 @@ from typing import Self
 
 import numpy as np
 
-from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.bench.settings import BenchSettings
 from tests.support.emulator.daq import EmulatedDaq
@@ -36,7 +35,6 @@ class EmulatedBench:
         settings: BenchSettings,
         *,
         seed: int,
-        soil: Soil | None = None,
         pace: float = 0.0,
     ) -> None:
         """Put it together.
@@ -45,7 +43,6 @@ class EmulatedBench:
             part: on the plate, its corner at (0, 0).
             settings: of the bench that it stands for.
             seed: of gains, offsets and noise.
-            soil: dirt on the part.
             pace: seconds of ours for one of the bench; 0: as fast as may be.
 
         Raises:
@@ -58,7 +55,7 @@ class EmulatedBench:
             gain_v_per_n_mm=nominal * (1.0 + _GAIN_SD * np.clip(rng.standard_normal(n), -3.0, 3.0)),
             offset_v=_OFFSET_SD * daq.range_v * rng.standard_normal(n),
         )
-        self.world = World(part, settings, amplifier, soil=soil, pace=pace)
+        self.world = World(part, settings, amplifier, pace=pace)
         made = {"grbl": EmulatedGrbl, "marlin": EmulatedMarlin}[settings.stage.firmware]
         self.stage: Firmware = made(self.world, settings.stage)
         self.daq = EmulatedDaq(

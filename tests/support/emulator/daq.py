@@ -10,6 +10,8 @@ from pipeline.bench.line_daq import crc16
 from tests.support.emulator.firmware import Device
 from tests.support.emulator.world import Volts, World
 
+_BITS = 16
+
 
 class EmulatedDaq(Device):
     """The converter.
@@ -24,14 +26,13 @@ class EmulatedDaq(Device):
         *,
         whiskers: int,
         noise_v: float = 0.0,
-        bits: int = 16,
         range_v: float = 10.0,
         seed: int = 0,
     ) -> None:
         super().__init__("emulated converter")
         self.lose = 0
         self._world, self._whiskers, self._noise_v = world, whiskers, noise_v
-        self._bits, self._range_v, self._rng = bits, range_v, np.random.default_rng(seed)
+        self._range_v, self._rng = range_v, np.random.default_rng(seed)
         self._rate_hz, self._sent, self._begun_s, self._on = 1000.0, 0, 0.0, False
         world.sampler = self._sample
 
@@ -43,7 +44,7 @@ class EmulatedDaq(Device):
 
     def boot(self) -> None:
         """What it is, in a line."""
-        self.terminal.say(f"tactile-daq 1 {self._whiskers} {self._bits} {self._range_v:g} emulated")
+        self.terminal.say(f"tactile-daq 1 {self._whiskers} {_BITS} {self._range_v:g} emulated")
 
     def _sample(self, begin_s: float, end_s: float, touching: bool, volts: Volts) -> None:
         if not self._on:
@@ -53,7 +54,7 @@ class EmulatedDaq(Device):
             return
         times = self._begun_s + np.arange(first, last) / self._rate_hz - begin_s
         rows = volts(times)
-        full = 2 ** (self._bits - 1)
+        full = 2 ** (_BITS - 1)
         counts = np.rint(
             (rows + self._noise_v * self._rng.standard_normal(rows.shape)) * (full / self._range_v)
         )

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.bench.ramp import Ramp
 from pipeline.bench.settings import BenchSettings
@@ -38,12 +37,10 @@ class Amplifier:
     Attributes:
         gain_v_per_n_mm: (whiskers,) true gains.
         offset_v: (whiskers,) output without a moment.
-        noise_v: rms of one sample.
     """
 
     gain_v_per_n_mm: NDArray[np.float64]
     offset_v: NDArray[np.float64]
-    noise_v: float = 0.0
 
 
 class World:
@@ -67,7 +64,6 @@ class World:
         bench: BenchSettings,
         amplifier: Amplifier,
         *,
-        soil: Soil | None = None,
         pace: float = 0.0,
     ) -> None:
         """Put the part on the plate.
@@ -78,14 +74,12 @@ class World:
         self._bench, self.amplifier, self.pace = bench, amplifier, pace
         self._touch = bench.touch()
         self._step_mm = bench.comb.character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH)
-        surface, soil = on_plate(level(part), soil, bench)
         self._part = mount(
-            surface,
+            on_plate(level(part), bench),
             touches=(self._touch,),
             sample_pitch_mm=self._step_mm,
             beyond_mm=_BEYOND_HEIGHTS * bench.comb.character_height_mm + bench.run_up_mm(50.0),
-            friction=self._touch.friction if soil is None else soil.friction,
-            soil=soil,
+            friction=self._touch.friction,
         )
         low = [span[0] for span in bench.stage.travel_mm]
         self.place_mm: Place = dict(
@@ -176,18 +170,13 @@ class World:
         return np.asarray(np.nan_to_num(felt.moment_n_mm[0].astype(np.float64)))
 
 
-def on_plate(part: HeightMap, soil: Soil | None, bench: BenchSettings) -> tuple[HeightMap, Soil | None]:
+def on_plate(part: HeightMap, bench: BenchSettings) -> HeightMap:
     """A part in the middle of a plate as large as the bench's field, its rim gone on; a larger one stays as it is."""
     _, _, width, height = bench.plate.field_mm
     rows, cols = part.shape
     lacking = [max(0, math.ceil(size / part.pitch_mm) + 1 - n) for size, n in ((height, rows), (width, cols))]
     around = [(one // 2, one - one // 2) for one in lacking]
-    if soil is not None:
-        wider = (
-            np.pad(a, around, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction)
-        )
-        soil = Soil(*wider)
-    return HeightMap(np.pad(part.z_mm, around, mode="edge"), part.pitch_mm), soil
+    return HeightMap(np.pad(part.z_mm, around, mode="edge"), part.pitch_mm)
 
 
 def ramp_to(place: Place, to: Place, *, speed_mm_s: float, acceleration_mm_s2: float) -> Ramp:

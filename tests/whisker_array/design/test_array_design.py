@@ -16,8 +16,8 @@ from whisker_array.whisker.comb import collisions, default_body, least_rows, lea
 REQUEST = ArrayRequest(5.0, accuracy=0.95)
 
 
-def counts(lines: int, directions: tuple[int, ...], right: int, *, severity: float = 0.3) -> PlanCounts:
-    return PlanCounts(lines, directions, severity, 10, 100, right, 8, 0)
+def counts(lines: int, directions: tuple[int, ...], right: int) -> PlanCounts:
+    return PlanCounts(lines, directions, 0.3, 10, 100, right, 8, 0)
 
 
 KNOWN = (

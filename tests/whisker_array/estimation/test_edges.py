@@ -27,8 +27,8 @@ D0 = TOUCH.preload_mm
 PITCH = 0.05
 
 
-def plan_of(plate: HeightMap, directions: tuple[TraceDirection, ...] = ALL_DIRECTIONS) -> RasterPlan:
-    return default_plan((0.0, 0.0, *plate.size_mm), character_height_mm=5.0, directions=directions)
+def plan_of(plate: HeightMap) -> RasterPlan:
+    return default_plan((0.0, 0.0, *plate.size_mm), character_height_mm=5.0)
 
 
 @pytest.fixture(scope="module")

@@ -32,8 +32,8 @@ def ideal() -> Scan:
     return felt(surface, fidelity=Fidelity.POINTWISE)
 
 
-def faulty(ideal: Scan, kind: FaultKind | None, *, whisker: int = 1, seed: int = 0) -> Scan:
-    return recorded(ideal, rng=np.random.default_rng(seed), fault=kind, whisker=whisker)
+def faulty(ideal: Scan, kind: FaultKind | None, *, seed: int = 0) -> Scan:
+    return recorded(ideal, rng=np.random.default_rng(seed), fault=kind, whisker=1)
 
 
 @pytest.mark.parametrize("kind", [k for k in FaultKind if k is not FaultKind.WORN])

@@ -12,10 +12,9 @@ from tests.factories import extruded, ideal_chain, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor import SensorChain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
-from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
+from whisker_array.whisker.touch import default_touch, profiling_touch
 
 N = 8
 PITCH = 0.02
@@ -34,15 +33,11 @@ def scan_of(
     mu: float,
     *,
     fidelity: Fidelity = Fidelity.POINTWISE,
-    touch: Touch = TOUCH,
-    others: tuple[Touch, ...] = (PROFILER,),
     two_way: bool = True,
     gain_sd: float | None = 0.03,
-    chain: SensorChain | None = None,
 ) -> Scan:
-    rows = 1 + len(others)
     plan = RasterPlan(
-        array=WhiskerArray(N, 0.5, kinds=rows),
+        array=WhiskerArray(N, 0.5, kinds=2),
         region_mm=(0.8, 0.1, 9.2, 3.9),
         line_pitch_mm=0.125,
         sample_pitch_mm=0.04,
@@ -51,14 +46,7 @@ def scan_of(
         two_way=two_way,
     )
     return scanned(
-        piece(),
-        plan,
-        touch=touch,
-        others=others,
-        fidelity=fidelity,
-        friction=mu,
-        gain_sd=gain_sd,
-        chain=chain,
+        piece(), plan, touch=TOUCH, others=(PROFILER,), fidelity=fidelity, friction=mu, gain_sd=gain_sd
     )
 
 

@@ -104,17 +104,10 @@ def part() -> HeightMap:
     return stamp("KR8", height_mm=HEIGHT, variation=variation, seed=1).height_map
 
 
-def stamped(
-    fidelity: Fidelity,
-    *,
-    directions: tuple[TraceDirection, ...] = tuple(TraceDirection),
-    profiler: bool = False,
-) -> tuple[Relief, np.ndarray]:
+def stamped(fidelity: Fidelity, *, profiler: bool = False) -> tuple[Relief, np.ndarray]:
     """Relief of a stamped part and the true height at its places."""
     rng = np.random.default_rng(2)
-    plan = default_plan(
-        (0.0, 0.0, *part().size_mm), character_height_mm=HEIGHT, n_whiskers=8, directions=directions
-    )
+    plan = default_plan((0.0, 0.0, *part().size_mm), character_height_mm=HEIGHT, n_whiskers=8)
     touch = PROFILER if profiler else TOUCH
     scan = trace_scan(
         part(), touch=touch, plan=plan, fidelity=fidelity, sensor=draw_sensor_chain(8, rng=rng), rng=rng

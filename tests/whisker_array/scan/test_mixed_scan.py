@@ -193,13 +193,6 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-@pytest.fixture
-def recording(content: bytes, tmp_path: Path) -> Path:
-    path = tmp_path / "scan.h5"
-    path.write_bytes(content)
-    return path
-
-
 @pytest.mark.parametrize("from_land", [None, False, True])
 def test_round_trip_is_exact(tmp_path: Path, from_land: bool | None) -> None:
     scan = mixed()

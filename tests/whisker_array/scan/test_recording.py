@@ -12,49 +12,27 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FileError
-from glyphs.surface.maps import HeightMap, TraceDirection
+from glyphs.surface.maps import TraceDirection
 from tests.support.h5_edits import Edit, attribute, drop, put
-from tests.support.scans import assert_same_scan
+from tests.support.scans import ROUGH_PLAN, assert_same_scan, rough_plate
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.scan.sensor_memory import draw_memory
 from whisker_array.simulation.traces import Fidelity, SampleFlag
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
 ROOT = Path(__file__).parents[3]
 
 
-def make_scan(
-    directions: tuple[TraceDirection, ...] = (TraceDirection.FORWARD_X, TraceDirection.BACK_Y),
-) -> Scan:
-    rng = np.random.default_rng(3)
-    plan = RasterPlan(
-        array=WhiskerArray(3, 0.5),
-        region_mm=(0.5, 0.5, 6.0, 3.0),
-        line_pitch_mm=0.25,
-        sample_pitch_mm=0.1,
-        directions=directions,
-        lead_mm=0.7,
-        air_samples=5,
-    )
-    surface = HeightMap(rng.normal(0.0, 0.002, (60, 120)).astype(np.float32), 0.06)
-    return trace_scan(
-        surface,
-        touch=default_touch(5.0),
-        plan=plan,
-        fidelity=Fidelity.POINTWISE,
-        sensor=draw_sensor_chain(3, rng=rng),
-        rng=rng,
-        part_id="plate ä 7",
-    )
-
-
 @pytest.fixture(scope="module")
 def scan() -> Scan:
-    return make_scan()
+    rng = np.random.default_rng(3)
+    return trace_scan(
+        rough_plate(rng), touch=default_touch(5.0), plan=ROUGH_PLAN, fidelity=Fidelity.POINTWISE,
+        sensor=draw_sensor_chain(3, rng=rng), rng=rng, part_id="plate ä 7",
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +40,6 @@ def content(scan: Scan, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("recording") / "scan.h5"
     save_scan(scan, path)
     return path.read_bytes()
-
-
-@pytest.fixture
-def recording(content: bytes, tmp_path: Path) -> Path:
-    path = tmp_path / "scan.h5"
-    path.write_bytes(content)
-    return path
 
 
 def remembering(calibration: Calibration | None) -> Calibration:

@@ -21,8 +21,8 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def run(moment: np.ndarray, chain: SensorChain, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    return measure(moment.astype(np.float32), chain=chain, sample_rate_hz=RATE, rng=rng(seed))
+def run(moment: np.ndarray, chain: SensorChain) -> tuple[np.ndarray, np.ndarray]:
+    return measure(moment.astype(np.float32), chain=chain, sample_rate_hz=RATE, rng=rng())
 
 
 def test_ideal_chain_changes_nothing() -> None:
@@ -83,9 +83,9 @@ def test_drawn_chains_have_the_spread_asked_for() -> None:
     assert draw_sensor_chain(2, rng=rng(), adc_bits=None).adc_step_n_mm == 0.0
 
 
-def lead_in(n: int = 3, samples: int = 100, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
+def lead_in(n: int = 3, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
     g = rng(9)
-    return noise * g.standard_normal((n, samples)), LAND + noise * g.standard_normal((n, samples))
+    return noise * g.standard_normal((n, 100)), LAND + noise * g.standard_normal((n, 100))
 
 
 AIR, ON_LAND = lead_in()

@@ -30,16 +30,14 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def drawn(n: int = N, seed: int = 1) -> SensorMemory:
-    return draw_memory(n, rng=rng(seed), largest_n_mm=LARGEST)
+def drawn(n: int = N) -> SensorMemory:
+    return draw_memory(n, rng=rng(1), largest_n_mm=LARGEST)
 
 
-def read(
-    load: np.ndarray, memory: SensorMemory, state: SensorState | None = None, *, rate: float = RATE
-) -> np.ndarray:
+def read(load: np.ndarray, memory: SensorMemory, *, rate: float = RATE) -> np.ndarray:
     """Readings of one load, (samples,), by every whisker."""
     n = memory.creep.shape[0]
-    state = SensorState.at_rest(n, memory) if state is None else state
+    state = SensorState.at_rest(n, memory)
     return read_gauges(np.broadcast_to(load, (n, load.size)), memory=memory, state=state, step_s=1.0 / rate)
 
 

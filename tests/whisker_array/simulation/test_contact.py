@@ -82,8 +82,8 @@ def softened(tip: TipModel, factor: float) -> TipModel:
     return TipModel(d, tip.moment_arm_mm)
 
 
-def ratio(traces: Traces, tip: TipModel, *, d0: float = D0, mu: float = MU) -> NDArray[np.float64]:
-    return traces.moment_n_mm / land_moment_n_mm(tip, preload_mm=d0, mu=mu)
+def ratio(traces: Traces, tip: TipModel, *, mu: float = MU) -> NDArray[np.float64]:
+    return traces.moment_n_mm / land_moment_n_mm(tip, preload_mm=D0, mu=mu)
 
 
 # --- limits

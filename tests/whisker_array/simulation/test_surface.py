@@ -25,8 +25,8 @@ FLOAT32 = 2e-7
 """Rounding of heights below 1 mm in float32."""
 
 
-def rough(seed: int, shape: tuple[int, int] = (24, 31), scale: float = 0.05) -> NDArray[np.float32]:
-    return np.random.default_rng(seed).normal(0.0, scale, shape).astype(np.float32)
+def rough(seed: int, shape: tuple[int, int] = (24, 31)) -> NDArray[np.float32]:
+    return np.random.default_rng(seed).normal(0.0, 0.05, shape).astype(np.float32)
 
 
 def dilate(z: NDArray[np.float32], radius_mm: float) -> NDArray[np.float32]:

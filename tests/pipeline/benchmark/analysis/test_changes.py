@@ -33,8 +33,8 @@ def trials(texts: str, *, decision: str = "review") -> list[Trial]:
     return [replace(b, text=t, decision=decision) for b, t in zip(blanks, texts, strict=True)]
 
 
-def kept(folder: Path, members: list[Trial], benchmark: Benchmark = BENCHMARK) -> Path:
-    with TrialJournal(folder, benchmark.description()) as book:
+def kept(folder: Path, members: list[Trial]) -> Path:
+    with TrialJournal(folder, BENCHMARK.description()) as book:
         for part in dict.fromkeys(t.part for t in members):
             book.keep(part, tuple(t for t in members if t.part == part))
     return folder

@@ -129,7 +129,8 @@ def test_answers_that_cannot_be_used_are_refused(tmp_path: Path, lines: str, com
         load_reviews(table, {"m", "n"})
 
 
-def trials(part: str, depths: list[float | None], text: str = "A1") -> list[Trial]:
+def trials(part: str, depths: list[float | None]) -> list[Trial]:
+    known = [{} if d is None else {"depth_mm": d} for d in depths]
     return [
         Trial(
             part,
@@ -137,12 +138,12 @@ def trials(part: str, depths: list[float | None], text: str = "A1") -> list[Tria
             {"recorded": False},
             f"array {1 + k // 2}",
             "",
-            text,
+            "A1",
             "accept",
             0.9,
-            measures={} if d is None else {"depth_mm": d},
+            measures=of_one,
         )
-        for k, d in enumerate(depths)
+        for k, of_one in enumerate(known)
     ]
 
 

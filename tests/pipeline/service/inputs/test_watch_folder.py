@@ -106,10 +106,10 @@ class Bench:
             os.utime(path, (at_s, at_s))
         return path
 
-    def left(self, times: int) -> dict[str, list[str]]:
-        """What is said of files that are left, by name, while it looks so often."""
+    def left(self) -> dict[str, list[str]]:
+        """What is said of files that are left, by name, in four looks."""
         with structlog.testing.capture_logs() as logs:
-            self.look(times)
+            self.look(4)
         said: dict[str, list[str]] = {}
         for one in logs:
             if one["event"] == "watched file left":
@@ -228,14 +228,14 @@ def test_what_is_no_picture_is_told_of_once_a_start_and_left(bench: Bench) -> No
     bench.put(".part-7.png.tmp")
     (bench.folder / "deeper").mkdir()
     (bench.folder / "deeper" / "c.png").write_bytes(PNG)
-    said = bench.left(4)
+    said = bench.left()
     assert sorted(said) == ["large.png", "link.png", "notes.txt", "part.png"]
     left = {name: why for name, (why,) in said.items()}
     assert "limits.upload_mb" in left["large.png"]
     assert left["link.png"] == "link.png is no regular file"
     assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
     bench.anew()
-    assert bench.left(4) == said
+    assert bench.left() == said
     assert bench.parts.names == ["good"]
     assert len(list(bench.folder.iterdir())) == 7
 
@@ -424,7 +424,7 @@ def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path) -> None
 def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> None:
     bench.put("a.light-1.png")
     broken = bench.put("a.light-2.png", b"no picture at all")
-    ((why,),) = (said := bench.left(4)).values()
+    ((why,),) = (said := bench.left()).values()
     assert bench.parts.names == ["a"]
     assert bench.parts.received[0][1] == "a.light-1.png"
     assert list(said) == [broken.name]
@@ -436,6 +436,6 @@ def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> Non
 def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
     for number in range(13):
         bench.put(f"a.shot-{number}.png")
-    ((why,),) = bench.left(4).values()
+    ((why,),) = bench.left().values()
     assert "12 of a part" in why
     assert bench.parts.names == []

@@ -70,21 +70,11 @@ class Service(Shop):
         meta = {"x0_mm": first_mm, "y0_mm": first_mm, "mm_per_pixel": MM, "width": cols, "height": rows}
         return replace(self.keep(kind, cv2.imencode(".png", pixels)[1].tobytes()), meta=meta)
 
-    def put(
-        self,
-        text: str,
-        *,
-        unsure: dict[int, str] | None = None,
-        pictures: bool = True,
-        around: int = 0,
-        **more: Any,
-    ) -> str:
+    def put(self, text: str, *, unsure: dict[int, str] | None = None, around: int = 0, **more: Any) -> str:
         """A part to be reviewed, or audited."""
         unsure = {5: "B38E"} if unsure is None else unsure
         readings = tuple(reading(text, source=source, unsure=unsure) for source in ("vision", "fused"))
-        evidence = (
-            tuple(self.draw(text, kind, around=around) for kind in PICTURES.values()) if pictures else ()
-        )
+        evidence = tuple(self.draw(text, kind, around=around) for kind in PICTURES.values())
         return self.add(text, readings=readings, evidence=evidence, **more)
 
 
