@@ -200,9 +200,9 @@ def _box(boxes: Sequence[Box], frame: PictureFrame | None) -> dict[str, str]:
     region = _WHOLE
     if boxes and frame is not None:
         room = _ROOM_HEIGHTS * max(b[3] - b[1] for b in boxes)
-        left, top = min(b[0] for b in boxes) - room, min(b[1] for b in boxes) - room
-        right, bottom = max(b[2] for b in boxes) + room, max(b[3] for b in boxes) + room
-        x, y, width, height = frame.pixels((left, top, right, bottom))
+        lefts, tops, rights, bottoms = zip(*boxes, strict=True)
+        hull = (min(lefts) - room, min(tops) - room, max(rights) + room, max(bottoms) + room)
+        x, y, width, height = frame.pixels(hull)
         shares = (x / frame.width, y / frame.height, (x + width) / frame.width, (y + height) / frame.height)
         left, top, right, bottom = (min(1.0, max(0.0, share)) for share in shares)
         region = (left, top, right, bottom) if left < right and top < bottom else _WHOLE

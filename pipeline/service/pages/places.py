@@ -82,13 +82,13 @@ def places_of(reading: ReadingRecord | None) -> tuple[Place, ...]:
         beliefs = [c.candidates[0].probability for c in reading.characters]
         if min(beliefs) < BEYOND_DOUBT:
             doubts[beliefs.index(min(beliefs))] = LEAST_SURE
-    return tuple(_place(k, c, d) for k, (c, d) in enumerate(zip(reading.characters, doubts, strict=True)))
-
-
-def _place(index: int, character: CharacterRecord, doubt: str) -> Place:
-    char = character.candidates[0].char if character.candidates else UNKNOWN_CHAR
-    words = doubt if doubt in (UNSURE, LEAST_SURE) else character.state or doubt
-    return Place(index, char, doubt, words, character.grade, _worth_showing(character.candidates))
+    places = []
+    for index, (character, doubt) in enumerate(zip(reading.characters, doubts, strict=True)):
+        char = character.candidates[0].char if character.candidates else UNKNOWN_CHAR
+        words = doubt if doubt in (UNSURE, LEAST_SURE) else character.state or doubt
+        shown = _worth_showing(character.candidates)
+        places.append(Place(index, char, doubt, words, character.grade, shown))
+    return tuple(places)
 
 
 def _doubt(character: CharacterRecord) -> str:

@@ -12,7 +12,7 @@ far as the part reaches.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
@@ -146,19 +146,8 @@ class FolderCamera:
         Raises:
             StageError: none, or a name that cannot be one.
         """
-        try:
-            return _file_of(self.folder, part_name, PHOTO_SUFFIXES, "photograph")
-        except StageError:
-            root = self.folder.resolve()
-            several = [
-                file
-                for file in (sorted(root.iterdir()) if root.is_dir() else ())
-                if part_name and set_of(file.name) == part_name
-                if file.is_file() and file.resolve().is_relative_to(root)
-            ]
-            if not several:
-                raise
-            return several
+        found = _files_of(self.folder, part_name, PHOTO_SUFFIXES, "photograph")
+        return found if len(found) > 1 else found[0]
 
 
 @dataclass(frozen=True)
@@ -187,7 +176,7 @@ class SimulatedStage:
         from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.simulated_scan import VirtualBench
 
-        path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
+        path = _files_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")[0]
         try:
             top = read_part_map(path)
             height_map = top.height_map
@@ -210,8 +199,8 @@ class SimulatedStage:
         return FramedSession(session, **frame)
 
 
-def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Path:
-    """The part's file in the folder, and never one elsewhere.
+def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Sequence[Path]:
+    """The part's file in the folder, else those of its set, and never one elsewhere.
 
     Raises:
         StageError: a name that cannot be a file's, or no such file.
@@ -222,10 +211,16 @@ def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -
             f"{part_name[:40]!r} is not a name of a part on this stage", "name it without folders"
         )
     root = folder.resolve()
-    for suffix in suffixes:
-        path = root / f"{part_name}{suffix}"
+
+    def inside(paths: Iterable[Path]) -> list[Path]:
         # a link may lead out of the folder
-        if path.is_file() and path.resolve().is_relative_to(root):
-            return path
+        return [path for path in paths if path.is_file() and path.resolve().is_relative_to(root)]
+
+    if found := inside(root / f"{part_name}{suffix}" for suffix in suffixes):
+        return found[:1]
+    if found := inside(
+        p for p in sorted(root.glob("*")) if set_of(p.name) == part_name and p.suffix.lower() in suffixes
+    ):
+        return found
     where = "camera" if what == "photograph" else "whiskers"
     raise StageError(f"there is no {what} of {part_name} under the {where}", "put the part in place")
