@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
@@ -54,17 +53,20 @@ def export_router(service: Service) -> APIRouter:
     return router
 
 
+class _Echo:
+    """A file that gives back what is written to it, so that a row of a table is the answer of its writer."""
+
+    def write(self, text: str) -> str:
+        return text
+
+
 def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterator[str]:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer)
-    writer.writerow(COLUMNS)
+    writer = csv.writer(_Echo())
+    yield writer.writerow(COLUMNS)
     while page:
-        writer.writerows([harmless(_cell(part, path)) for path in COLUMNS.values()] for part in page)
-        yield buffer.getvalue()
-        buffer.seek(0)
-        buffer.truncate()
+        rows = ([harmless(_cell(part, path)) for path in COLUMNS.values()] for part in page)
+        yield "".join(map(writer.writerow, rows))
         page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE)
-    yield buffer.getvalue()
 
 
 def _cell(value: Any, path: str) -> str:

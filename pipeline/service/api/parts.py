@@ -135,8 +135,6 @@ def parts_router(service: Service) -> APIRouter:
         text, who = body.text.strip(), caller.token or body.who
         if body.action is not ReviewAction.UNREADABLE and not text:
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
-        if not who.strip():
-            raise Problem(422, "the name is missing; give yours as who")
         standing = service.store.part(part_id)
         checked = body.action is not ReviewAction.UNREADABLE and not body.outside_format
         if checked and (against := intake.calls.outside_format(text, standing.job)):

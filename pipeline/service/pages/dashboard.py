@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from typing import Literal
 
 from fastapi import APIRouter, Depends
 from starlette.responses import Response
@@ -10,10 +11,10 @@ from starlette.responses import Response
 from pipeline.common.records import PartState
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.frame import Frame, View
-from pipeline.service.web.problem import Problem
 from pipeline.store.alerts import DRIFT
 from pipeline.store.figures import DAY, HOUR
 
+Span = Literal["hour", "day", "week", "month"]
 SPANS = {
     "hour": timedelta(hours=1),
     "day": timedelta(days=1),
@@ -30,9 +31,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
     looks, service = Depends(frame.reader_view), frame.service
 
     @router.get("/dashboard")
-    def dashboard(span: str = "day", view: View = looks) -> Response:
-        if span not in SPANS:
-            raise Problem(422, f"there is no span {span!r}; choose {', '.join(SPANS)}")
+    def dashboard(span: Span = "day", view: View = looks) -> Response:
         now, each = datetime.now(UTC), "day" if span == "month" else "hour"
         numbers = frame.store.statistics(now - SPANS[span], step=DAY if each == "day" else HOUR)
         return view.page(

@@ -108,13 +108,14 @@ def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateReco
 
 def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
     """The characters of a text, each with the place it answers to."""
-    written = [k for k, char in enumerate(text) if not char.isspace()]
-    answers = align_places([p.char for p in places], [text[k] for k in written])
-    found = {k: answers[n] for n, k in enumerate(written)}
-    return tuple(
-        Cell(char, place, "" if place is None else places[place].doubt)
-        for char, place in ((char, found.get(k)) for k, char in enumerate(text))
-    )
+    answered = _answered([p.char for p in places], text)
+    return tuple(Cell(char, at, "" if at is None else places[at].doubt) for char, at in answered)
+
+
+def _answered(chars: Sequence[str], text: str) -> list[tuple[str, int | None]]:
+    """The characters of a text, each with the place among the chars that it answers to; a space has none."""
+    answers = iter(align_places(chars, [char for char in text if not char.isspace()]))
+    return [(char, None if char.isspace() else next(answers)) for char in text]
 
 
 def align_places(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ...]:
@@ -149,10 +150,7 @@ def part_cells(part: PartRecord) -> tuple[Cell, ...]:
 def expected_cells(part: PartRecord) -> tuple[Cell, ...]:
     """Cells of the expected text; a character that differs from the part's own text there is a mismatch."""
     borne = [char for char in part.text if not char.isspace()]
-    answers = iter(align_places(borne, [char for char in part.expected if not char.isspace()]))
-    cells = []
-    for char in part.expected:
-        place = None if char.isspace() else next(answers)
-        same = char.isspace() or (place is not None and borne[place] == char)
-        cells.append(Cell(char, place, "" if same else "mismatch"))
-    return tuple(cells)
+    return tuple(
+        Cell(char, at, "" if char.isspace() or (at is not None and borne[at] == char) else "mismatch")
+        for char, at in _answered(borne, part.expected)
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from datetime import UTC, datetime, timedelta
+from typing import Literal
 
 from fastapi import APIRouter, Depends
 from starlette.responses import Response
@@ -12,11 +13,10 @@ from pipeline.common.records import Agreement, AgreementDay, PartRecord
 from pipeline.common.texts import same_text
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
 from pipeline.service.pages.places import Cell, expected_cells
-from pipeline.service.web.problem import Problem
 
+Span = Literal["week", "month", "year"]
 SPANS = {"week": timedelta(weeks=1), "month": timedelta(days=30), "year": timedelta(days=365)}
-SHOWN = {"other": Agreement.OTHER, "nothing": Agreement.NOTHING}
-
+Shown = Literal[Agreement.OTHER, Agreement.NOTHING]
 _COUNTS = [field.name for field in fields(AgreementDay) if field.name != "day"]
 
 
@@ -25,14 +25,12 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
     looks = Depends(frame.reader_view)
 
     @router.get("/shadow")
-    def shadow(span: str = "month", show: str = "other", before: str = "", view: View = looks) -> Response:
-        if span not in SPANS:
-            raise Problem(422, f"there is no span {span!r}; choose week, month or year")
-        if show not in SHOWN:
-            raise Problem(422, f"there is no list {show!r}; choose other or nothing")
+    def shadow(
+        span: Span = "month", show: Shown = Agreement.OTHER, before: str = "", view: View = looks
+    ) -> Response:
         since = datetime.now(UTC) - SPANS[span]
         days = frame.store.agreement_by_day(since)
-        found = frame.store.parts(agreement=SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
+        found = frame.store.parts(agreement=show, before=before or None, limit=PARTS_SHOWN + 1)
         total = {name: sum(getattr(one, name) for one in days) for name in _COUNTS}
         page = page_of(found, "/shadow", {"span": span, "show": show}, before)
         return view.page(
