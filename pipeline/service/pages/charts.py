@@ -16,8 +16,7 @@ class Chart:
 
     Attributes:
         title: what it shows.
-        unit: after the figures of the scale.
-        tick: distance of the lines across, in the unit.
+        tick: distance of the lines across, in parts or per cent.
         top: value at the top, a multiple of `tick`.
         every: of so many steps one is labelled.
         bars: a value each step.
@@ -25,7 +24,6 @@ class Chart:
     """
 
     title: str
-    unit: str
     tick: int
     top: int
     every: int
@@ -55,9 +53,7 @@ def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
         }
         most = max([least, *bars, *(v for values in lines.values() for v in values if v is not None)])
         tick = next(f * 10**p for p in range(20) for f in (1, 2, 5) if most <= _MOST_TICKS * f * 10**p)
-        return Chart(
-            title, " %" if lines else "", tick, tick * max(1, -int(-most // tick)), every, bars, lines
-        )
+        return Chart(title, tick, tick * max(1, -int(-most // tick)), every, bars, lines)
 
     return (
         chart(f"Parts per {each}", bars=[s.parts for s in trend], least=0.0),
