@@ -17,32 +17,16 @@ from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.replay import read_kept, replay
 from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
+from tests.support.jamming import Jamming
 from whisker_array.scan.recorded_session import RecordedSession
 from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import StageSession
 from whisker_array.scan.stage_error import StageError
-from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.passes import Pass
 
 HEIGHT_MM, BUDGET_S = 3.0, 7.0
-
-
-class Jamming:
-    """A session that fails after so many passes."""
-
-    def __init__(self, within: StageSession, passes: int) -> None:
-        self.within, self.left, self.fitting = within, passes, within.fitting
-
-    def feel(self, order: Pass) -> Sweep:
-        self.left -= 1
-        if self.left < 0:
-            raise StageError("the array has jammed", "free it")
-        return self.within.feel(order)
-
-    def close(self) -> None:
-        self.within.close()
 
 
 @pytest.fixture(scope="module")

@@ -20,13 +20,12 @@ from pipeline.reading.readers import open_reader
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.driver_thread import DriverThread
 from pipeline.service.stage.stage_link import StageLink
+from tests.support.jamming import Jamming
 from tests.support.service_fixtures import FORMAT, Served, inline_service
 from tests.support.store_samples import STAGE_PLAN
 from whisker_array.scan.recording import load_scan
 from whisker_array.scan.session import StageSession
 from whisker_array.scan.stage_error import StageError
-from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.passes import Pass
 
 PLAN = replace(STAGE_PLAN, region_mm=(100.0, 50.0, 160.0, 65.0), seconds=90.0)
 
@@ -37,25 +36,11 @@ class Iron:
     folder: Path
     fails_after: int | None = None
     fault: type[Exception] = StageError
-    opened: list[Iron.Session]
+    opened: list[Jamming]
 
-    class Session:
-        def __init__(self, within: StageSession) -> None:
-            self.within, self.fitting = within, within.fitting
-            self.felt = self.closed = 0
-
-        def feel(self, order: Pass) -> Sweep:
-            if self.felt == Iron.fails_after:
-                raise Iron.fault("the array has jammed")
-            self.felt += 1
-            return self.within.feel(order)
-
-        def close(self) -> None:
-            self.closed += 1
-            self.within.close()
-
-    def open(self, order: ScanOrder) -> Iron.Session:
-        Iron.opened.append(self.Session(SimulatedStage(self.folder, seed=3).open(order)))
+    def open(self, order: ScanOrder) -> Jamming:
+        within = SimulatedStage(self.folder, seed=3).open(order)
+        Iron.opened.append(Jamming(within, Iron.fails_after, Iron.fault))
         return Iron.opened[-1]
 
 

@@ -21,8 +21,8 @@ from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
+from tests.support.jamming import Jamming
 from whisker_array.scan.simulated_session import SimulatedSession
-from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray, default_plan
 from whisker_array.whisker.passes import Pass
@@ -79,30 +79,13 @@ def test_the_budget_ends_it() -> None:
     assert found.stage_s <= 9.0
 
 
-class Failing:
-    """A session whose stage fails at a pass."""
-
-    def __init__(self, inner: SimulatedSession, at: int) -> None:
-        self.inner, self.left = inner, at
-        self.fitting = inner.fitting
-
-    def feel(self, order: Pass) -> Sweep:
-        if self.left == 0:
-            raise StageError("the drive has lost its reference", "home it")
-        self.left -= 1
-        return self.inner.feel(order)
-
-    def close(self) -> None:
-        self.inner.close()
-
-
 @pytest.mark.parametrize("at", [0, 6])
 def test_what_was_felt_before_the_stage_failed_is_kept(at: int) -> None:
     settings = ActiveSettings(policy=Ladder(((Way.ALONG, 16),)), until_sure=False)
-    found = ActiveReader(reader(), settings).read(Failing(mounted(part()), at))
+    found = ActiveReader(reader(), settings).read(Jamming(mounted(part()), at))
     assert found.stop is StopReason.STAGE_FAILED
     assert len(found.passes) == at
-    assert "lost its reference" in found.problem
+    assert "the array has jammed" in found.problem
     assert found.reading.decision is not Decision.ACCEPT
     assert (found.scan is None) == (at == 0)
     if at == 6:
