@@ -8,7 +8,6 @@ Parts are those of a named exam edition, all its soils and severities, in contac
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 
 import numpy as np
@@ -29,32 +28,34 @@ WORN_RADII = 6.0
 """Radius of a worn tip over a new one's, which is 0.06 mm at characters of 5 mm."""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("parts", 60), ("faulty", 20), ("read", 10), ("start", 20)):
-        parser.add_argument(f"--{name}", type=int, default=default)
-    parser.add_argument("--sizes", type=float, nargs="+", default=[1.0, 0.5])
-    asked = parser.parse_args()
-    parts = DesignedParts(design_named("marks-exam-1"))
-    items = [one for one in parts.items() if int(one.part[-4:]) >= asked.start]
-    items = items[:: max(1, len(items) // asked.parts)][: asked.parts]
+def main(
+    *,
+    parts: int = 60,
+    faulty: int = 20,
+    read: int = 10,
+    start: int = 20,
+    sizes: tuple[float, ...] = (1.0, 0.5),
+) -> None:
+    exam = DesignedParts(design_named("marks-exam-1"))
+    items = [one for one in exam.items() if int(one.part[-4:]) >= start]
+    items = items[:: max(1, len(items) // parts)][:parts]
     alarms: Counter[str] = Counter()
     named: Counter[tuple[float, FaultKind]] = Counter()
     besides: dict[tuple[float, FaultKind], Counter[str]] = {}
     right: Counter[str] = Counter()
-    faulty = set(range(0, len(items), max(1, len(items) // asked.faulty)))
+    chosen = set(range(0, len(items), max(1, len(items) // faulty)))
     n_read = 0
     for i, item in enumerate(items):
-        part = parts.make(item)
+        part = exam.make(item)
         touch = default_touch(part.height_mm or 5.0)
         surface = level(part.height_map)
         sound = felt(surface, part.height_mm or 5.0, touch=touch, soil=part.soil)
         found = find_faults(recorded(sound, rng=np.random.default_rng(i)))
         alarms.update({"any": bool(found), **dict.fromkeys({f.kind.value for f in found}, 1)})
-        if i not in faulty:
+        if i not in chosen:
             continue
         whisker = 1 + 2 * (i % 2)
-        for size in asked.sizes:
+        for size in sizes:
             for kind in FaultKind:
                 ideal, fault = sound, kind
                 if kind is FaultKind.WORN:
@@ -69,7 +70,7 @@ def main() -> None:
                 besides.setdefault((size, kind), Counter()).update(
                     {f.kind.value for f in found if f not in hit}
                 )
-        if n_read < asked.read and item.condition.severity <= 0.3:
+        if n_read < read and item.condition.severity <= 0.3:
             n_read += 1
             reader = TactileReader(ReaderSettings(format=item.condition.format))
             dead = recorded(sound, rng=np.random.default_rng(i), fault=FaultKind.DEAD, whisker=whisker)
@@ -80,7 +81,7 @@ def main() -> None:
     print(f"sound recordings with an alarm: {_said(alarms['any'], len(items))} {dict(alarms)}")
     for (size, kind), n in named.items():
         print(
-            f"{kind.value:14s} x {size:g}: named {_said(n, len(faulty))}; besides {dict(besides[size, kind])}"
+            f"{kind.value:14s} x {size:g}: named {_said(n, len(chosen))}; besides {dict(besides[size, kind])}"
         )
     print(f"serials right of {n_read} at dirt 0 and 0.3: {dict(right)}")
 
@@ -91,4 +92,6 @@ def _said(count: int, total: int) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -6,7 +6,6 @@ that of the clean mark, so what fills a stroke counts as a bias.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 
 import numpy as np
@@ -55,11 +54,8 @@ def errors_mm(
                 yield c.depth.mean_mm - true_mm, c.depth.min_mm / max(c.depth.mean_mm, 1e-9), place.felt
 
 
-def main() -> None:
+def main(*, parts: int = 4) -> None:
     """Print a row for each face, height and severity."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--parts", type=int, default=4)
-    parts = parser.parse_args().parts
     reader = Reader(fonts=["gothic"], format=FORMAT)
     print(
         "| face | height, mm | dirt | characters | mean depth less the truth, µm | least to mean | strokes felt |"
@@ -76,4 +72,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -12,7 +12,6 @@ the exam keeps out is in no fit.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -285,18 +284,17 @@ def thresholds(said: Floats) -> list[tuple[float, float]]:
     ]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Fit, print the tables, and with --write keep the fit."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument(
-        "benchmarks", type=Path, nargs="+", help="folders of benchmarks (--out), one a generator"
-    )
-    asked.add_argument(
-        "--threshold", type=float, default=ReaderSettings().accept_confidence, help="of acceptance"
-    )
-    asked.add_argument("--write", action="store_true", help=f"replace {FITTED.name}")
-    given = asked.parse_args(arguments)
-    readings = [one for folder in given.benchmarks for one in known_readings(folder)]
+def main(
+    *benchmarks: Path, threshold: float = ReaderSettings().accept_confidence, write: bool = False
+) -> None:
+    """Fit, print the tables, and keep the fit where it is to be written.
+
+    Args:
+        benchmarks: folders of benchmarks (--out), one a generator.
+        threshold: of acceptance.
+        write: replace the fit that there is.
+    """
+    readings = [one for folder in benchmarks for one in known_readings(folder)]
     fitted = {}
     for source in SOURCES:
         own = [one for one in readings if one.source == source]
@@ -306,9 +304,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "terms": {name.name: asdict(term) for name, term in made.terms.items()},
             "thresholds": thresholds(together("", list(left_out(own, "soil"))).said),
         }
-        print("\n".join(tables(source, own, threshold=given.threshold)))
+        print("\n".join(tables(source, own, threshold=threshold)))
         print(f"fitted: {made}\n")
-    if given.write:
+    if write:
         known = [one for one in readings if not one.kept_out]
         manifest = {
             "what": "weights of the score (recognition/decision/score.py)",
@@ -326,4 +324,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -11,12 +11,12 @@ Nothing wrong may be accepted unless the settings state what is not so. `charact
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from cyclopts import App
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
@@ -49,6 +49,7 @@ SHOWN: dict[str, Callable[[NDArray], NDArray]] = {
     Way.LEFT_RIGHT.value: lambda grid: grid[:, ::-1],
 }
 HEIGHT_MM = 5.0
+app = App()
 FONTS = "gothic,timesr,futuram,futural,timesrb"
 PLACES = 8
 LEAST_BELIEF = 0.03
@@ -73,21 +74,41 @@ def readings(
             yield "photograph", way, reader.vision.read_photo(seen)
 
 
-def plates(options: argparse.Namespace) -> None:
-    rng = np.random.default_rng(options.seed)
+@app.command
+def plates(
+    *,
+    texts: int = 4,
+    format: str = "",
+    seed: int = 1,
+    fonts: str = FONTS,
+    senses: str = "touch,photograph",
+    verbose: bool = False,
+) -> None:
+    """Read plates that lie in every way.
+
+    Args:
+        texts: of each alphabet.
+        format: serials of this format, in place of those that turn.
+        seed: of texts and plates.
+        fonts: by name, with commas between.
+        senses: likewise.
+        verbose: print every reading.
+    """
+    rng = np.random.default_rng(seed)
     counts: dict[tuple[str, ...], Counter[str]] = defaultdict(Counter)
-    senses = set(options.senses.split(","))
-    lots = [(texts_of(alphabet, options.texts, rng), mask) for alphabet, mask in ALPHABETS]
-    if options.format:
-        lots = [([random_text(options.format, rng=rng) for _ in range(options.texts)], options.format)]
-    for texts, mask in lots:
-        for number, text in enumerate(texts):
-            for font in options.fonts.split(","):
-                part = stamp(text, font=font, height_mm=HEIGHT_MM, seed=(options.seed, number))
+    lots = [(texts_of(alphabet, texts, rng), mask) for alphabet, mask in ALPHABETS]
+    if format:
+        lots = [([random_text(format, rng=rng) for _ in range(texts)], format)]
+    for serials, mask in lots:
+        for number, text in enumerate(serials):
+            for font in fonts.split(","):
+                part = stamp(text, font=font, height_mm=HEIGHT_MM, seed=(seed, number))
                 for orientation in Orientation:
                     reader = Reader(format=mask, orientation=orientation)
                     for rows_known in (True, False):
-                        for sense, way, read in readings(part, reader, senses, rows_known=rows_known):
+                        for sense, way, read in readings(
+                            part, reader, set(senses.split(",")), rows_known=rows_known
+                        ):
                             if orientation is Orientation.UPRIGHT and way in (
                                 Way.UPSIDE_DOWN,
                                 Way.LEFT_RIGHT,
@@ -99,7 +120,7 @@ def plates(options: argparse.Namespace) -> None:
                                 ended = "right" if right else "WRONG"
                             rows = "rows known" if rows_known else "rows unknown"
                             counts[font, sense, f"{orientation.value}, {rows}"][ended] += 1
-                            if ended == "WRONG" or options.verbose:
+                            if ended == "WRONG" or verbose:
                                 shown = f"{text} {font} {sense}, {way}, {orientation}, {rows}"
                                 print(f"{ended}: {shown}: {read} {read.messages()}", flush=True)
     print("| font | sense | settings | parts | accepted, right | accepted, wrong | review | reject |")
@@ -109,14 +130,16 @@ def plates(options: argparse.Namespace) -> None:
         print(f"| {font} | {sense} | {settings} | {' | '.join(map(str, cells))} |")
 
 
-def characters(options: argparse.Namespace) -> None:
-    rng = np.random.default_rng(options.seed)
-    fonts = options.fonts.split(",")
+@app.command
+def characters(*, texts: int = 4, seed: int = 1, fonts: str = FONTS) -> None:
+    """Print the likely images of characters, from so many texts."""
+    rng = np.random.default_rng(seed)
+    faces = fonts.split(",")
     belief = {way: defaultdict(Counter) for way in Way}
     seen = {way: Counter() for way in Way}
-    for number in range(options.texts):
+    for number in range(texts):
         text = "".join(rng.permutation(list(ALPHANUMERIC))[:PLACES])
-        part = stamp(text, font=fonts[number % len(fonts)], seed=(options.seed, number))
+        part = stamp(text, font=faces[number % len(faces)], seed=(seed, number))
         surface, photo = level(part.height_map), part.photograph()
         for way in Way:
             order = text[::-1] if way.reverses else text
@@ -145,20 +168,5 @@ def views_of(
     yield photo_view(replace(photo, pixels=np.ascontiguousarray(turned(photo.pixels)))), None
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("what", choices=("plates", "characters"))
-    parser.add_argument("--texts", type=int, default=4, help="of each alphabet")
-    parser.add_argument("--format", default="", help="serials of this format, in place of those that turn")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--fonts", default=FONTS)
-    parser.add_argument("--senses", default="touch,photograph")
-    parser.add_argument("--verbose", action="store_true", help="print every reading")
-    options = parser.parse_args()
-    plates(options) if options.what == "plates" else characters(options)
-
-
 if __name__ == "__main__":
-    main()
+    app()

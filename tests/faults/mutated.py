@@ -1,7 +1,7 @@
 """Files of every kind that people hand in, changed at random: each must be read, or be refused by its name.
 
     python -m tests.faults.mutated                          200 of every kind
-    python -m tests.faults.mutated map.npz job.toml -n 50 --seed 2
+    python -m tests.faults.mutated map.npz job.toml --number 50 --seed 2
 
 Bits flipped, bytes set, stretches cut, doubled, moved or blanked, lengths overwritten, ends cut. What has checksums
 (.npz, .x3p, PNG) is changed in half of the cases inside, and they are made anew, as else they would find it all.
@@ -12,7 +12,6 @@ more than SLOW_S taken, an exception that is no refusal or does not name the fil
 
 from __future__ import annotations
 
-import argparse
 import io
 import sys
 import tempfile
@@ -242,28 +241,27 @@ def _lost(error: Exception | None) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def main() -> int:
-    """Print the table; 1 where anything is a fault."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("kinds", nargs="*", help=", ".join(KINDS))
-    parser.add_argument("-n", "--number", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    asked = parser.parse_args()
+def main(*kinds: str, number: int = 200, seed: int = 1, jobs: int = 2) -> int:
+    """Print the table; 1 where anything is a fault.
+
+    Args:
+        kinds: of `KINDS`; all of them unless given.
+        number: files of each kind.
+        seed: of the changes.
+        jobs: number of workers.
+    """
     began, faults = time.monotonic(), 0
-    found = campaign(
-        asked.kinds or tuple(KINDS), asked.number, asked.seed, asked.jobs, Path("mutated-faults")
-    )
+    found = campaign(kinds or tuple(KINDS), number, seed, jobs, Path("mutated-faults"))
     for kind, tally in found.items():
         others = {came: n for came, n in tally.items() if came not in READ_OR_REFUSED}
         faults += sum(others.values())
         counts = "".join(f"{tally[came]:7} {came}" for came in READ_OR_REFUSED)
         print(f"{kind:14}{counts}   {', '.join(f'{n} {came}' for came, n in others.items()) or 'no fault'}")
-    print(f"{asked.number * len(found)} tried, {faults} faults, {time.monotonic() - began:.0f} s")
+    print(f"{number * len(found)} tried, {faults} faults, {time.monotonic() - began:.0f} s")
     return int(faults > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from cyclopts import run
+
+    run(main)

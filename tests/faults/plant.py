@@ -10,14 +10,12 @@ Each is forked from a process that has everything imported, so that it is back w
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import hashlib
 import json
 import multiprocessing
 import shutil
-import sys
 import tempfile
 import threading
 import time
@@ -273,21 +271,20 @@ def _judged(
     return Outcome(verdict, len(deliveries), len(receiver.arrivals), len(plant.kills), clients.tries)
 
 
-def main() -> int:
-    """Play rounds, each in a database of its own, and print what is found in each."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--rounds", type=int, default=20)
-    parser.add_argument("--parts", type=int, default=100, help="of each round")
-    parser.add_argument("--kills", type=int, default=6, help="services killed in each round")
-    parser.add_argument("--seed", type=int, default=0, help="of the first round; the next has the next one")
-    given = parser.parse_args()
+def main(*, rounds: int = 20, parts: int = 100, kills: int = 6, seed: int = 0) -> int:
+    """Play rounds, each in a database of its own, and print what is found in each.
+
+    Args:
+        rounds: number of rounds.
+        parts: parts of each round.
+        kills: services killed in each round.
+        seed: of the first round; the next has the next one.
+    """
     all_right = True
     with contextlib.closing(PostgresServer()) as server:
-        for number in range(given.seed, given.seed + given.rounds):
+        for number in range(seed, seed + rounds):
             one = played(
-                server, f"round{number}", parts=given.parts, kills=given.kills,
+                server, f"round{number}", parts=parts, kills=kills,
                 database=(DATABASE, FROZEN), seed=number,
             )  # fmt: skip
             all_right &= not one.verdict.wrong
@@ -300,4 +297,6 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from cyclopts import run
+
+    run(main)

@@ -112,7 +112,7 @@ def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
 ) -> None:
     path = tmp_path / "score.fit.json"
     monkeypatch.setattr(fit_score, "FITTED", path)
-    fit_score.main([str(exam), "--threshold", "0.8", "--write"])
+    fit_score.main(exam, threshold=0.8, write=True)
     made = json.loads(path.read_text(encoding="utf-8"))
     assert made["soils"] == ["ash", "mould"]
     assert {font[:3] for font in made["fonts"]} == {"own"}
