@@ -65,9 +65,7 @@ def unsure(plant: Plant) -> dict[str, Any]:
 
 @pytest.fixture
 def listener(plant: Plant) -> Iterator[Listener]:
-    with contextlib.closing(
-        Listener(plant.broker.port, user=plant.broker.reader, password=plant.broker.password)
-    ) as one:
+    with contextlib.closing(plant.broker.listener()) as one:
         yield one
 
 
@@ -302,9 +300,7 @@ def test_a_broker_that_is_down_is_shown_and_logged_once(plant: Plant) -> None:
     wait_until(lambda: "1 results wait" in plant.ready()["mqtt"])
     assert "cannot be reached" in plant.connection("mqtt")
     plant.broker.start()
-    with contextlib.closing(
-        Listener(plant.broker.port, user=plant.broker.reader, password=plant.broker.password)
-    ) as listener:
+    with contextlib.closing(plant.broker.listener()) as listener:
         wait_until(lambda: waiting in [one["id"] for one in listener.results()])
     wait_until(lambda: (plant.ready()["status"], plant.ready()["mqtt"]) == ("ready", "works"))
     assert len(plant.logged("mqtt is away")) == before + 1

@@ -35,12 +35,6 @@ def new_part(service: RunningService, height_map: Path) -> dict[str, Any]:
     return made
 
 
-@pytest.fixture(scope="module")
-def part(service: RunningService, height_map: Path) -> dict[str, Any]:
-    """A part that waits for a person again after each test."""
-    return new_part(service, height_map)
-
-
 def submit(browser: httpx.Client, page: httpx.Response, to: str, **fields: str) -> httpx.Response:
     """Send the form of a page whose address ends so, with its hidden fields."""
     for action, inner in re.findall(
@@ -80,9 +74,9 @@ def test_a_part_that_a_closed_browser_holds_can_be_taken_over(
 
 
 def test_a_review_can_be_undone_by_the_one_who_made_it(
-    people: tuple[httpx.Client, httpx.Client], part: dict[str, Any]
+    people: tuple[httpx.Client, httpx.Client], service: RunningService, height_map: Path
 ) -> None:
-    ada, bob = people
+    (ada, bob), part = people, new_part(service, height_map)
     here = f"/v1/parts/{part['id']}"
     said = {"action": "correct", "text": "K6", "who": "Ada"}
     assert ada.post(f"{here}/review", json=said).json()["state"] == "reviewed"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +10,8 @@ import pytest
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
 from pipeline.service.app import Service, check_folder
 from pipeline.service.settings import ServiceSettings
-from tests.support.service_fixtures import Served, inline_service
+from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import PHOTO, received
-
-
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator[Served]:
-    with inline_service(tmp_path / "service") as both:
-        yield both
 
 
 def _kept(service: Service) -> tuple[PartRecord, EvidenceRecord]:
@@ -29,29 +22,32 @@ def _kept(service: Service) -> tuple[PartRecord, EvidenceRecord]:
     return received(service.store, evidence=(record,)), record
 
 
-def test_a_damaged_file_is_said_and_not_served(served: Served, caplog: pytest.LogCaptureFixture) -> None:
-    service, client = served
-    part, record = _kept(service)
-    addresses = (f"/v1/parts/{part.id}/pictures/photo", f"/v1/parts/{part.id}/evidence/{record.sha256}")
-    for address in addresses:
-        whole = client.get(address)
-        assert (whole.status_code, whole.content) == (200, b"as it was")
-        assert whole.headers["etag"] == f'"{record.sha256}"'
-    service.evidence.path(record.sha256).write_bytes(b"as it rots")
-    for address in (*addresses, f"/v1/parts/{part.id}/pictures/boxes"):
-        damaged = client.get(address)
-        assert damaged.status_code == 500, address
-        assert damaged.headers["content-type"] == "application/problem+json"
-        assert "is damaged on the service's disk; restore it from a backup" in damaged.json()["detail"]
-        assert "etag" not in damaged.headers
-        assert b"as it rots" not in damaged.content
-    assert f"the file {record.sha256} kept as evidence is damaged" in caplog.text
-    assert "This picture is damaged" in client.get(f"/parts/{part.id}").text
-    assert service.evidence.whole((record.sha256,)) == (), "nor is it read again with touch"
-    service.evidence.path(record.sha256).unlink()
-    for address in addresses:
-        missing = client.get(address)
-        assert (missing.status_code, "missing from the service" in missing.json()["detail"]) == (404, True)
+def test_a_damaged_file_is_said_and_not_served(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with inline_service(tmp_path / "service") as (service, client):
+        part, record = _kept(service)
+        addresses = (f"/v1/parts/{part.id}/pictures/photo", f"/v1/parts/{part.id}/evidence/{record.sha256}")
+        for address in addresses:
+            whole = client.get(address)
+            assert (whole.status_code, whole.content) == (200, b"as it was")
+            assert whole.headers["etag"] == f'"{record.sha256}"'
+        service.evidence.path(record.sha256).write_bytes(b"as it rots")
+        for address in (*addresses, f"/v1/parts/{part.id}/pictures/boxes"):
+            damaged = client.get(address)
+            assert damaged.status_code == 500, address
+            assert damaged.headers["content-type"] == "application/problem+json"
+            assert "is damaged on the service's disk; restore it from a backup" in damaged.json()["detail"]
+            assert "etag" not in damaged.headers
+            assert b"as it rots" not in damaged.content
+        assert f"the file {record.sha256} kept as evidence is damaged" in caplog.text
+        assert "This picture is damaged" in client.get(f"/parts/{part.id}").text
+        assert service.evidence.whole((record.sha256,)) == (), "nor is it read again with touch"
+        service.evidence.path(record.sha256).unlink()
+        for address in addresses:
+            missing = client.get(address)
+            assert (missing.status_code, "missing from the service" in missing.json()["detail"]) == (
+                404,
+                True,
+            )
 
 
 def _modes(folder: Path) -> dict[str, int]:

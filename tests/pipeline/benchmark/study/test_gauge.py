@@ -71,11 +71,9 @@ def test_a_gauge_that_never_varies() -> None:
     assert (alike.total_mm, alike.share) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("shape", "complaint"), [((1, 2, 2), "shape"), ((2, 2, 1), "shape"), ((4, 4), "shape")]
-)
-def test_too_few_are_refused(shape: tuple[int, ...], complaint: str) -> None:
-    with pytest.raises(ValueError, match=complaint):
+@pytest.mark.parametrize("shape", [(1, 2, 2), (2, 2, 1), (4, 4)])
+def test_too_few_are_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="shape"):
         gauge_rr(np.zeros(shape))
 
 
