@@ -81,11 +81,6 @@ def test_settings_that_say_nothing_load_no_library_of_reading() -> None:
     assert done.stdout == "\n"
 
 
-def test_an_expert_that_there_is_not_is_refused() -> None:
-    with pytest.raises(SettingsError, match="there is no expert nose; there are network, templates"):
-        ReadSettings.of(experts="network,nose")
-
-
 def test_one_call_says_which_setting_there_is_not() -> None:
     with pytest.raises(SettingsError, match="unknown setting fonts; did you mean font"):
         pipeline.read("part.npz", fonts="gothic")

@@ -69,12 +69,6 @@ def test_region_is_cut_to_the_plate(plates: Path, tmp_path: Path) -> None:
     assert read_scan(made).sweeps[0].plan.line_mm.min() >= 0.0
 
 
-def test_region_off_the_plate_is_told(plates: Path, tmp_path: Path) -> None:
-    plan = replace(STAGE_PLAN, region_mm=(100.0, 1.0, 120.0, 9.0))
-    with pytest.raises(StageError, match="is not on the field"):
-        feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
-
-
 def test_the_same_part_gives_the_same_moments(plates: Path, tmp_path: Path) -> None:
     moments = []
     for name in ("a", "b"):
