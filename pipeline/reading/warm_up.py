@@ -1,7 +1,7 @@
 """Warming up: a worker's first part should take no longer than the next one.
 
-The part that is read is one of those that come, so both senses are soon sure of it. What only unsure parts need, rough
-templates of every font, is made for the first of them.
+The part that is read is one of those that come, so both senses are soon sure of it. What only unsure parts need,
+a font's prototypes for the camera and rough templates of every font, is made for the first of them.
 """
 
 from __future__ import annotations
