@@ -12,7 +12,7 @@ Plates are flat and lines run along their rows: a strip of a view is straightene
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -226,20 +226,20 @@ def ideal_plate(
     return IdealPlate(surface, middles, half, (rows, cols), own_rows)
 
 
-def lit_view(
+def lit_views(
     plate: IdealPlate,
-    light: Light,
+    lights: Sequence[Light],
     *,
     albedo: float = 0.3,
     roughness: float = 0.4,
     reflectance: float = 0.3,
     middle_grey: float = 0.2,
-) -> View:
-    """A photograph of an ideal plate of matt metal.
+) -> tuple[View, ...]:
+    """Photographs of an ideal plate of matt metal, one under each light.
 
     Args:
         plate: to be seen.
-        light: under which.
+        lights: under which.
         albedo: share of the light that it throws back.
         roughness: of brushed metal, 0 to 1.
         reflectance: of brushed metal, 0 to 1.
@@ -251,11 +251,14 @@ def lit_view(
         np.full(shape, roughness, dtype=np.float32),
         np.full(shape, reflectance, dtype=np.float32),
     )
-    seen = radiance(plate.surface, look, light)[..., 1]
-    layers = np.zeros((LAYERS, *shape), dtype=np.float32)
-    layers[GREY] = np.clip(middle_grey * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
-    layers[KNOWN] = 1.0
-    return View(ViewKind.PHOTO, layers, plate.surface.pitch_mm)
+    views = []
+    for light in lights:
+        seen = radiance(plate.surface, look, light)[..., 1]
+        layers = np.zeros((LAYERS, *shape), dtype=np.float32)
+        layers[GREY] = np.clip(middle_grey * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
+        layers[KNOWN] = 1.0
+        views.append(View(ViewKind.PHOTO, layers, plate.surface.pitch_mm))
+    return tuple(views)
 
 
 def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:

@@ -26,16 +26,14 @@ from recognition.glyph_match.predicted import (
     TemplateSet,
     ideal_plate,
     line_of,
-    lit_view,
+    lit_views,
 )
 from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 
-LIGHT = Light(elevation_deg=75.0)
-"""Under which photographs are predicted: a lamp that stands high. Of 90 soiled photographs of the calibration design
-588 characters of 720 and 60 serials are read with it, 36 accepted; with four lamps at the sides as well, which takes
-five times as long, 590, 60 and 38."""
+LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
+"""Under which photographs are predicted: lamps from four sides, and one that stands high."""
 
 Floats = NDArray[np.float64]
 
@@ -71,13 +69,13 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
     return made
 
 
-def lit_prototypes(font: Font, chars: str, *, light: Light = LIGHT) -> Prototypes:
-    """The characters of a font as a camera sees them.
+def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) -> tuple[Prototypes, ...]:
+    """The characters of a font as a camera sees them, under each of some lights.
 
     Args:
         font: which.
         chars: characters that it has.
-        light: under which the photograph is predicted.
+        lights: under which photographs are predicted.
 
     Raises:
         FontError: a character that the font has not got.
@@ -85,7 +83,7 @@ def lit_prototypes(font: Font, chars: str, *, light: Light = LIGHT) -> Prototype
     """
     plate = ideal_plate(font, chars, default_die(CANONICAL_HEIGHT_MM, font=font))
     where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
-    return cut_out(font.name, tuple(chars), lit_view(plate, light), *where)
+    return tuple(cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, lights))
 
 
 def cut_out(
@@ -129,7 +127,7 @@ def belief_of(
     views: Sequence[View],
     line: TextLine,
     columns: Floats,
-    fonts: Sequence[Prototypes],
+    fonts: Sequence[Sequence[Prototypes]],
     lattice: Lattice,
 ) -> tuple[Lattice, int] | None:
     """Match the font that suits a line best to its places: its lattice, and which it is; None without fonts.
@@ -138,13 +136,14 @@ def belief_of(
         views: of one part, in one frame.
         line: where the characters stand.
         columns: (places,) of its strip.
-        fonts: prototypes of each, as touched or as seen.
+        fonts: of each its prototypes, as touched or under several lights; what suits a view best speaks for it.
         lattice: what others believe of the places.
     """
     seen = [features_of(view.strip(line)) for view in views]
     tried = []
     for font in fonts:
-        tried.append((np.mean([cosines(one, columns, font) for one in seen], axis=0), font.chars))
+        suited = [max((cosines(one, columns, lit) for lit in font), key=_suits) for one in seen]
+        tried.append((np.mean(suited, axis=0), font[0].chars))
     if not tried:
         return None
     best = max(range(len(tried)), key=lambda k: _suits(tried[k][0]))

@@ -144,8 +144,8 @@ class VisionReader:
         return [(font, chars) for font, chars in has if chars]
 
     @cached_property
-    def prototypes(self) -> tuple[Prototypes, ...]:
-        """Prototypes of each named font; made for the first line that needs them."""
+    def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
+        """Prototypes of each named font, under several lights; made for the first line that needs them."""
         return tuple(lit_prototypes(font, chars) for font, chars in self._judging)
 
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:

@@ -218,7 +218,9 @@ class TactileReader:
         raised = felt is not None and felt.raised
         fonts = [font for font in self.fonts if set(self.chars) & set(font.glyphs)]
         sets = [self._template_set(font, view, line.height_mm, raised=raised) for font in fonts]
-        found = belief_of([view], line, columns, [felt_prototypes(one) for one in sets], main.belief.lattice)
+        found = belief_of(
+            [view], line, columns, [[felt_prototypes(one)] for one in sets], main.belief.lattice
+        )
         if found is None:
             return {}
         lattice, best = found

@@ -18,7 +18,7 @@ from recognition.glyph_match.predicted import (
     TemplateKey,
     TemplateSet,
     ideal_plate,
-    lit_view,
+    lit_views,
     predict_templates,
     round_to_ladder,
     template_key,
@@ -121,7 +121,9 @@ def test_the_plate_that_is_felt_is_that_of_the_patches(templates: TemplateSet) -
 
 def test_a_lit_plate_is_bright_where_it_faces_the_lamp(gothic: Font) -> None:
     plate = ideal_plate(gothic, "I", default_die(CANONICAL_HEIGHT_MM, font=gothic))
-    left, right = (lit_view(plate, Light(azimuth_deg=azimuth)).layers[GREY] for azimuth in (180.0, 0.0))
+    left, right = (
+        view.layers[GREY] for view in lit_views(plate, (Light(azimuth_deg=180.0), Light(azimuth_deg=0.0)))
+    )
     middle, half = plate.surface.shape[0] // 2, plate.surface.shape[1] // 2
     rows = slice(middle - 20, middle + 20)
     # the walls of a sunk stroke: the one beyond it faces the lamp

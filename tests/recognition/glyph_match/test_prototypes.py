@@ -19,12 +19,12 @@ from recognition.glyph_match.predicted import (
     TemplateSet,
     ideal_plate,
     line_of,
-    lit_view,
+    lit_views,
     predict_templates,
     template_key,
 )
 from recognition.glyph_match.prototypes import (
-    LIGHT,
+    LIGHTS,
     Prototypes,
     belief_of,
     cosines,
@@ -57,7 +57,7 @@ def sets(touch: Touch) -> Callable[[str], TemplateSet]:
 
 
 @pytest.fixture(scope="module")
-def lit(gothic: Font) -> Prototypes:
+def lamps(gothic: Font) -> tuple[Prototypes, ...]:
     return lit_prototypes(gothic, ALPHANUMERIC)
 
 
@@ -106,11 +106,14 @@ def test_what_is_felt_of_a_fonts_own_plate_is_read_back(
     assert leads(cosine).min() > LEAST_LEAD
 
 
-def test_what_is_seen_of_a_fonts_own_plate_is_read_back(gothic: Font, lit: Prototypes) -> None:
+def test_what_is_seen_of_a_fonts_own_plate_is_read_back_under_each_light(
+    gothic: Font, lamps: tuple[Prototypes, ...]
+) -> None:
     plate = ideal_plate(gothic, ALPHANUMERIC, default_die(CANONICAL_HEIGHT_MM, font=gothic))
-    cosine = cosines(*of_plate(lit_view(plate, LIGHT), plate.middles_mm, CANONICAL_HEIGHT_MM), lit)
-    np.testing.assert_allclose(np.diag(cosine), 1.0, atol=1e-5)
-    assert leads(cosine).min() > LEAST_LEAD
+    for made, view in zip(lamps, lit_views(plate, LIGHTS), strict=True):
+        cosine = cosines(*of_plate(view, plate.middles_mm, CANONICAL_HEIGHT_MM), made)
+        np.testing.assert_allclose(np.diag(cosine), 1.0, atol=1e-5)
+        assert leads(cosine).min() > LEAST_LEAD
 
 
 def test_a_place_may_lie_off_by_some_steps(sets: Callable[[str], TemplateSet]) -> None:
@@ -141,28 +144,30 @@ def test_a_dirty_line_is_read_in_the_font_that_is_named(
     part = part_of(dirt)
     view, where = touched(part, touch), stamped_line(part.stamped)
     gothic, timesr = (felt_prototypes(sets(name)) for name in ("gothic", "timesr"))
-    found, _ = belief_of([view], *where, [gothic], even(TEXT))
+    found, _ = belief_of([view], *where, [[gothic]], even(TEXT))
     assert best_of(found) == TEXT
     assert surest_at_least(found) > 0.8
     # of several fonts the one that suits
-    for which, fonts in enumerate(([gothic, timesr], [timesr, gothic])):
+    for which, fonts in enumerate(([[gothic], [timesr]], [[timesr], [gothic]])):
         chosen, best = belief_of([view], *where, fonts, even(TEXT))
         np.testing.assert_array_equal(chosen.log_belief, found.log_belief)
         assert best == which
-    assert surest_at_least(belief_of([view], *where, [timesr], even(TEXT))[0]) < surest_at_least(found)
+    assert surest_at_least(belief_of([view], *where, [[timesr]], even(TEXT))[0]) < surest_at_least(found)
     # two views that show the same say what one says, and without fonts nothing is said
-    twice, _ = belief_of([view, view], *where, [gothic], even(TEXT))
+    twice, _ = belief_of([view, view], *where, [[gothic]], even(TEXT))
     np.testing.assert_allclose(twice.log_belief, found.log_belief, atol=1e-9)
     assert belief_of([view], *where, [], even(TEXT)) is None
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 100.0, 225.0])
-def test_a_photograph_is_read_wherever_the_lamp_stands(azimuth_deg: float, lit: Prototypes) -> None:
+def test_a_photograph_is_read_wherever_the_lamp_stands(
+    azimuth_deg: float, lamps: tuple[Prototypes, ...]
+) -> None:
     part = part_of(0.0)
     width, high = part.height_map.size_mm
     taken = part.photograph(light_azimuth_deg=azimuth_deg, light_elevation_deg=35.0, pixel_mm=0.1)
     view = photo_view(replace(taken, centre_mm=(0.5 * width, 0.5 * high)))
-    found, _ = belief_of([view], *stamped_line(part.stamped), [lit], even(TEXT))
+    found, _ = belief_of([view], *stamped_line(part.stamped), [lamps], even(TEXT))
     assert best_of(found) == TEXT
     assert surest_at_least(found) > 0.5
 
