@@ -23,9 +23,7 @@ def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.fl
     rows, columns = (max(8, int((n - 1) / ratio) + 1) for n in view.layers.shape[1:])
     known = view.layers[KNOWN]
     sigma = blur * max(ratio - 1.0, 0.0)
-    # of a whole photograph everything is known
-    partly = bool(sigma) and not known.all()
-    weight = np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-3) if partly else np.float32(1.0)
+    weight = np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-3) if sigma else known
     made = np.zeros((len(view.layers), rows, columns), dtype=np.float32)
     back = np.array([[ratio, 0.0, 0.0], [0.0, ratio, 0.0]])
     for layer in view.filled:
