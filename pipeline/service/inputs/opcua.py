@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
 
 IDLE, SCANNING, BUSY = 0, 2, 3
 _LEAVE_S = 0.1
+# set where a part is read for a caller whose method answers with it: in the task of the scan, and in all that it begins
+_ANSWERED = ContextVar("answered", default=False)
 
 
 class OpcUaPort:
@@ -138,24 +141,21 @@ class OpcUaPort:
             await self._server.stop()
             self._server = None
 
-    async def show(self, part: PartRecord, *, event: bool = True) -> None:
-        """Show a part that was read, whatever triggered it; the same one again is not shown twice, and none in shadow
-        mode.
+    async def show(self, part: PartRecord) -> None:
+        """Show a part that was read, whatever triggered it, and send it as an event unless Scan answers with it.
 
-        Args:
-            part: as it stands.
-            event: whether subscribers get an event.
+        The same one again is not shown twice, and none in shadow mode.
         """
-        if (
-            self._server is None
-            or part.state is PartState.SHADOW
-            or (part.id, part.changed_at) in self._shown
-        ):
-            return
-        self._shown.append((part.id, part.changed_at))
-        reading, decision = part.reading or NO_READING, decision_of(part)
-        at = part.changed_at.astimezone(UTC)
         async with self._showing:  # one part's values and event together
+            if (
+                self._server is None
+                or part.state is PartState.SHADOW
+                or (part.id, part.changed_at) in self._shown
+            ):
+                return
+            self._shown.append((part.id, part.changed_at))
+            reading, decision = part.reading or NO_READING, decision_of(part)
+            at = part.changed_at.astimezone(UTC)
             for name, value in (
                 ("LastScanData", part.text),
                 ("LastScanTimestamp", at),
@@ -165,7 +165,7 @@ class OpcUaPort:
             ):
                 # the specification wants one source time for all of them, so that clients see what belongs together
                 await self._write(name, value, at=at)
-            if event and self._events is not None:
+            if not _ANSWERED.get():
                 self._events.event.ScanResult = [ocr_scan_result(part)]
                 self._events.event.Severity = 100 if decision is LineDecision.ACCEPT else 500
                 message = f"{decision.value} {part.text} {part.name} {part.id}"
@@ -176,7 +176,7 @@ class OpcUaPort:
         if (refused := self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
             return refused
         wait_s = arguments[0].Value.Duration / 1000.0 or self._answer_s
-        part, status = await self._wait(self._begin("", BUSY, event=False), min(wait_s, self._answer_s))
+        part, status = await self._wait(self._begin("", BUSY, answered=True), min(wait_s, self._answer_s))
         results = [ocr_scan_result(part)] if part is not None else []
         return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
 
@@ -184,7 +184,7 @@ class OpcUaPort:
         """Method ScanStart: one trigger; its result comes as an event."""
         if (refused := self._refusal(fits=settings_fit(arguments, endless=True))) is not None:
             return refused
-        self._started = self._begin("", SCANNING, event=True)
+        self._started = self._begin("", SCANNING)
         return [variant(SUCCESS)]
 
     async def _scan_stop(self, _parent: Any, *_arguments: Any) -> Any:
@@ -202,7 +202,7 @@ class OpcUaPort:
         )
         if (refused := self._refusal(fits=fits)) is not None:
             return refused
-        scan = self._begin(names[0], BUSY, event=True, job=names[1] if len(names) > 1 else "")
+        scan = self._begin(names[0], BUSY, job=names[1] if len(names) > 1 else "")
         part, _ = await self._wait(scan, self._answer_s)
         if part is None:
             return bad("BadDeviceFailure")
@@ -216,17 +216,20 @@ class OpcUaPort:
             return bad("BadInvalidArgument")
         return bad("BadInvalidState") if self._scanning is not None or self._stopped else None
 
-    def _begin(self, name: str, status: int, *, event: bool, job: str = "") -> asyncio.Task[PartRecord]:
+    def _begin(
+        self, name: str, status: int, *, job: str = "", answered: bool = False
+    ) -> asyncio.Task[PartRecord]:
         """Begin the one scan that there may be."""
-        self._scanning = task = asyncio.create_task(self._cycle(name, job, status, event))
+        self._scanning = task = asyncio.create_task(self._cycle(name, job, status, answered))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task
 
-    async def _cycle(self, name: str, job: str, status: int, event: bool) -> PartRecord:
+    async def _cycle(self, name: str, job: str, status: int, answered: bool) -> PartRecord:
+        _ANSWERED.set(answered)
         try:
             await self._write("DeviceStatus", status)
             part = await self._trigger(name, job)
-            await self.show(part, event=event)
+            await self.show(part)
             await self._write("DeviceInfo", "")
             return part
         except Exception as error:

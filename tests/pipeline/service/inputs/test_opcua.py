@@ -13,20 +13,26 @@ import sys
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import timedelta
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
 from asyncua import Client, ua
 
-from pipeline.common.records import PartRecord, PartState
+from pipeline.common.records import EvidenceKind, PartRecord, PartState
 from pipeline.common.version import program_version
+from pipeline.reading.part_orders import RECORDING, PartOrder
+from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.opcua import OpcUaPort
 from pipeline.service.inputs.opcua_device import settings_fit
 from pipeline.service.inputs.opcua_result import ocr_scan_result, status_of
 from pipeline.service.settings import OpcUaSettings
 from pipeline.service.web.problem import Problem
+from pipeline.service.web.uploads import Upload
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 from tests.support.opcua_frames import hello, message
+from tests.support.service_fixtures import inline_service
+from tests.support.store_samples import PLAN
 
 pytestmark = pytest.mark.anyio
 
@@ -187,6 +193,42 @@ async def test_scanning_shows_the_part_in_the_variables(shared: Shared) -> None:
         # a part that came by another door
         await port.show(part(id="PART9", text="ZZ9"))
         assert await value_of(device, "3:LastScanData") == "ZZ9"
+
+
+@pytest.mark.parametrize("felt", [False, True])
+async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
+    tmp_path: Path, felt: bool
+) -> None:
+    def read(order: PartOrder, *_: Any) -> ReadPart:
+        if felt and not order.earlier:
+            return ReadPart((reading("KX4", source="vision", decision="review"),), plan=PLAN)
+        (order.folder / RECORDING).write_bytes(b"felt")
+        return ReadPart((reading(),))
+
+    async def take(_: str, folder: Path) -> list[Upload]:
+        (photo := folder / "photo.png").write_bytes(b"picture")
+        return [Upload(photo, photo.name, EvidenceKind.PHOTO)]
+
+    events: asyncio.Queue[str] = asyncio.Queue()
+
+    class Heard:
+        def event_notification(self, event: Any) -> None:
+            events.put_nowait(event.Message.Text)
+
+    with inline_service(tmp_path, instead=read, opcua={"port": 0}, stage={"folder": tmp_path}) as served:
+        intake, ports = served[0].intake, served[0].ports
+        intake.camera.take = take  # type: ignore[method-assign]
+        (address,) = (one.address for one in ports.connections())
+        async with asking(f"opc.tcp://{address}/tactile-marks") as (client, device):
+            subscription = await client.create_subscription(20, Heard())
+            await subscription.subscribe_events(device, client.get_node(ua.NodeId(1005, 3)))
+            results, status = await device.call_method("3:Scan", settings())
+            assert (results[0].ScanData.String, status) == ("KX407251", 0)
+            (scanned,) = intake.store.parts()
+            assert await value_of(device, "4:LastPartId") == scanned.id
+            told = await device.call_method("4:TriggerPart", "P1")
+            assert await asyncio.wait_for(events.get(), LONG_S) == f"ACCEPT KX407251 P1 {told[0]}"
+            assert events.empty()
 
 
 async def test_one_scan_at_a_time_and_its_status(shared: Shared) -> None:
