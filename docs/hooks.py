@@ -8,7 +8,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 from pipeline.cli.main import app, whole_help
-from pipeline.cli.settings_reference import settings_file
+from pipeline.cli.settings import settings_file
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")

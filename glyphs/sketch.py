@@ -4,7 +4,7 @@
 
 Sketches share no code with `glyphs.stamping` and are a hundred times as cheap. Networks learn from them with their own
 dirt (`recognition.learning.sketches`); an exam takes them clean, as parts for any soil
-(`pipeline.benchmark.exam.sketched_part`).
+(`pipeline.benchmark.exam.designed_parts`).
 """
 
 from __future__ import annotations

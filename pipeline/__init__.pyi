@@ -1,6 +1,5 @@
-from .benchmark.exam.design import Design
+from .benchmark.exam.design import Design, design_named
 from .benchmark.exam.designed_parts import DesignedParts
-from .benchmark.exam.editions import design_named
 from .benchmark.readers.own_reader import Answer, ExamPart
 from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.reading_records import (

@@ -17,8 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pipeline.bench.moves import Moves
-from pipeline.bench.ramp import Ramp
+from pipeline.bench.moves import Moves, Ramp
 from pipeline.bench.serial_port import SerialPort
 from pipeline.bench.settings import StageSettings
 from whisker_array.scan.stage_error import StageError

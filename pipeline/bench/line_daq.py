@@ -18,7 +18,7 @@ import time
 
 import numpy as np
 
-from pipeline.bench.daq import Record
+from pipeline.bench.sampling import Record
 from pipeline.bench.serial_port import SerialPort
 from pipeline.bench.settings import DaqSettings
 from whisker_array.scan.stage_error import StageError

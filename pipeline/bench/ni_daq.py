@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from glyphs.errors import MissingExtraError
-from pipeline.bench.daq import Record
+from pipeline.bench.sampling import Record
 from pipeline.bench.settings import DaqSettings
 from whisker_array.scan.stage_error import StageError
 

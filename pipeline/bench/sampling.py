@@ -1,4 +1,7 @@
-"""Turn a converter's record into the samples of a pass, each with its position.
+"""A converter's record, and the samples of a pass in it, each with its position.
+
+sync   ____|^^^^^^|________|^^^^^^^^^^^^^^^^^|____      high: the stage's spare output
+             air     lower      the pass       lift
 
 The stage sets an output while it drags, and the converter samples that output too, so both share one clock. The speed
 profile of the stage is known (`Ramp`). A pass that took longer or shorter than planned is refused: its positions are
@@ -7,14 +10,67 @@ not known.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from pipeline.bench.daq import Record
 from pipeline.bench.moves import Moves
 from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.passes import Pass
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Samples between start and stop.
+
+    Attributes:
+        volts: (samples, whiskers) voltages.
+        sync: (samples,) whether the stage's output was set.
+        rate_hz: samples per second.
+        clipped: (samples, whiskers) whether the sample is at an end of the converter's range.
+    """
+
+    volts: NDArray[np.float64]
+    sync: NDArray[np.bool_]
+    rate_hz: float
+    clipped: NDArray[np.bool_]
+
+    def stretches(self) -> list[slice]:
+        """Stretches where the stage's output was set, in time order."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.sync.astype(np.int8), [0]])))
+        return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+class Daq(Protocol):
+    """A converter."""
+
+    @property
+    def whiskers(self) -> int:
+        """Number of whisker channels."""
+
+    def describe(self) -> str:
+        """Identification string of the converter."""
+
+    def start(self) -> None:
+        """Start sampling.
+
+        Raises:
+            StageError: it cannot.
+        """
+
+    def stop(self) -> Record:
+        """Stop sampling and return all samples since the start.
+
+        Raises:
+            StageError: samples were lost, or the converter does not answer.
+        """
+
+    def close(self) -> None:
+        """Let it go; closing again does nothing."""
+
 
 _LATE_S = 0.03
 """Tolerance of the time the output is set beyond the duration of the move: firmware planning and a sample or two."""

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import CommandError, UsageError
+from pipeline.cli.shared import Flag
 
 if TYPE_CHECKING:
     from pipeline.bench.bench import Bench
@@ -145,7 +145,7 @@ def scan(
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
     from glyphs.surface.maps import TraceDirection
-    from pipeline.bench.raster import feel_all, raster_passes
+    from pipeline.bench.bench import feel_all, raster_passes
     from pipeline.bench.settings import read_bench
     from pipeline.cli.whisker import check_recording, scan_actively
     from whisker_array.scan.recording import save_scan
@@ -184,7 +184,7 @@ def scan(
 def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> None:
     """Print and draw the moves of passes."""
     from pipeline.bench.moves import moves_of
-    from pipeline.plots.moves_picture import moves_figure
+    from pipeline.plots.bench_picture import moves_figure
     from pipeline.plots.pictures import save_figure
 
     preload = settings.touch().preload_mm

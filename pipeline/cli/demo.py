@@ -7,8 +7,8 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import FAILED, UsageError
+from pipeline.cli.shared import Flag
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord

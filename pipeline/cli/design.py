@@ -6,9 +6,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import CommandError, UsageError
-from pipeline.cli.tables import write_picture
+from pipeline.cli.shared import Flag, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.texts import listed
 
@@ -93,7 +92,7 @@ def design(
         check_writable(picture, PICTURES)
     if array:
         from pipeline.cli.design_report import print_arrays
-        from pipeline.plots.array_picture import array_figure
+        from pipeline.plots.design_picture import array_figure
         from whisker_array.design.array_design import ArrayRequest, design_arrays
 
         wanted = ArrayRequest(
@@ -109,8 +108,7 @@ def design(
         raise UsageError(
             "design: --alpha, --mu and --depth-mm say what the whisker is for", "give all three, or --array"
         )
-    from pipeline.cli.design_report import print_report
-    from pipeline.cli.design_words import explain_failure
+    from pipeline.cli.design_report import explain_failure, print_report
     from pipeline.formats.whisker_file import SUFFIX, write_whisker_file
     from whisker_array.design.design import NoWhiskerError, design_whisker
     from whisker_array.design.limits import DesignError, Limits, Request
@@ -161,7 +159,7 @@ def design(
 
 def _report_built(path: Path, request: Request) -> None:
     """Report what an identified whisker does for a request, and by how much it may be off."""
-    from pipeline.cli.design_words import fitness
+    from pipeline.cli.design_report import fitness
     from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import FidelityName, Flag, Jobs, Positive
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
+from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive
 from pipeline.common.settings import SettingsError
 from pipeline.common.texts import first_of, listed
 
@@ -115,7 +115,7 @@ def run(
     from pipeline.benchmark.readers.modes import expand_groups
     from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-    from pipeline.cli.tables import print_document
+    from pipeline.cli.shared import print_document
     from pipeline.reading.certificate import checked
     from pipeline.reading.perturbation import PERTURBATIONS
     from recognition.language.orientation import Orientation
@@ -166,8 +166,8 @@ def gate(
         Keep the trials in this folder, one for each edition, for `benchmark compare` (default: they are not kept).
     """
     from pipeline.benchmark.analysis import gate as floor
+    from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.workers.options import WorkerSettings
     from recognition.language.orientation import Orientation
@@ -227,8 +227,8 @@ def export(
     check
         Write nothing: compare the folder with its manifest, and name what differs.
     """
+    from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.export import folder as exporting
 
     exam = DesignedParts(design_named(design), parts)
@@ -287,13 +287,13 @@ def score(
         raise UsageError(what, "give each its own name with --name")
     from pipeline.benchmark.analysis.statistics import statistics_of
     from pipeline.benchmark.exam.condition import parse_given
+    from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
     from pipeline.benchmark.report.writing import document_of, write_report
     from pipeline.benchmark.trials.answers import designed_items, load_answers
     from pipeline.benchmark.trials.run import Benchmark
-    from pipeline.cli.tables import print_document
+    from pipeline.cli.shared import print_document
     from recognition.senses.settings import ReaderSettings
 
     source: ListedParts | DesignedParts
@@ -342,7 +342,7 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs
         Worker processes that draw.
     """
     from pipeline.benchmark.report.change_report import SHOWN, write_comparison
-    from pipeline.cli.tables import print_document
+    from pipeline.cli.shared import print_document
     from pipeline.workers.options import WorkerSettings
 
     with WorkerSettings(jobs=jobs).opened(SHOWN) as executor:
@@ -375,9 +375,8 @@ def _parts(
         MarksError: parts that cannot be found or made.
     """
     from pipeline.benchmark.exam.condition import Condition
-    from pipeline.benchmark.exam.design import of_flags
+    from pipeline.benchmark.exam.design import design_named, of_flags
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
 
     levels: dict[str, tuple[str | float, ...]] = {

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.cli.choices import Jobs, Positive
 from pipeline.cli.exit_status import FAILED, UsageError, resumable
 from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Workers
+from pipeline.cli.shared import Jobs, Positive
 from pipeline.common.texts import first_of
 from pipeline.workers.options import WorkerSettings
 
@@ -59,7 +59,7 @@ def certify(
             raise UsageError(f"certify: {name} is {value:g}", "it lies between 0 and 1")
     if out.suffix.lower() != ".json":
         raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
-    from pipeline.benchmark.report.certificate_page import write_certificate_page
+    from pipeline.benchmark.report.page import write_certificate_page
     from pipeline.common.output_paths import check_writable
     from pipeline.reading.certificate import write_certificate
     from pipeline.runs import certification
@@ -82,7 +82,7 @@ def certify(
 
 def _print_tests(found: Certification, confidence: float) -> None:
     """Print what was read, and the thresholds at which anything changes."""
-    from pipeline.cli.tables import print_table
+    from pipeline.cli.shared import print_table
 
     words = [f"{found.parts:,} labelled parts"]
     words += [f"{found.errors:,} with an error"] if found.errors else []
@@ -153,7 +153,7 @@ def study(
         raise UsageError("study: name parts, folders, globs or manifests")
     from pipeline.benchmark.study.repeats import StudyPlan
     from pipeline.benchmark.study.run import run_study
-    from pipeline.cli.tables import print_document
+    from pipeline.cli.shared import print_document
 
     with resumable(out, hint=_GO_ON):
         plan = StudyPlan(reading, repeats, arrays)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import Positive
 from pipeline.cli.exit_status import UsageError
 from pipeline.cli.settings import DEFAULT_FILE, READING, SERVICE, Config, Reading, Service
+from pipeline.cli.shared import Positive
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
@@ -90,7 +90,7 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
 
 
 def _write_settings(file: Path) -> None:
-    from pipeline.cli.settings_reference import settings_file
+    from pipeline.cli.settings import settings_file
     from pipeline.common.output_paths import write_text
 
     if os.path.lexists(file):

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from glyphs.errors import FileError
-from pipeline.cli.choices import Flag, Positive
 from pipeline.cli.exit_status import UsageError
-from pipeline.cli.tables import write_picture
+from pipeline.cli.shared import Flag, Positive, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.stamping import Stamping
 from pipeline.common.texts import listed
@@ -53,7 +52,7 @@ def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> None:
         Character height, mm: strokes of small characters are wider.
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
-    from pipeline.plots.font_sheet import sheet_figure
+    from pipeline.plots.fonts_picture import sheet_figure
 
     out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
     check_writable(out, PICTURES)

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import FAILED, CommandError, UsageError
 from pipeline.cli.settings import READING, ReadingOfFile
+from pipeline.cli.shared import Flag, write_picture
 from pipeline.cli.store import STORE, AtStore
-from pipeline.cli.tables import write_picture
 
 if TYPE_CHECKING:
     from pipeline.formats.part_files import PartFiles
@@ -103,7 +102,7 @@ def enroll(
 
 def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
     from pipeline.formats.glyph_database import load_database
-    from pipeline.plots.exemplars_picture import exemplars_figure
+    from pipeline.plots.fonts_picture import exemplars_figure
 
     held = load_database(database)
     own = [one for one in held.exemplars if one.font_name == report.font]

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from pipeline.cli.choices import FidelityName, Flag
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.settings import MAPS, Maps
-from pipeline.cli.tables import write_picture
+from pipeline.cli.shared import FidelityName, Flag, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.formats.kinds import SCAN_SUFFIXES
 
@@ -235,7 +234,7 @@ def identify(
         write_found(out, found, drawn)
         print(f"wrote {out}")
     if figure is not None:
-        from pipeline.plots.identified import identified_figure
+        from pipeline.plots.bench_picture import identified_figure
 
         write_picture(identified_figure(found), figure)
 

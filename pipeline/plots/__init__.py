@@ -1,1 +1,1 @@
-"""Pictures: parts, designs and the figures of the paper. One module a picture; `pictures` holds their style."""
+"""Pictures: parts, fonts, designs, benches and the figures of the paper; `pictures` holds their style."""

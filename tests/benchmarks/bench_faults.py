@@ -12,8 +12,8 @@ from collections import Counter
 
 import numpy as np
 
+from pipeline.benchmark.exam.design import design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.exam.editions import design_named
 from pipeline.common.shares import share
 from recognition.senses.settings import ReaderSettings
 from recognition.senses.step_timer import StepTimer

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from glyphs.errors import MarksError
-from pipeline.benchmark.exam.editions import design_named
+from pipeline.benchmark.exam.design import design_named
 from recognition.experts.recogniser import CHARACTERS, steps_of
 from recognition.learning.covers import cover_rivals
 from recognition.learning.train_recogniser import gather, plain

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import FileError
+from pipeline.benchmark.exam.design import design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.exam.editions import design_named
 from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.workers.executors import ordered_map
 from pipeline.workers.pool import WorkPool

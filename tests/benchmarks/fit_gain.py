@@ -54,8 +54,8 @@ def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None =
     Raises:
         MarksError: no such design.
     """
+    from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.benchmark.exam.editions import design_named
     from pipeline.reading.simulated_scan import VirtualBench
     from recognition.active.active_reader import ActiveReader, ActiveSettings
     from recognition.active.policy import Drawn

@@ -22,9 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.calibration import reliability
-from pipeline.benchmark.analysis.risk import risk_coverage
-from pipeline.benchmark.analysis.shares import exact_share
+from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
+from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from recognition.decision.evidence import Measure
 from recognition.decision.score import FITTED, SOURCES, Score, Term

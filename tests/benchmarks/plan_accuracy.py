@@ -22,9 +22,8 @@ from rapidfuzz.distance import Levenshtein
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
-from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.design import Design, design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.exam.editions import design_named
 from pipeline.reading.simulated_scan import VirtualBench
 from recognition import Orientation, Reader
 from recognition.decision.decide import Decision

@@ -32,10 +32,10 @@ from glyphs.soiling.severity import KNOTS, MANIFEST
 from glyphs.soiling.soiled import WORKSHOP
 from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.surface.maps import HeightMap
+from pipeline.benchmark.exam.design import design_named
 from pipeline.benchmark.exam.designed_parts import hull
-from pipeline.benchmark.exam.editions import design_named
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
-from pipeline.benchmark.readers.engines import RapidOcr
+from pipeline.benchmark.readers.peers import RapidOcr
 from pipeline.benchmark.readers.pictures import heights_picture
 from pipeline.workers.executors import ordered_map
 from pipeline.workers.pool import WorkPool

@@ -13,9 +13,8 @@ from enum import Enum
 from typing import Any
 
 from glyphs.errors import MarksError
-from pipeline.benchmark.analysis.comparisons import Comparison, compare
+from pipeline.benchmark.analysis.comparisons import Comparison, compare, unperturbed
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, group_trials, levels_in
-from pipeline.benchmark.analysis.stability import unperturbed
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.texts import first_of

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.analysis.groups import level_of, levels_in, ordered_levels
-from pipeline.benchmark.analysis.shares import Estimate, draw_parts
+from pipeline.benchmark.analysis.estimates import Estimate, draw_parts
+from pipeline.benchmark.analysis.groups import characters_right, level_of, levels_in, ordered_levels
 from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
 from pipeline.benchmark.trials.journal import Trial
 

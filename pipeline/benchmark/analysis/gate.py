@@ -17,8 +17,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.analysis.groups import group_trials
+from pipeline.benchmark.analysis.groups import characters_right, group_trials
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.output_paths import write_json
 

@@ -1,4 +1,4 @@
-"""Trials in groups, and the figures of a group.
+"""Trials in groups, and the figures of a group: shares, edits, confused characters, times.
 
 A group is of one mode and of any levels of any factors: of a cell of the design, of one severity, of nothing more.
 Where parts were read several times with other things given, what was given is always one of the factors, so that
@@ -14,14 +14,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.benchmark.analysis.calibration import Reliability, reliability
-from pipeline.benchmark.analysis.confusion import characters_right, confusion, edits
-from pipeline.benchmark.analysis.risk import RiskCoverage, risk_coverage
-from pipeline.benchmark.analysis.shares import Estimate, bootstrap_share, exact_share
+from pipeline.benchmark.analysis.confidence import Reliability, RiskCoverage, reliability, risk_coverage
+from pipeline.benchmark.analysis.estimates import Estimate, bootstrap_share, exact_share
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share, share
 from pipeline.common.texts import align
+
+
+def edits(trial: Trial) -> int:
+    """Characters wrong, missing and too many."""
+    return sum(not pair.right for pair in align(trial.truth, trial.text))
+
+
+def characters_right(trial: Trial) -> int:
+    """Characters stamped less the edits, not below 0."""
+    return max(0, len(trial.truth) - edits(trial))
+
+
+def confusion(trials: Iterable[Trial]) -> Counter[tuple[str, str]]:
+    """Number of (stamped, read) characters; EXTRA is stamped where too much is read, MISSING read where too little."""
+    return Counter((p.true, p.read) for trial in trials for p in align(trial.truth, trial.text))
+
+
+def mistakes(confused: Counter[tuple[str, str]]) -> list[tuple[str, str, int]]:
+    """(stamped, read, how often) of different characters, the most frequent first."""
+    found = [(true, read, n) for (true, read), n in confused.items() if true != read]
+    return sorted(found, key=lambda m: (-m[2], m[0], m[1]))
+
 
 GIVEN_FACTOR = "given"
 """Everything given to a reader, as one factor."""

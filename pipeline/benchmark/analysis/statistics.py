@@ -15,8 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.benchmark.analysis.comparisons import Comparison, between_givens, between_readers
-from pipeline.benchmark.analysis.confusion import mistakes
+from pipeline.benchmark.analysis.comparisons import (
+    Comparison,
+    Stability,
+    between_givens,
+    between_readers,
+    stability_of,
+    unperturbed,
+)
+from pipeline.benchmark.analysis.confidence import RiskCoverage
 from pipeline.benchmark.analysis.factors import FactorEffect, factor_effects
 from pipeline.benchmark.analysis.groups import (
     GIVEN_FACTOR,
@@ -26,9 +33,8 @@ from pipeline.benchmark.analysis.groups import (
     group_of,
     group_trials,
     levels_in,
+    mistakes,
 )
-from pipeline.benchmark.analysis.risk import RiskCoverage
-from pipeline.benchmark.analysis.stability import Stability, stability_of, unperturbed
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,10 +45,14 @@ from pydantic import (
 
 from glyphs.soiling.soiled import WORKSHOP
 from pipeline.benchmark.exam.condition import Condition, Level, parse_given
+from pipeline.benchmark.exam.font_packages import PackagedFont
 from pipeline.common.parsed import toml_of, wrong_key
 from pipeline.common.settings import SettingsError
 from pipeline.errors import naming
 from pipeline.formats.synth import MAX_PARTS
+
+_ROOM = Path(str(files("pipeline.benchmark.exam")))
+_DESIGNS = _ROOM / "designs"
 
 
 def _levels(value: Any) -> Any:
@@ -58,23 +63,6 @@ def _levels(value: Any) -> Any:
 
 
 Part = Annotated[dict[str, tuple[str | bool | float, ...]], BeforeValidator(_levels)]
-
-
-class PackagedFont(BaseModel):
-    """A font file of an installed package.
-
-    Attributes:
-        package: name in the package registry.
-        version: package version that the design was made with.
-        file: path within the package.
-        sha256: hash of the file; a file with another hash is another font.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    package: str
-    version: str
-    file: str
-    sha256: str
 
 
 class Section(BaseModel):
@@ -240,6 +228,28 @@ def of_flags(
              "severity": (0.0, 0.3, 0.6, 0.9), "height_mm": 5.0, "depth_mm": 0.2, "face": "flat"}  # fmt: skip
     cross, part = ("font", "format", "soil", "severity"), {**usual, **levels}
     return Design.of(seed=seed, parts_a_cell=parts, cross=cross, alike=True, part=part, given=given)
+
+
+def editions() -> tuple[str, ...]:
+    """Names of the editions."""
+    return tuple(sorted(path.stem for path in _DESIGNS.glob("*.toml")))
+
+
+def design_named(name: str) -> Design:
+    """An edition by its name, or a design from a TOML file; either may name fonts of the editions.
+
+    Raises:
+        FileError: the file is not a design.
+        SettingsError: neither a file nor an edition.
+    """
+    if name not in editions() and not name.endswith(".toml"):
+        raise SettingsError(
+            f"there is no design {name!r}", hint=f"name a TOML file, or one of {', '.join(editions())}"
+        )
+    design = Design.load(Path(name) if name.endswith(".toml") else _DESIGNS / f"{name}.toml")
+    known = toml_of(_ROOM / "fonts.toml")
+    packaged = {font: PackagedFont(**known[font]) for font in design.font_names if font in known}
+    return design.model_copy(update={"fonts": {**packaged, **design.fonts}})
 
 
 def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np.ndarray[Any, Any]:

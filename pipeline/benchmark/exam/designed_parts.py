@@ -1,4 +1,4 @@
-"""Parts of a design, made from its seed."""
+"""Parts of a design, made from its seed: stamped ones, and sketches of marks."""
 
 from __future__ import annotations
 
@@ -6,16 +6,55 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import random_text
+from glyphs.part import Part
+from glyphs.sketch import ROWS_PER_HEIGHT, sketch
 from glyphs.soiling.soiled import WORKSHOP, Soiling
+from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.condition import Condition, Level, level_name
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
-from pipeline.benchmark.exam.sketched_part import sketch_part
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
+
+_LAND = 0.5
+"""Land added above and below a sketch to be read as a whole part, character heights."""
+
+
+def sketch_part(
+    format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
+) -> Part:
+    """Sketch a serial as a part; dirt and photograph are those of stamped parts.
+
+    Args:
+        format: of the serial, which is drawn.
+        font: built-in name or font file.
+        height_mm: character height.
+        soiling: dirt on the part.
+        seed: the same seed gives the same part.
+
+    Raises:
+        FontError: no such font, or a character that it lacks.
+        FormatError: a format that no serial can obey.
+    """
+    key = tuple(int(number) for number in seed)
+    rng = np.random.default_rng(key)
+    letters, text = load_font(font), random_text(format, rng=rng)
+    made = sketch(letters, text, rng, clean=True)
+    land, mm = round(_LAND * ROWS_PER_HEIGHT), height_mm / ROWS_PER_HEIGHT
+    surface = np.pad(made.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
+    boxes = tuple((x0 * mm, (y0 + land) * mm, x1 * mm, (y1 + land) * mm) for x0, y0, x1, y1 in made.boxes)
+    stamped = StampedPart(HeightMap(surface, mm), text, height_mm, boxes, letters.name)
+    return Part(stamped, soiling, key)
+
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
 """Elevation of the lamp, degrees; its direction is drawn at random for every part."""

@@ -5,13 +5,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from pydantic import BaseModel, ConfigDict
 
 from glyphs.fonts.glyph import FontError
 from pipeline.common.version import file_sha256
 
-if TYPE_CHECKING:
-    from pipeline.benchmark.exam.design import PackagedFont
+
+class PackagedFont(BaseModel):
+    """A font file of an installed package.
+
+    Attributes:
+        package: name in the package registry.
+        version: package version that the design was made with.
+        file: path within the package.
+        sha256: hash of the file; a file with another hash is another font.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    package: str
+    version: str
+    file: str
+    sha256: str
 
 
 def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:

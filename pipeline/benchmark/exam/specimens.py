@@ -6,11 +6,13 @@ NAME.npz, NAME.png, truth.csv --ListedParts.make--->
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.benchmark.exam.condition import Condition
+from pipeline.reading.perturbation import Perturbation, Retake
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
     from pipeline.formats.part_files import PartFiles
     from recognition.views.first_pass import Feel
+    from whisker_array.simulation.traces import Fidelity
+
 
 Box = tuple[float, float, float, float]
 
@@ -92,3 +96,30 @@ class Parts(Protocol):
 
     def description(self) -> dict[str, Any]:
         """Everything that determines each part, as JSON values; not their number."""
+
+
+def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> Specimen:
+    """The part under a perturbation; the same every time.
+
+    Args:
+        specimen: as it is.
+        how: what is changed.
+        fidelity: how touch is simulated.
+    """
+    again = Retake(how, zlib.crc32(f"{specimen.part} {how.name}".encode()))
+    grown, take = again.grown, specimen.take_photo
+    take_lights = specimen.take_lights
+
+    def larger(box: Box | None) -> Box | None:
+        return None if box is None else (box[0] * grown, box[1] * grown, box[2] * grown, box[3] * grown)
+
+    return replace(
+        specimen,
+        height_map=again.surface(specimen.height_map),
+        take_photo=None if take is None else lambda: again.photo(take()),
+        take_lights=None if take_lights is None else lambda: again.photo(take_lights()),
+        line_mm=larger(specimen.line_mm),
+        boxes_mm=tuple(b for b in map(larger, specimen.boxes_mm) if b is not None),
+        beside_mm=larger(specimen.beside_mm),
+        feel=again.feel(fidelity=fidelity, soil=specimen.soil, part_id=specimen.part),
+    )

@@ -5,12 +5,16 @@ ideal/NAME.png          heights, 16 bit               lines/NAME-VIEW.png      t
 felt/NAME-relief.png    heights as felt, 8 bit        felt/NAME-relief-16.png  the same, 16 bit
 felt/NAME-edges.png     strongest edge, 8 bit         felt/NAME-edges-DEG-16.png  a direction of travel each
 labels/NAME.json        text, places, levels, scales, hashes of the files above
+
+In a picture of 16 bit, value = (pixel - ZERO) * step, and pixel 0 is not known. The PNG's text says `step`, `zero`,
+`unit`, `pitch_mm` and `origin_mm`, the place of the first pixel.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,13 +23,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
-from pipeline.benchmark.export.layers import write_layer
 from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.readers.pictures import PICTURES, draw_edges, draw_heights
+from pipeline.common.output_paths import check_writable
 from pipeline.formats.photos import write_photo
 from pipeline.formats.synth import write_surface
 from recognition.language.orientation import Orientation
@@ -33,8 +38,9 @@ from recognition.reader import Reader
 from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
 if TYPE_CHECKING:
-    from pipeline.benchmark.readers.felt import FeltMaps
+    from pipeline.benchmark.readers.mode import FeltMaps
     from whisker_array.scan.scan import Scan
+
 
 LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
@@ -165,3 +171,50 @@ def polygon_px(box_mm: Box, view: dict[str, Any]) -> list[list[float]]:
     lines = [min(max(0.0, (v - y) / pitch), rows - 1.0) for v in (box_mm[1], box_mm[3])]
     corners = ((0, 0), (1, 0), (1, 1), (0, 1))
     return [[round(columns[i], 1), round(lines[j], 1)] for i, j in corners]
+
+
+ZERO = 32768
+FINEST = 1e-4
+"""Step of a map that lies within ±3.2766: of heights a tenth of a micrometre, below what any instrument here feels."""
+_MOST = ZERO - 1
+
+
+def step_of(values: NDArray[np.floating]) -> float:
+    """The step that all of a map fits: `FINEST`, or the least doubling of it."""
+    most = float(np.nanmax(np.abs(values), initial=0.0))
+    return FINEST * 2.0 ** max(0, math.ceil(math.log2(max(most, 1e-12) / (FINEST * _MOST))))
+
+
+def write_layer(
+    path: Path, values: NDArray[np.floating], *, unit: str, pitch_mm: float, origin_mm: tuple[float, float]
+) -> float:
+    """Write a map as PNG, whole or not at all.
+
+    Args:
+        path: ends in .png.
+        values: (rows, cols), NaN where not known.
+        unit: of the values.
+        pitch_mm: of the grid.
+        origin_mm: (x, y) of its first sample.
+
+    Returns:
+        The step.
+
+    Raises:
+        FileError: another suffix, or it cannot be written.
+    """
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    check_writable(path, (".png",))
+    step = step_of(values)
+    known = np.isfinite(values)
+    pixels = np.where(known, np.rint(np.where(known, values, 0.0) / step) + ZERO, 0.0).astype(np.uint16)
+    text = PngInfo()
+    scale = {"step": step, "zero": ZERO, "unit": unit, "pitch_mm": pitch_mm}
+    for name, value in scale.items():
+        text.add_text(name, str(value))
+    text.add_text("origin_mm", "{:g} {:g}".format(*origin_mm))
+    with replacing(path) as temporary:
+        Image.fromarray(pixels).save(temporary, "PNG", compress_level=6, pnginfo=text)
+    return step

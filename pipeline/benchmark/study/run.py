@@ -1,24 +1,73 @@
-"""Run a study from its inputs to its report; the same call resumes an interrupted one."""
+"""Run a study from its inputs to its report; the same call resumes an interrupted one.
+
+Answers of people on the same parts come in a table, a line an answer:
+
+part,reviewer,text
+part-1,Ada,KX407251
+part-1,Ada,KX407251         the second time that Ada read it; trials come in the order of their lines
+part-1,Ben,KX407Z51         an empty text: not readable
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from glyphs.errors import FileError
-from pipeline.benchmark.study.repeats import StudyJournal, StudyPlan, measure, studied_parts
+from pipeline.benchmark.study.repeats import RECORDED, StudyJournal, StudyPlan, measure, studied_parts
 from pipeline.benchmark.study.report import write_study
-from pipeline.benchmark.study.reviews import load_reviews
 from pipeline.benchmark.study.study import Study
+from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.texts import first_of, without_blanks
 from pipeline.common.version import program_mark
 from pipeline.formats.find_parts import discover
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.truth import PartTexts, load_truth
+from pipeline.formats.truth import PartTexts, load_part_lines, load_truth
 from pipeline.reading.readers import reader_of
 from pipeline.runs.progress import Progress
 from pipeline.workers.options import WorkerSettings
+
+_HEADINGS = ("reviewer", "appraiser", "who")
+
+
+def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple[str, ...]]:
+    """Load the reviewers' answers for some parts from a table.
+
+    Returns:
+        The answers, whose mode is the reviewer; and parts of the table that the study has not.
+
+    Raises:
+        FileError: a table of another kind, a line without a reviewer, no part of the study, or a reviewer
+            that did not read every part equally often.
+    """
+    answers: list[Trial] = []
+    times: dict[str, Counter[str]] = {}
+    unknown: dict[str, None] = {}
+    for line in load_part_lines(path, repeated=True):
+        who = next((line.others[name] for name in _HEADINGS if line.others.get(name)), "")
+        if not who:
+            raise FileError(path, f"line {line.line} names no reviewer", "fill the column reviewer")
+        if line.part not in parts:
+            unknown[line.part] = None
+            continue
+        times.setdefault(who, Counter())[line.part] += 1
+        number, text = times[who][line.part], "".join(line.text.split())
+        answers.append(Trial(line.part, number, {RECORDED: True}, who, truth="", text=text))
+    if not answers:
+        raise FileError(
+            path, "answers no part of the study", f"name the parts as {next(iter(parts), 'they are')}"
+        )
+    for who, counts in times.items():
+        if len(set(counts.values())) > 1:
+            most = max(counts.values())
+            few = first_of([part for part, n in counts.items() if n < most])
+            raise FileError(
+                path, f"{who} read some parts {most} times and others less often: {few}",
+                "give as many lines for each",
+            )  # fmt: skip
+    return answers, tuple(unknown)
 
 
 def run_study(

@@ -117,7 +117,7 @@ def feel_plan(stage: Stage | SessionStage[ScanOrder], order: ScanOrder, into: Pa
     if callable(getattr(stage, "feel", None)) or not has_sessions(stage):
         return stage.feel(order, into)  # type: ignore[union-attr]
     from glyphs.surface.maps import TraceDirection
-    from pipeline.bench.raster import feel_all, raster_passes
+    from pipeline.bench.bench import feel_all, raster_passes
     from whisker_array.scan.recording import save_scan
 
     session = stage.open(order)

@@ -13,9 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from pipeline.bench.moves import moves_of
+from pipeline.bench.moves import Ramp, moves_of
 from pipeline.bench.ni_daq import NiDaq
-from pipeline.bench.ramp import Ramp
 from pipeline.bench.settings import DaqSettings, read_bench
 from pipeline.common.parsed import write_toml
 from tests.support.bench import a_pass, bench_settings

@@ -17,7 +17,7 @@ from pipeline.formats.glyph_database import load_database
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, make_part
-from pipeline.plots.exemplars_picture import exemplars_figure
+from pipeline.plots.fonts_picture import exemplars_figure
 from pipeline.reading.enrolment import MOST_EXEMPLARS, enrol
 from pipeline.reading.enrolment_check import check_held_out
 from pipeline.reading.readers import open_reader

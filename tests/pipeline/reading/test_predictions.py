@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cli.design_words import fitness
+from pipeline.cli.design_report import fitness
 from pipeline.reading.predictions import predictions
 from tests.support.benches import known_whisker
 from whisker_array.design.limits import Request

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import HeightMap, TraceDirection
-from pipeline.bench.ramp import Ramp
+from pipeline.bench.moves import Ramp
 from pipeline.bench.settings import BenchSettings
 from recognition.views.levelling import level
 from whisker_array.scan.mounting import mount

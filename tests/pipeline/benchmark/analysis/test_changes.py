@@ -12,8 +12,7 @@ from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import change_report
 from pipeline.benchmark.report.worst_parts import WorstPart
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from pipeline.benchmark.trials.remake import remake
-from pipeline.benchmark.trials.run import Benchmark
+from pipeline.benchmark.trials.run import Benchmark, remake
 from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.benchmark.analysis.changes import changes
-from pipeline.benchmark.analysis.stability import Fault, stability_of
+from pipeline.benchmark.analysis.comparisons import Fault, stability_of
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.exam.condition import PERTURBED
 from pipeline.benchmark.readers.own_reader import Answer, ExamPart

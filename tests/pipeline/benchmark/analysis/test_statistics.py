@@ -9,13 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rapidfuzz.distance import Levenshtein
 
-from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.analysis.comparisons import compare
-from pipeline.benchmark.analysis.confusion import characters_right, confusion, mistakes
-from pipeline.benchmark.analysis.groups import FATES, GroupKey, group_of
-from pipeline.benchmark.analysis.pairs import compare_characters
-from pipeline.benchmark.analysis.risk import risk_coverage
-from pipeline.benchmark.analysis.shares import Estimate, bootstrap_share
+from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
+from pipeline.benchmark.analysis.estimates import Estimate, bootstrap_share, compare_characters
+from pipeline.benchmark.analysis.groups import (
+    FATES,
+    GroupKey,
+    characters_right,
+    confusion,
+    group_of,
+    mistakes,
+)
 from pipeline.benchmark.analysis.statistics import plain, statistics_of
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial
 from pipeline.common.shares import share

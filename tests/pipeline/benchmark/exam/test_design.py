@@ -15,9 +15,8 @@ from glyphs.errors import FileError
 from glyphs.fonts.glyph import FontError
 from glyphs.stamping.errors import StampError
 from pipeline.benchmark.exam.condition import Condition, given_levels, parse_given
-from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.design import Design, design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.exam.editions import design_named
 from pipeline.common.settings import SettingsError
 from recognition.learning.training_fonts import kept_out
 

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.benchmark.exam.design import Design
-from pipeline.benchmark.exam.editions import design_named, editions
+from pipeline.benchmark.exam.design import Design, design_named, editions
 
 ROOT = Path(__file__).parents[4]
 FLOORS = ("glyphs", "whisker_array", "recognition", "pipeline")

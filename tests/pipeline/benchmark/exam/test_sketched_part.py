@@ -8,7 +8,7 @@ import pytest
 from glyphs.errors import MarksError
 from glyphs.sketch import ROWS, ROWS_PER_HEIGHT
 from glyphs.soiling.soiled import Soiling
-from pipeline.benchmark.exam.sketched_part import sketch_part
+from pipeline.benchmark.exam.designed_parts import sketch_part
 
 CLEAN = Soiling()
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from glyphs.errors import FileError
-from pipeline.benchmark.export.layers import FINEST, step_of, write_layer
+from pipeline.benchmark.export.exported_part import FINEST, step_of, write_layer
 
 
 @pytest.mark.parametrize("most", [1e-5, 0.3, 3.2767, 3.3, 50.0])

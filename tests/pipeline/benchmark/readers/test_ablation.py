@@ -7,8 +7,7 @@ from types import MappingProxyType
 
 import pytest
 
-from pipeline.benchmark.readers.ablation import leave_out, rules
-from pipeline.benchmark.readers.modes import expand_groups, open_mode
+from pipeline.benchmark.readers.modes import expand_groups, leave_out, open_mode, rules
 from pipeline.common.settings import SettingsError
 from recognition.decision.decide import Decision
 from recognition.decision.evidence import Measure

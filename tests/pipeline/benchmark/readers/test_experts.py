@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.benchmark.analysis.statistics import statistics_of
-from pipeline.benchmark.readers.experts import alone, experts_in
+from pipeline.benchmark.readers.modes import alone, experts_in
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from recognition.decision.decide import Decision

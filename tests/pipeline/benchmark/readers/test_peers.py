@@ -9,9 +9,8 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.benchmark.exam.specimens import Specimen
-from pipeline.benchmark.readers import engines, peers, pictures
-from pipeline.benchmark.readers.felt import feel_part
-from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings
+from pipeline.benchmark.readers import peers, pictures
+from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings, feel_part
 from pipeline.benchmark.readers.modes import open_mode
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
@@ -41,8 +40,8 @@ def test_repeats_and_blanks_are_struck_out_and_the_surest_of_a_run_counts() -> N
     path = [0, 1, 1, 0, 1, 2, 2, 0]
     beliefs = np.full((len(path), 3), 0.1)
     beliefs[range(len(path)), path] = (0.9, 0.5, 0.7, 0.9, 0.6, 0.8, 0.4, 0.9)
-    assert engines.decode_ctc(beliefs, CLASSES) == [("A", 0.7), ("A", 0.6), ("B", 0.8)]
-    assert engines.decode_ctc(np.eye(3)[[0, 0]], CLASSES) == []
+    assert peers.decode_ctc(beliefs, CLASSES) == [("A", 0.7), ("A", 0.6), ("B", 0.8)]
+    assert peers.decode_ctc(np.eye(3)[[0, 0]], CLASSES) == []
 
 
 def test_a_peer_is_decoded_under_the_format() -> None:
@@ -52,11 +51,11 @@ def test_a_peer_is_decoded_under_the_format() -> None:
     beliefs[[0, 2, 4], 0] = 0.97
     beliefs[1] = (0.02, 0.45, 0.52, 0.01)
     beliefs[3, 3] = 0.97
-    assert [char for char, _ in engines.decode_ctc(beliefs, classes)] == ["8", "1"]
-    (first, sure), (second, _) = engines.decode_format(beliefs, classes, ("B", "81"))
+    assert [char for char, _ in peers.decode_ctc(beliefs, classes)] == ["8", "1"]
+    (first, sure), (second, _) = peers.decode_format(beliefs, classes, ("B", "81"))
     assert (first, second) == ("B", "1")
     assert sure == pytest.approx(1.0)
-    assert engines.decode_format(beliefs[:1], classes, ("B", "81")) == []
+    assert peers.decode_format(beliefs[:1], classes, ("B", "81")) == []
 
 
 def test_heights_are_drawn_without_the_plates_form() -> None:
@@ -136,9 +135,9 @@ def test_a_missing_engine_names_the_extra(engine: str, monkeypatch: pytest.Monke
     def gone(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(engines.importlib, "import_module", gone)
-    engines._tesseract.cache_clear()
-    engines._rapid_session.cache_clear()
+    monkeypatch.setattr(peers.importlib, "import_module", gone)
+    peers._tesseract.cache_clear()
+    peers._rapid_session.cache_clear()
     with pytest.raises(ModeUnavailableError, match=r"not installed; .*tactile-marks\[peers\]"):
         open_mode(f"{engine} photo", Reader(ReaderSettings()))
 

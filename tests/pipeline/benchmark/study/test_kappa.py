@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn.metrics import cohen_kappa_score
 
-from pipeline.benchmark.study.kappa import fleiss_kappa, mean_cohen_kappa
+from pipeline.benchmark.study.agreement import fleiss_kappa, mean_cohen_kappa
 
 PSYCHIATRISTS = [
     (0, 0, 0, 0, 14), (0, 2, 6, 4, 2), (0, 0, 3, 5, 6), (0, 3, 9, 2, 0), (2, 2, 8, 1, 1),

@@ -10,7 +10,7 @@ import pytest
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.study import repeats
 from pipeline.benchmark.study.repeats import StudiedPart, StudyJournal, StudyPlan, studied_parts
-from pipeline.benchmark.study.reviews import load_reviews
+from pipeline.benchmark.study.run import load_reviews
 from pipeline.benchmark.study.study import Study
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.settings import ReadSettings

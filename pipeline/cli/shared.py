@@ -1,15 +1,29 @@
-"""Tables that commands print, 80 columns wide if the output is not a terminal, and pictures that they write."""
+"""What several commands share: types of flags, tables, and pictures that they write.
+
+The enums behind some flags are too heavy for help. Tables are 80 columns wide if the output is not a terminal.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
+
+
+FidelityName = Literal["pointwise", "contact"]
+Flag = Annotated[bool, Parameter(negative="")]
+"""A flag without a negative form (default: off)."""
+Positive = Annotated[int | None, Parameter(validator=Number(gte=1))]
+Jobs = Annotated[int, Parameter(validator=Number(gte=1))]
+
 
 COLUMNS = 80
 

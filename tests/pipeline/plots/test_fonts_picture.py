@@ -1,7 +1,7 @@
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from pipeline.plots.font_sheet import sheet_figure
+from pipeline.plots.fonts_picture import sheet_figure
 
 
 def test_sheet_shows_the_ink_of_every_font():
