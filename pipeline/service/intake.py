@@ -36,8 +36,7 @@ from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, PartOrder
 from pipeline.reading.triage import ReadPart, compared
 from pipeline.service.new_part import NewPart, Touch
-from pipeline.service.stage.devices import ScanOrder
-from pipeline.service.stage.drivers import camera_of, stage_of
+from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.idempotency import IdempotentRequests, Received
@@ -86,7 +85,7 @@ class Intake:
         stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics
-        self.stage = StageWork(stage_of(stage), active=stage.active, timeout_s=stage.timeout_s)
+        self.stage = StageWork(stage_of(stage), timeout_s=stage.timeout_s)
         self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.camera.timeout_s)
         self.touching = TouchQueue(
             store, self._feel, give_up=self._give_up_touch, line=settings.line, wait_s=stage.wait_s
@@ -270,7 +269,7 @@ class Intake:
                         done = await read([], folder=folder, felt_by=(stage, order))
                     sent = [Upload(folder / RECORDING, RECORDING, EvidenceKind.SCAN)]
                 else:
-                    path = await self.stage.scan(order, folder, self.calls.call)
+                    path = await self.stage.scan(order, folder)
                     sent = [Upload(path, path.name, EvidenceKind.SCAN)]
                     done = await read(sent)
             except StageError as error:

@@ -114,11 +114,8 @@ class StageSettings(Settings):
     """module:callable that makes the driver of a real stage (pipeline.service.stage.Stage)."""
     bench: Path | None = None
     """Bench file (bench.toml) of a real stage that is moved by G-code; it feels pass by pass."""
-    active: bool = True
-    """Feel parts pass by pass until the serial is sure, for at most budget_s, by a stage that has sessions (open); off,
-    and by other stages, the whole plan is scanned (feel)."""
     timeout_s: Seconds = 60.0
-    """Seconds that the driver of a real stage has for one pass; for a whole plan it has the plan's own time beside."""
+    """Seconds that the driver of a real stage has for one pass; one that scans the whole plan has its time beside."""
     wait_s: float = Field(default=900.0, gt=0.0, le=604_800.0)
     """Seconds that a part waits for touch; then a person gets it."""
 
@@ -186,8 +183,6 @@ class MqttSettings(Settings):
     """Broker to publish results to, mqtt://host:1883 or mqtts://user:password@host:8883."""
     prefix: Annotated[str, AfterValidator(_topic)] = "tactile-marks"
     """First level of the topics."""
-    version: Literal["5", "3.1.1"] = "5"
-    """Version of MQTT. With 3.1.1 a broker cannot say that it refuses a result, and one that it refuses is lost."""
 
 
 class WebhookSettings(Settings):

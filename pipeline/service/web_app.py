@@ -4,31 +4,33 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fastapi import APIRouter, FastAPI
-from fastapi.responses import Response
-from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from fastapi import FastAPI
+from pydantic import TypeAdapter
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
-from pipeline.common.records import Scope
 from pipeline.common.version import program_version
-from pipeline.service.api.answers import may, problems
-from pipeline.service.api.export import export_router
-from pipeline.service.api.golden import golden_router
-from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
+from pipeline.service.api.service import service_router
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
-from pipeline.service.web.access import Caller
+from pipeline.service.web.access import COOKIE
 from pipeline.service.web.door import Door
-from pipeline.service.web.openapi import describe_api
-from pipeline.service.web.problem import Problem
+from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
 from pipeline.service.web.problem_responses import add_problem_handlers
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
     from pipeline.service.settings import ServiceSettings
+
+_PROBLEMS = {
+    "4XX": "refused; the detail says why and what to do",
+    "422": "a file or value that cannot be used; the detail says which and what to do",
+    "5XX": "a fault of the service; its log says more",
+    "503": "not now: the queue is full, say, or the store does not answer; Retry-After tells when to ask again",
+}
+_PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
 
 
 def create_app(service: Service) -> FastAPI:
@@ -37,12 +39,9 @@ def create_app(service: Service) -> FastAPI:
     frame = Frame(service)
     routers = (
         parts_router(service),
-        golden_router(service),
-        export_router(service),
         lookup_router(service),
-        jobs_router(service),
+        service_router(service),
         pages_router(frame),
-        _service_router(service),
     )
     app = FastAPI(
         title="tactile-marks",
@@ -63,7 +62,7 @@ def create_app(service: Service) -> FastAPI:
     )
     app.state.problem_page = frame.refusal
     add_problem_handlers(app)
-    app.openapi = lambda: describe_api(app, asked=service.access.required)  # type: ignore[method-assign]
+    app.openapi = lambda: _describe_api(app, asked=service.access.required)  # type: ignore[method-assign]
     # the last one lies outermost
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
@@ -86,31 +85,32 @@ def _names(settings: ServiceSettings) -> tuple[str, ...]:
     return tuple(f"[{name}]" if ":" in name and not name.startswith("[") else name for name in names)
 
 
-def _service_router(service: Service) -> APIRouter:
-    """Routes about the service itself; the first three need no token."""
-    router, Reads = APIRouter(tags=["service"]), may(service.access, Scope.READ)
-    not_yet = {**problems(503)[503], "description": "not yet; the detail says why"}
+def _describe_api(app: FastAPI, *, asked: bool) -> dict[str, Any]:
+    """The OpenAPI document of an application.
 
-    @router.get("/healthz")
-    async def healthz() -> dict[str, str]:
-        """Whether the service is alive."""
-        return {"status": "alive"}
-
-    @router.get("/readyz", responses={503: not_yet})
-    def readyz() -> dict[str, str]:
-        """Whether parts can be read."""
-        if why := service.why_not_ready():
-            raise Problem(503, why, headers={"Retry-After": "1"})
-        return service.state()
-
-    @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-    def metrics() -> Response:
-        """Numbers for Prometheus."""
-        return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
-
-    @router.get("/v1/databases", responses=problems(401, 403))
-    def databases(caller: Caller = Reads) -> list[dict[str, Any]]:
-        """Glyph databases that a part may be read with."""
-        return service.jobs.databases.listed()
-
-    return router
+    Args:
+        app: the application.
+        asked: whether it asks for tokens.
+    """
+    if app.openapi_schema:
+        return app.openapi_schema
+    made = FastAPI.openapi(app)
+    for one in (one for methods in made["paths"].values() for one in methods.values()):
+        # the first sentence of a route's docstring is its summary
+        summary, _, rest = one.pop("description", "").partition("\n\n")
+        one |= ({"summary": summary.rstrip(".")} if summary else {}) | ({"description": rest} if rest else {})
+        one["responses"] |= {
+            status: {"description": what, "content": _PROBLEM} for status, what in _PROBLEMS.items()
+        }
+    schemas = made["components"]["schemas"]
+    schemas[ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    about = "tactile-marks tokens add NAME --scope write"
+    made["components"]["securitySchemes"] = {
+        "token": {"type": "http", "scheme": "bearer", "description": about},
+        "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "the operator page's"},
+    }
+    if asked:
+        made["security"] = [{"token": []}, {"page": []}]
+    return made

@@ -267,13 +267,7 @@ def _prepare_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) ->
     # transactions begin where we say, not where the driver thinks fit
     connection.isolation_level = None
     cursor = connection.cursor()
-    # recursive triggers: else INSERT OR REPLACE would remove rows behind the triggers' back
-    for setting in (
-        "journal_mode = WAL",
-        "synchronous = FULL",
-        "foreign_keys = ON",
-        "recursive_triggers = ON",
-    ):
+    for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
         cursor.execute(f"PRAGMA {setting}")
     cursor.close()
 

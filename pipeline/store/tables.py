@@ -1,6 +1,6 @@
 """The tables of the store.
 
-    parts ---< events     (read, reviewed, ...: only added to, triggers refuse every change)
+    parts ---< events     (read, reviewed, ...: only added to)
           ---< evidence   (files, each named by its hash)
           ---< outbox     (results that wait to be sent)
           ---< idempotency, alerts
@@ -195,28 +195,3 @@ tokens = _table(
 sessions = _table(
     "sessions", _key("cookie_hash", HASH), *_filled(HASH, "token_hash"), *_filled(TIME, "created_at")
 )
-
-_REFUSED = "events are never changed"
-_GUARDS = {
-    "sqlite": (
-        *(
-            f"CREATE TRIGGER events_no_{verb} BEFORE {verb} ON events BEGIN SELECT RAISE(ABORT, '{_REFUSED}'); END"
-            for verb in ("update", "delete")
-        ),
-        # INSERT OR REPLACE removes a row without telling the trigger above
-        "CREATE TRIGGER events_no_replace BEFORE INSERT ON events WHEN EXISTS"
-        f" (SELECT 1 FROM events WHERE id = NEW.id) BEGIN SELECT RAISE(ABORT, '{_REFUSED}'); END",
-    ),
-    "postgresql": (
-        "CREATE FUNCTION tactile_marks_never_changed() RETURNS trigger LANGUAGE plpgsql AS"
-        f" $$ BEGIN RAISE EXCEPTION '{_REFUSED}'; END $$",
-        "CREATE TRIGGER events_never_changed BEFORE UPDATE OR DELETE ON events"
-        " FOR EACH ROW EXECUTE FUNCTION tactile_marks_never_changed()",
-        "CREATE TRIGGER events_never_emptied BEFORE TRUNCATE ON events"
-        " FOR EACH STATEMENT EXECUTE FUNCTION tactile_marks_never_changed()",
-    ),
-}
-for _dialect, _statements in _GUARDS.items():
-    for _statement in _statements:
-        _guard = sa.DDL(_statement)  # type: ignore[no-untyped-call]
-        sa.event.listen(events, "after_create", _guard.execute_if(dialect=_dialect))

@@ -1,12 +1,18 @@
-"""Small scans and their comparison."""
+"""Small scans, whole plans, and their comparison."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 
 from glyphs.surface.maps import HeightMap, TraceDirection
+from pipeline.bench.bench import feel_all, raster_passes
+from pipeline.service.stage import ScanOrder
 from whisker_array.scan.calibration import Calibration
+from whisker_array.scan.recording import save_scan
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.session import SessionStage
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 
 SMALL_PLAN = RasterPlan(
@@ -33,6 +39,18 @@ ROUGH_PLAN = RasterPlan(
 def rough_plate(rng: np.random.Generator) -> HeightMap:
     """Noise of 2 um, on 7.2 x 3.6 mm."""
     return HeightMap(rng.normal(0.0, 0.002, (60, 120)).astype(np.float32), 0.06)
+
+
+def feel_plan(stage: SessionStage[ScanOrder], order: ScanOrder, into: Path) -> Path:
+    """A recording of the whole plan, pass by pass in the default raster."""
+    session = stage.open(order)
+    try:
+        ways = [TraceDirection(d) for d in order.plan.directions_deg]
+        scan = feel_all(session, raster_passes(session.fitting, session.fitting.field_mm, ways))
+    finally:
+        session.close()
+    save_scan(scan, into / "scan.h5")
+    return into / "scan.h5"
 
 
 def _assert_arrays(one: object, other: object, *names: str) -> None:

@@ -1,4 +1,4 @@
-"""Fields and answers of the interface, and its description of problems."""
+"""Fields and answers of the interface."""
 
 from __future__ import annotations
 
@@ -12,21 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction, Scope
 from pipeline.service.web.access import Access, Caller
-from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
 
-_PROBLEMS = {
-    400: "not understood",
-    401: "no token, or one that does not hold",
-    403: "the token does not allow it",
-    404: "no such part, picture or database",
-    409: "not as the part stands",
-    413: "over the limit of size",
-    415: "files of this kind are not read",
-    422: "a file or value that cannot be used; the detail says which and what to do",
-    500: "a file that was kept is damaged on the service's disk",
-    503: "the queue is full, or the store does not answer; the header Retry-After tells when to ask again",
-}
-_PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ue000-\uf8ff\ufeff\ufff9-\ufffb"
 """Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
 
@@ -36,11 +22,6 @@ TEXT = f"^[^{HIDDEN}]*$"
 NOTE = f"^(?:[\\t\\n\\r]|[^{HIDDEN}])*$"
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 PictureName = Literal["photo", "edges", "boxes"]
-
-
-def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The problems of a route, for the description of the interface; every route needs the store, which may fail."""
-    return {s: {"description": _PROBLEMS[s], "content": _PROBLEM} for s in (*statuses, 503)}
 
 
 @dataclass(frozen=True)

@@ -1,75 +1,80 @@
-"""Parts over HTTP, looked up: as they stand, their history, pictures and files."""
+"""Parts over HTTP, looked up: lists, tables for a spreadsheet, a part as it stands, its history, pictures and files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+import csv
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, Path, Query
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import FileResponse, Response, StreamingResponse
 
-from pipeline.common.people_records import AuditFigures, Person
-from pipeline.common.records import EvidenceKind, EvidenceRecord, History, Scope, Statistics
+from pipeline.common.people_records import Person
+from pipeline.common.records import EvidenceKind, EvidenceRecord, History, PartRecord, Scope
+from pipeline.common.texts import harmless
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.api.answers import (
     PICTURES,
     PartAnswer,
     PartId,
     PictureName,
+    Sought,
     SoughtPage,
     answer,
     may,
-    problems,
 )
-from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE, example_answer
 from pipeline.service.web.access import Caller
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
+from pipeline.store.store import Store
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
 
+COLUMNS = {
+    "id": "id", "name": "name", "received": "created_at", "state": "state", "serial": "text",
+    "read_by": "reading.source", "decision": "reading.decision", "confidence": "reading.confidence",
+    "expected": "expected", "verdict": "reading.verdict", "line": "line", "job": "job", "database": "database",
+    "reviewed_by": "review.who", "review": "review.action", "reviewed": "review.at", "note": "review.note",
+}  # fmt: skip
+"""Columns of the table, and the field of a part's record that fills each."""
+_AT_ONCE = 500
 _LASTING = "private, max-age=31536000, immutable"
-
-
-@dataclass(frozen=True)
-class FiguresAnswer(Statistics):
-    """The dashboard's numbers.
-
-    Attributes:
-        audits: how many of the accepted parts were accepted wrong, by those that people have audited.
-    """
-
-    audits: AuditFigures
 
 
 def lookup_router(service: Service) -> APIRouter:
     """The routes that look up /v1/parts."""
-    router = APIRouter(prefix="/v1", responses=problems(401, 403, 422), max_body_size=SMALL_BODY)
+    router = APIRouter(prefix="/v1", tags=["parts"], max_body_size=SMALL_BODY)
     Reads, store, files = may(service.access, Scope.READ), service.store, service.evidence
     root_path = service.settings.root_path
 
-    @router.get("/parts", tags=["parts"])
+    @router.get("/parts")
     def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = Reads) -> list[PartAnswer]:
         """Parts, newest first."""
         return [answer(part, root_path) for part in store.parts(**sought.model_dump())]
 
     @router.get(
-        "/parts/{part_id}", tags=["parts"], responses=example_answer(200, part=PART_EXAMPLE) | problems(404)
+        "/parts.csv", response_class=StreamingResponse, responses={200: {"content": {"text/csv": {}}}}
     )
+    def table(sought: Annotated[Sought, Query()], caller: Caller = Reads) -> StreamingResponse:
+        """Parts as CSV, newest first."""
+        # the first page is read before anything is answered, so that what cannot be sought is a problem, not a table
+        first = store.parts(**sought.model_dump(), limit=_AT_ONCE)
+        name = f"parts-{datetime.now(UTC):%Y-%m-%d}.csv"
+        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+        return StreamingResponse(
+            _lines(store, sought, first), media_type="text/csv; charset=utf-8", headers=headers
+        )
+
+    @router.get("/parts/{part_id}")
     def one_part(part_id: PartId, caller: Caller = Reads) -> PartAnswer:
         """A part as it stands."""
         return answer(store.part(part_id), root_path)
 
-    @router.get(
-        "/parts/{part_id}/history",
-        tags=["parts"],
-        responses=example_answer(200, history=HISTORY_EXAMPLE) | problems(404),
-    )
+    @router.get("/parts/{part_id}/history")
     def history(part_id: PartId, caller: Caller = Reads) -> History:
         """All that happened to a part.
 
@@ -81,9 +86,8 @@ def lookup_router(service: Service) -> APIRouter:
 
     @router.get(
         "/parts/{part_id}/pictures/{picture}",
-        tags=["parts"],
         response_class=Response,
-        responses={200: {"content": {"image/*": {}}}, **problems(404, 500)},
+        responses={200: {"content": {"image/*": {}}}},
     )
     def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Response:
         """A picture of a part: as photographed, as scanned, or the last reading's with the boxes of its characters."""
@@ -98,9 +102,8 @@ def lookup_router(service: Service) -> APIRouter:
 
     @router.get(
         "/parts/{part_id}/evidence/{sha256}",
-        tags=["parts"],
         response_class=Response,
-        responses={200: {"content": {"application/octet-stream": {}}}, **problems(404, 500)},
+        responses={200: {"content": {"application/octet-stream": {}}}},
     )
     def evidence_file(
         part_id: PartId, sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")], caller: Caller = Reads
@@ -110,15 +113,6 @@ def lookup_router(service: Service) -> APIRouter:
         if not records:
             raise Problem(404, f"the part {part_id} has no such file; its history lists them")
         return _file(files, records[0], download=True)
-
-    @router.get("/figures", tags=["service"])
-    def figures(
-        hours: Annotated[float, Query(gt=0.0, le=24.0 * 366, allow_inf_nan=False)] = 24.0,
-        caller: Caller = Reads,
-    ) -> FiguresAnswer:
-        """Reads, fallbacks, rejects, accuracy and times of the last hours."""
-        since = datetime.now(UTC) - timedelta(hours=hours)
-        return FiguresAnswer(**store.statistics(since).__dict__, audits=store.audit_figures(since))
 
     return router
 
@@ -149,3 +143,27 @@ def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
     if files.state(record.sha256, read=False) is FileState.MISSING:
         raise Problem(404, f"the {what} is missing from the service's folder; restore it from a backup")
     raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")
+
+
+class _Echo:
+    """A file that gives back what is written to it, so that a row of a table is the answer of its writer."""
+
+    def write(self, text: str) -> str:
+        return text
+
+
+def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterator[str]:
+    writer = csv.writer(_Echo())
+    yield writer.writerow(COLUMNS)
+    while page:
+        rows = ([harmless(_cell(part, path)) for path in COLUMNS.values()] for part in page)
+        yield "".join(map(writer.writerow, rows))
+        page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE)
+
+
+def _cell(value: Any, path: str) -> str:
+    for name in path.split("."):
+        value = None if value is None else getattr(value, name)
+    if isinstance(value, datetime):
+        return value.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, File, Form, Query, Request, Response, UploadFile
 
@@ -22,9 +22,7 @@ from pipeline.service.api.answers import (
     ReviewBody,
     answer,
     may,
-    problems,
 )
-from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, example_answer
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.web.access import Caller
 from pipeline.service.web.forms import FormRoute
@@ -52,26 +50,18 @@ TouchBy = Annotated[
         "gets it, unless it is plan"
     ),
 ]
-_REPLAYED = {
+_REPLAYED: dict[int | str, dict[str, Any]] = {
     200: {"model": PartAnswer, "description": "the same request was answered before; the part as it stands"}
 }
 
 
 def parts_router(service: Service) -> APIRouter:
     """The routes that add to /v1/parts."""
-    responses = problems(401, 403, 422)
-    router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)
+    router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute)
     Writes, Reviews = may(service.access, Scope.WRITE), may(service.access, Scope.REVIEW)
     intake, root_path = service.intake, service.settings.root_path
-    read = example_answer(201, accepted=PART_EXAMPLE, touch_needed=TOUCH_EXAMPLE)
-    part_answered = example_answer(200, part=PART_EXAMPLE)
 
-    @router.post(
-        "/parts",
-        status_code=201,
-        response_model=PartAnswer,
-        responses=read | _REPLAYED | problems(400, 413, 415),
-    )
+    @router.post("/parts", status_code=201, response_model=PartAnswer, responses=_REPLAYED)
     async def read_part(
         request: Request,
         photo: Photos = None,
@@ -97,11 +87,7 @@ def parts_router(service: Service) -> APIRouter:
             done = await intake.receive(new, sent, idempotency=key)
         return replied(done, 201)
 
-    @router.post(
-        "/parts/{part_id}/scan",
-        response_model=PartAnswer,
-        responses=part_answered | problems(400, 404, 409, 413, 415),
-    )
+    @router.post("/parts/{part_id}/scan", response_model=PartAnswer)
     async def add_scan(
         request: Request,
         part_id: PartId,
@@ -122,14 +108,12 @@ def parts_router(service: Service) -> APIRouter:
         headers = {"Idempotent-Replayed": "true"} if done.replayed else None
         return Response(made, 200 if done.replayed else status, headers, media_type="application/json")
 
-    @router.post(
-        "/parts/{part_id}/touch", max_body_size=SMALL_BODY, responses=part_answered | problems(404, 409)
-    )
+    @router.post("/parts/{part_id}/touch", max_body_size=SMALL_BODY)
     async def touch_part(part_id: PartId, caller: Caller = Writes) -> PartAnswer:
         """Have the service's own stage scan a part that waits for touch."""
         return answer(await intake.touch(part_id), root_path)
 
-    @router.post("/parts/{part_id}/review", max_body_size=SMALL_BODY, responses=problems(400, 404, 409))
+    @router.post("/parts/{part_id}/review", max_body_size=SMALL_BODY)
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:
         """Confirm or correct what was read."""
         text, who = body.text.strip(), caller.token or body.who
@@ -152,7 +136,7 @@ def parts_router(service: Service) -> APIRouter:
         )
         return answer(part, root_path)
 
-    @router.delete("/parts/{part_id}/review", responses=problems(404, 409))
+    @router.delete("/parts/{part_id}/review")
     def undo_review(
         part_id: PartId,
         who: Annotated[str, Query(max_length=100, description="the person, where no token is used")] = "",

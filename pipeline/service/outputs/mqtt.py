@@ -4,10 +4,11 @@
 {prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
 
-* With MQTT 5 a delivery has arrived when the broker has accepted it; one that it refuses (no right to the topic, too
-  large) stays in the outbox. With MQTT 3.1.1 a broker cannot refuse: it acknowledges what it drops.
+* A delivery has arrived when the broker has accepted it; one that it refuses (no right to the topic, too large) stays
+  in the outbox. Only with MQTT 5 does a broker say that it refuses: older ones acknowledge what they drop.
 * Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
+* paho's network thread calls back; everything here happens in the event loop.
 * There is one connection at a time, made anew when it is next needed: for a result, or the next `ping`.
 * Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
   after another one has said "offline".
@@ -18,17 +19,33 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import secrets
+import socket
+import ssl
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
-from pipeline.service.outputs.mqtt_connection import LEAVE_S, MqttConnection
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings
 
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+QOS = 1
+KEEPALIVE_S = 30
+"""Seconds between signs of life; a silent broker is noticed after one and a half of it."""
+LEAVE_S = 2.0
+"""Seconds for an orderly end of a connection."""
+_UNSUPPORTED_VERSION, _NOT_AUTHORISED, _TOO_LARGE = 0x84, 0x87, 0x95
+_ENDS_OVER_A_MESSAGE = frozenset({0x82, _TOO_LARGE})
+"""Protocol error (mosquitto's answer to a large message, which the library does not know), packet too large."""
+_TOO_LONG = "raise the broker's limit for messages"
+_HEAD_BYTES = 16
+"""Maximum overhead of a message beside topic and payload, bytes."""
 ONLINE, OFFLINE = b"online", b"offline"
 # seconds after which a running service says again that it is online
 ONLINE_EVERY_S = 5.0
@@ -64,11 +81,6 @@ class MqttSender:
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
         self._closed, self._online_s = False, 0.0
-        if settings.version != "5":
-            _log.warning(
-                "MQTT %s: the broker cannot say that it refuses a result, and one that it refuses is lost",
-                settings.version,
-            )
 
     async def ping(self) -> bool:
         """Connect and stay so, that the status says online though there is nothing to publish.
@@ -135,3 +147,149 @@ class MqttSender:
                     _log.warning("the MQTT status is not set: %s", error)
             self._connection, self._online_s = connection, time.monotonic()
             return connection
+
+
+class MqttConnection:
+    """One connection, for as long as it lasts.
+
+    Attributes:
+        lost: done once the broker is gone, with the reason in words.
+    """
+
+    def __init__(self, settings: MqttSettings, *, will: tuple[str, bytes], timeout_s: float) -> None:
+        """Make the connection; nothing is connected yet.
+
+        Args:
+            settings: of the broker; mqtts checks its certificate.
+            will: topic and payload that the broker publishes, retained, if this connection breaks.
+            timeout_s: for connecting, and for one acknowledgement.
+        """
+        from paho.mqtt import client as paho
+        from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+
+        parts = urlsplit(settings.url)
+        self._host, self._port = parts.hostname or "", parts.port or PORTS[parts.scheme]
+        self._user = unquote(parts.username) if parts.username else None
+        self._timeout_s = timeout_s
+        self._loop = asyncio.get_running_loop()
+        self._client = client = paho.Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=f"tactile-marks-{secrets.token_hex(6)}",
+            protocol=MQTTProtocolVersion.MQTTv5,
+            reconnect_on_failure=False,
+        )
+        client.connect_timeout = timeout_s
+        client.max_inflight_messages_set(1)  # a broker may ask for so few
+        if self._user is not None:
+            client.username_pw_set(self._user, unquote(parts.password) if parts.password else None)
+        if parts.scheme == "mqtts":
+            client.tls_set_context(ssl.create_default_context())
+        client.will_set(will[0], will[1], QOS, retain=True)
+        client.on_connect = lambda _c, _d, _f, code, properties: self._in_loop(self._accept, code, properties)
+        client.on_disconnect = lambda _c, _d, _f, code, _p: self._in_loop(self._end_with, code)
+        client.on_publish = lambda _c, _d, mid, code, _p: self._in_loop(self._acknowledge, mid, code)
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+        self._accepted: asyncio.Future[Any] = self._loop.create_future()
+        self._pending: dict[int, tuple[asyncio.Future[Any], int]] = {}
+        self._blamed = -1  # number of the message for which the broker has ended the connection
+        self._most_bytes = 0
+
+    async def open(self) -> None:
+        """Connect.
+
+        Raises:
+            DeliveryError: no broker there, or it refuses the connection.
+        """
+        try:
+            await asyncio.to_thread(self._client.connect, self._host, self._port, KEEPALIVE_S)
+        except (OSError, ValueError) as error:
+            raise self._away(str(error)) from error
+        self._client.loop_start()
+        try:
+            code = await self._first(self._accepted)
+        except asyncio.CancelledError:
+            self._drop()  # which ends its thread
+            raise
+        except DeliveryError:
+            await self.end()
+            raise
+        if code.is_failure:
+            await self.end()
+            hint = "it has to speak MQTT 5" if code.value == _UNSUPPORTED_VERSION else ""
+            raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
+
+    async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
+        """Publish and wait for the acknowledgement.
+
+        Raises:
+            DeliveryError: the broker is gone, has acknowledged nothing in time, or refuses the message.
+        """
+        n_bytes = _HEAD_BYTES + len(topic.encode()) + len(payload)
+        if 0 < self._most_bytes < n_bytes:
+            what = f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be"
+            raise DeliveryError(what, hint=_TOO_LONG)
+        acknowledged: asyncio.Future[Any] = self._loop.create_future()
+        sent = self._client.publish(topic, payload, QOS, retain)
+        self._pending[sent.mid] = (acknowledged, n_bytes)
+        try:
+            code = await self._first(acknowledged)
+        except DeliveryError:
+            if sent.mid != self._blamed:
+                raise
+            raise DeliveryError(
+                f"the broker refuses it: {self.lost.result()}; it has {n_bytes} bytes", hint=_TOO_LONG
+            ) from None
+        finally:
+            del self._pending[sent.mid]
+        if code.is_failure:
+            denied = f"let the user {self._user or 'without a name'} write to {topic}"
+            hints = {_NOT_AUTHORISED: denied, _TOO_LARGE: _TOO_LONG}
+            raise DeliveryError(f"the broker refuses it: {code}", hint=hints.get(code.value, ""))
+
+    async def end(self) -> None:
+        """Disconnect; a broker that does not answer is left, and counts as lost."""
+        if self._accepted.done() and not self.lost.done():
+            self._client.disconnect()
+            await asyncio.wait({self.lost}, timeout=LEAVE_S)
+        if not self.lost.done():
+            self.lost.set_result("it does not answer")
+        self._drop()
+        await asyncio.to_thread(self._client.loop_stop)
+
+    async def _first(self, answer: asyncio.Future[Any]) -> Any:
+        """The answer; an error once the connection is lost or patience ends."""
+        await asyncio.wait({answer, self.lost}, timeout=self._timeout_s, return_when=asyncio.FIRST_COMPLETED)
+        if answer.done():
+            return answer.result()
+        raise self._away(self.lost.result() if self.lost.done() else "it does not answer")
+
+    def _away(self, why: str) -> DeliveryError:
+        return DeliveryError(f"the broker {self._host}:{self._port} cannot be reached: {why}", away=True)
+
+    def _drop(self) -> None:
+        raw: Any = self._client.socket()
+        if raw is not None:
+            with contextlib.suppress(OSError):
+                raw.shutdown(socket.SHUT_RDWR)
+
+    def _in_loop(self, call: Callable[..., object], *arguments: Any) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(call, *arguments)
+
+    def _accept(self, code: Any, properties: Any) -> None:
+        if not self._accepted.done():
+            self._most_bytes = getattr(properties, "MaximumPacketSize", 0)
+            self._accepted.set_result(code)
+
+    def _acknowledge(self, number: int, code: Any) -> None:
+        acknowledged, _ = self._pending.get(number, (None, 0))
+        if acknowledged is not None and not acknowledged.done():
+            acknowledged.set_result(code)
+
+    def _end_with(self, code: Any) -> None:
+        if self.lost.done():
+            return
+        if code.value in _ENDS_OVER_A_MESSAGE and self._pending:
+            # it does not say which one
+            self._blamed = max(self._pending, key=lambda number: self._pending[number][1])
+        self.lost.set_result(str(code))

@@ -11,7 +11,6 @@ from pipeline.service.stage.devices import (
     ScanOrder,
     SimulatedStage,
     Stage,
-    feel_plan,
     has_sessions,
 )
 from whisker_array.scan.stage_error import StageError
@@ -23,6 +22,5 @@ __all__ = [
     "SimulatedStage",
     "Stage",
     "StageError",
-    "feel_plan",
     "has_sessions",
 ]

@@ -1,8 +1,8 @@
-"""The whisker stage and the camera as the service drives them, and simulated ones to try it out.
+"""The whisker stage and the camera as the service drives them: an integrator's, a bench, or simulated ones to try it.
 
+    open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass until the serial is sure
     feel(order, into) -> recording                             `Stage`: one scan of the whole plan
-    open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass until the serial is sure, or
-                                                               the whole plan (`feel_plan`)
+    driver = "press_hall.stage:open_stage"                     open_stage() returns an object with `open` or `feel`
 
 A stage is given the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
 its camera's axis meets the plate, brings the two together, scans, and hands the recording back in the frame of the
@@ -18,12 +18,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
+from glyphs.named import load_named
 from pipeline.common.reading_records import ScanPlanRecord
+from pipeline.common.settings import SettingsError
 from pipeline.formats.kinds import PHOTO_SUFFIXES
 from pipeline.formats.part_files import set_of
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
+    from pipeline.bench.bench import Bench
+    from pipeline.bench.settings import BenchSettings
+    from pipeline.service.settings import CameraSettings, StageSettings
     from whisker_array.scan.session import SessionStage, StageSession
 
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
@@ -108,28 +113,6 @@ class Camera(Protocol):
         """
 
 
-def feel_plan(stage: Stage | SessionStage[ScanOrder], order: ScanOrder, into: Path) -> Path:
-    """Feel the whole plan: by the stage's own `feel`, else pass by pass in the default raster.
-
-    Raises:
-        StageError: as `Stage.feel`.
-    """
-    if callable(getattr(stage, "feel", None)) or not has_sessions(stage):
-        return stage.feel(order, into)  # type: ignore[union-attr]
-    from glyphs.surface.maps import TraceDirection
-    from pipeline.bench.bench import feel_all, raster_passes
-    from whisker_array.scan.recording import save_scan
-
-    session = stage.open(order)
-    try:
-        ways = [TraceDirection(d) for d in order.plan.directions_deg]
-        scan = feel_all(session, raster_passes(session.fitting, session.fitting.field_mm, ways))
-    finally:
-        session.close()
-    save_scan(scan, into / "scan.h5")
-    return into / "scan.h5"
-
-
 @dataclass(frozen=True)
 class FolderCamera:
     """Finds the photograph of a part in a folder, where a camera's own program saves it.
@@ -197,6 +180,88 @@ class SimulatedStage:
             hint = error.hint or "check the plan and the map"
             raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
         return FramedSession(session, **frame)
+
+
+class BenchStage:
+    """A bench of iron: opened with the first part, homed when it must be, lifted after each."""
+
+    def __init__(self, settings: BenchSettings) -> None:
+        """Take the settings; nothing is opened before there is a part."""
+        self._settings = settings
+        self._bench: Bench | None = None
+
+    def open(self, order: ScanOrder) -> StageSession:
+        """The part under the comb, in the frame of the order's region.
+
+        The camera's axis meets the plate at `camera_mm` (default: the middle of the field).
+
+        Raises:
+            StageError: the bench cannot be opened or homed, or the region is off its field.
+        """
+        from pipeline.bench.bench import Bench
+        from pipeline.reading.framed_session import FramedSession
+
+        plate = self._settings.plate
+        frame = order.frame(plate.field_mm, camera_mm=plate.camera_mm)
+        if self._bench is not None and self._bench.stage.lost:
+            self._bench.close()  # a port that was pulled out opens anew
+            self._bench = None
+        if self._bench is None:
+            self._bench = Bench(self._settings)
+        return FramedSession(self._bench.session(order.part_name), **frame)
+
+
+def stage_of(settings: StageSettings) -> Stage | SessionStage[ScanOrder] | None:
+    """The stage of the service; None if it has none.
+
+    Raises:
+        FileError: no such folder, or an unusable bench file.
+        SettingsError: no such driver.
+    """
+    if settings.driver:
+        stage: Stage = load_driver(settings.driver, verbs=("open", "feel"))
+        return stage
+    if settings.bench is not None:
+        from pipeline.bench.settings import read_bench
+
+        return BenchStage(read_bench(settings.bench))
+    return None if settings.folder is None else SimulatedStage(_there(settings.folder, "height maps"))
+
+
+def camera_of(settings: CameraSettings) -> Camera | None:
+    """The camera of the service; None if it has none.
+
+    Raises:
+        FileError: no such folder.
+        SettingsError: no such driver.
+    """
+    if settings.driver:
+        camera: Camera = load_driver(settings.driver, verbs=("take",))
+        return camera
+    return None if settings.folder is None else FolderCamera(_there(settings.folder, "photographs"))
+
+
+def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
+    """Call the callable of that name for a driver.
+
+    Args:
+        named: module and callable, "module:callable"; called without arguments.
+        verbs: methods of which the driver must have one: open, feel, take.
+
+    Raises:
+        SettingsError: no such module or callable, or a driver without any of the methods.
+    """
+    made = load_named(named, what="driver", error=SettingsError)()
+    if not any(callable(getattr(made, verb, None)) for verb in verbs):
+        wanted = " or ".join(map(repr, verbs))
+        raise SettingsError(f"what {named!r} gives has no method {wanted}", hint="see pipeline.service.stage")
+    return made
+
+
+def _there(folder: Path, what: str) -> Path:
+    if not folder.is_dir():
+        raise FileError(folder, "is no folder", f"name the folder of the parts' {what}, or make it first")
+    return folder
 
 
 def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Sequence[Path]:

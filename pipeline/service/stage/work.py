@@ -9,19 +9,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind
-from pipeline.service.stage.devices import (
-    Camera,
-    ScanOrder,
-    SimulatedStage,
-    Stage,
-    feel_plan,
-    has_sessions,
-)
+from pipeline.service.stage.devices import Camera, ScanOrder, SimulatedStage, Stage, has_sessions
 from pipeline.service.stage.driver_thread import DriverThread, StageDownError
 from pipeline.service.stage.stage_link import StageLink
 from pipeline.service.web.uploads import Upload
@@ -40,21 +33,18 @@ class StageWork:
     Attributes:
         there: there is a stage.
         thread: that its driver is called in; knows its faults.
-        by_pass: feel parts pass by pass; else the whole plan is scanned.
+        by_pass: it feels parts pass by pass; else it scans the whole plan.
     """
 
-    def __init__(
-        self, stage: Stage | SessionStage[ScanOrder] | None, *, active: bool = False, timeout_s: float = 60.0
-    ) -> None:
+    def __init__(self, stage: Stage | SessionStage[ScanOrder] | None, *, timeout_s: float = 60.0) -> None:
         """Take the driver.
 
         Args:
             stage: the driver; None: scans are sent to the service.
-            active: feel pass by pass if the stage has sessions.
             timeout_s: for one call of a real stage; a whole plan may take its own time beside.
         """
         self._stage, self.there = stage, stage is not None
-        self.by_pass = active and stage is not None and has_sessions(stage)
+        self.by_pass = stage is not None and has_sessions(stage)
         self.thread = DriverThread("stage", timeout_s=timeout_s)
         self._one_at_a_time = asyncio.Lock()
 
@@ -83,7 +73,7 @@ class StageWork:
             finally:
                 await link.close()
 
-    async def scan(self, order: ScanOrder, folder: Path, in_worker: Callable[..., Awaitable[Path]]) -> Path:
+    async def scan(self, order: ScanOrder, folder: Path) -> Path:
         """Record the whole plan into a folder.
 
         Raises:
@@ -91,13 +81,12 @@ class StageWork:
             StageError: it cannot be recorded.
         """
         stage = self._stage
-        if stage is None:
-            raise StageError("this service drives no whisker stage", "send a scan of the part instead")
-        if isinstance(stage, SimulatedStage):
-            return await in_worker(feel_plan, stage, order, folder)
+        if stage is None or has_sessions(stage):
+            raise StageError("this service drives no stage that scans", "send a scan of the part instead")
+        feel = stage.feel  # type: ignore[union-attr]
 
         def scanned() -> Path:
-            path = feel_plan(stage, order, folder)
+            path: Path = feel(order, folder)
             # a driver may have a recording elsewhere, which stays there
             return (
                 path if path.parent == folder else Path(shutil.copyfile(path, folder / f"felt{path.suffix}"))

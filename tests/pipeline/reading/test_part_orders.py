@@ -24,7 +24,8 @@ from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.reading.triage import ReadPart
-from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
+from pipeline.service.stage import ScanOrder, SimulatedStage
+from tests.support.scans import feel_plan
 
 LIMITS = Limits()
 SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)

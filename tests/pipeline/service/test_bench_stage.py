@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.service.stage import ScanOrder, StageError, feel_plan
-from pipeline.service.stage.bench_stage import BenchStage
+from pipeline.service.stage import ScanOrder, StageError
+from pipeline.service.stage.devices import BenchStage
 from tests.support.bench import HEIGHT_MM, a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
+from tests.support.scans import feel_plan
 from whisker_array.scan.recording import load_scan
 
 

@@ -13,8 +13,8 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from pipeline.common.records import PartState, ReviewAction
-from pipeline.service.api import export
-from pipeline.service.api.export import COLUMNS, export_router
+from pipeline.service.api import lookup
+from pipeline.service.api.lookup import COLUMNS, lookup_router
 from pipeline.service.web.access import Access
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.store.store import Store
@@ -29,7 +29,10 @@ def store_url(tmp_path: Path) -> str:
 @pytest.fixture
 def client(store: Store) -> TestClient:
     app = FastAPI()
-    app.include_router(export_router(SimpleNamespace(store=store, access=Access(store, required=False))))
+    access, settings = Access(store, required=False), SimpleNamespace(root_path="")
+    app.include_router(
+        lookup_router(SimpleNamespace(store=store, access=access, evidence=None, settings=settings))
+    )
     add_problem_handlers(app)
     return TestClient(app)
 
@@ -44,7 +47,7 @@ def rows(client: TestClient, **sought: str) -> list[dict[str, str]]:
 def test_every_part_is_a_row_however_many_there_are(
     store: Store, client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(export, "_AT_ONCE", 3)
+    monkeypatch.setattr(lookup, "_AT_ONCE", 3)
     assert rows(client) == []
     ids = [received(store, name=f'Größe {k}, "left"').id for k in range(8)]
     found = rows(client)

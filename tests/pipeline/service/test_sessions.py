@@ -176,15 +176,3 @@ def test_a_link_that_no_worker_comes_to_ends() -> None:
     asyncio.run(link.close())
     with pytest.raises(OSError):  # noqa: PT011 - whichever the system says of a socket that is gone
         link.stage.open(ScanOrder("part", PLAN))
-
-
-def test_the_setting_scans_the_whole_plan(parts: Path, plan: ScanPlanRecord, tmp_path: Path) -> None:
-    with inline_service(tmp_path, stage={"folder": parts, "active": False}) as served:
-        x0, y0, *_ = plan.region_mm
-        little = replace(plan, region_mm=(x0 + 5.0, y0 + 4.0, x0 + 12.0, y0 + 9.5))
-        _, part, part_id = touched(served, little)
-        assert part["reading"]["passes"] == []
-        assert (part["reading"]["stage_s"], part["reading"]["stopped"]) == (None, "")
-        scan = load_scan(recording_of(served, part_id, tmp_path))
-        assert scan.log is None
-        assert len(scan.directions) == 4

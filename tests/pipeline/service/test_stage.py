@@ -12,8 +12,9 @@ import pytest
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
-from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage, feel_plan
+from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
 from pipeline.service.stage.work import CameraWork, StageWork
+from tests.support.scans import feel_plan
 from tests.support.store_samples import STAGE_PLAN
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.stage_error import StageError
@@ -130,7 +131,7 @@ def test_camera_finds_the_photograph_of_the_part(plates: Path) -> None:
 
 def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="send a scan"):
-        asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path, asyncio.to_thread))
+        asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path))
     with pytest.raises(StageError, match="send a photograph"):
         asyncio.run(CameraWork(None).take("plate", tmp_path))
 

@@ -106,20 +106,16 @@ async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
     assert ("plant/alerts/drift:left___", True) in {(topic, retained) for topic, _, retained in late.messages}
 
 
-async def test_another_sender_by_mqtt_3_1_1_says_that_it_may_lose_results_and_leaves_the_status_online(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener], caplog: pytest.LogCaptureFixture
+async def test_another_sender_that_ends_leaves_the_status_online(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
     listener, url = listen(broker.port), f"mqtt://127.0.0.1:{broker.port}"
-    stays = sender_to(url)
+    stays, goes = sender_to(url), sender_to(url)
     async with looked_after(stays):
         await until(lambda: listener.statuses()[-1:] == ["online"])
-        with caplog.at_level(logging.WARNING):
-            old = sender_to(url, version="3.1.1")
-            await old.send(one_delivery())
-        assert caplog.text.count("MQTT 3.1.1: the broker cannot say that it refuses") == 1
-        await until(lambda: len(listener.results()) == 1)
-        await old.close()
+        await goes.send(one_delivery())
+        await goes.close()
         late = listen(broker.port)  # finds what is retained
         await until(lambda: late.statuses()[-1:] == ["online"])
     await stays.close()
@@ -146,7 +142,7 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "pipeline.service.outputs.mqtt_connection.LEAVE_S", LONG_S
+        "pipeline.service.outputs.mqtt.LEAVE_S", LONG_S
     )  # a busy machine's goodbye takes longer
     broker = make_broker()
     listener = listen(broker.port)
