@@ -20,7 +20,7 @@ import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -209,22 +209,29 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """
     import x3pio
 
-    info, description = _described(path)
-    if info.feature_type is not x3pio.FeatureType.SURFACE or len(info.shape) != 2:
-        raise DataError(f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
-    rows, cols = info.shape
-    check_size(rows, cols * info.layer_count, most)
-    x, y = info.header.x, info.header.y
-    if not (x.is_incremental and y.is_incremental):
-        raise DataError("holds points off a regular grid", "export the surface on a regular grid")
     with zipfile.ZipFile(path) as archive:
+        _check_members(archive, ending=".xml", most=_MOST_DESCRIPTION_BYTES)
+        (main,) = (n for n in archive.namelist() if n.split("/")[-1] == _MAIN and "__MACOSX" not in n)
+        description = _ROOT.sub(rb"<\1ISO5436_2", archive.read(main))
+        head = io.BytesIO()
+        with zipfile.ZipFile(head, "w") as alone:
+            alone.writestr(_MAIN, description)
+        info = x3pio.info(head, verify=False)
+        if info.feature_type is not x3pio.FeatureType.SURFACE or len(info.shape) != 2:
+            raise DataError(f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
+        rows, cols = info.shape
+        check_size(rows, cols * info.layer_count, most)
+        x, y = info.header.x, info.header.y
+        if not (x.is_incremental and y.is_incremental):
+            raise DataError("holds points off a regular grid", "export the surface on a regular grid")
         needed = rows * cols * info.layer_count * _MOST_BYTES_PER_SAMPLE
         _check_members(archive, ending="", most=max(_MOST_SPARE_BYTES, needed))
-    try:
-        surface = x3pio.read(path)
-    except x3pio.X3pFormatError:  # a wrong checksum is one, too
         with tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY_BYTES) as copy:
-            _mend(path, description, copy)
+            with zipfile.ZipFile(copy, "w") as mended:
+                for name in archive.namelist():
+                    if name.split("/")[-1] not in ("", _CHECKSUM):
+                        mended.writestr(name, description if name == main else archive.read(name))
+            copy.seek(0)
             surface = x3pio.read(copy)
     origin, downwards = _ORIGIN.search(description), y.increment < 0.0
     return RawMap(
@@ -236,40 +243,6 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
         bottom_first=not downwards if origin is None else origin[1] in b"sS",
         rows_stated=downwards or origin is not None,
     )
-
-
-def _described(path: Path) -> tuple[Any, bytes]:
-    """Read the description alone: as x3pio parses it, and its text with the usual root element.
-
-    Raises:
-        x3pio.X3pFormatError: the description cannot be used.
-        DataError: it is far longer than one is.
-    """
-    import x3pio
-
-    with zipfile.ZipFile(path) as archive:
-        _check_members(archive, ending=".xml", most=_MOST_DESCRIPTION_BYTES)
-        names = [name for name in archive.namelist() if _is_main(name)]
-        if len(names) != 1:
-            return x3pio.info(path, verify=False), b""  # x3pio says what is wrong
-        description = _ROOT.sub(rb"<\1ISO5436_2", archive.read(names[0]))
-    alone = io.BytesIO()
-    with zipfile.ZipFile(alone, "w") as archive:
-        archive.writestr(_MAIN, description)
-    return x3pio.info(alone, verify=False), description
-
-
-def _is_main(name: str) -> bool:
-    return name.split("/")[-1] == _MAIN and "__MACOSX" not in name
-
-
-def _mend(path: Path, description: bytes, copy: IO[bytes]) -> None:
-    """Copy a file with another description and without its checksum."""
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(copy, "w") as new:
-        for name in old.namelist():
-            if name.split("/")[-1] not in ("", _CHECKSUM):
-                new.writestr(name, description if _is_main(name) else old.read(name))
-    copy.seek(0)
 
 
 def _check_members(archive: zipfile.ZipFile, *, ending: str, most: int) -> None:
