@@ -8,7 +8,6 @@
 * Every job ends: with its result, its exception, or WorkerLostError; also where no worker can start.
 * A worker that dies, or takes longer than a job may, costs its own job alone and is replaced, also while it is idle.
 * No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
-* A worker gets short jobs several at a time and answers one by one, so that it does not wait for this process.
 * A job beyond those at work and those that may wait is refused at once.
 * A worker uses one core and keeps to its memory; none is forked, for a forked child dies in its first parallel kernel.
 * Workers end when this process does, however that ends.
@@ -35,10 +34,8 @@ from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called, wor
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
-_AHEAD = 2
-"""Times what a worker gets at a time that is handed over for each: at work, and waiting."""
-_TOGETHER_S, _MOST_TOGETHER = 0.05, 32
-"""Work that a worker gets at a time, and most jobs of it: all that may wait behind one that is long."""
+_AHEAD = 4
+"""Jobs of a run that are handed over for each worker: one at work, the others waiting."""
 _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
@@ -73,12 +70,12 @@ class _Job:
 
 @dataclass(eq=False)
 class _Slot:
-    """A worker, whichever process it is at the time, the jobs that it has, and the thread that feeds it."""
+    """A worker, whichever process it is at the time, the job that it has, and the thread that feeds it."""
 
     number: int
     worker: Worker | None = None
     warm: bool = False
-    jobs: deque[_Job] = field(default_factory=deque)
+    job: _Job | None = None
     thread: threading.Thread = field(default_factory=threading.Thread)
 
 
@@ -111,7 +108,7 @@ class WorkPool(Executor):
         Raises:
             SettingsError: numbers that cannot be.
         """
-        queue = _AHEAD * _MOST_TOGETHER * workers if queue is None else queue
+        queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
             raise SettingsError(
                 f"{workers} jobs, {queue} waiting, {timeout_s} s a part: give at least 1, 0 and above 0"
@@ -180,12 +177,12 @@ class WorkPool(Executor):
     @property
     def waiting(self) -> int:
         """Jobs that no worker has begun."""
-        return len(self._waiting) + sum(max(0, len(slot.jobs) - 1) for slot in self._slots)
+        return len(self._waiting)
 
     @property
     def running(self) -> int:
         """Jobs that workers are at."""
-        return sum(bool(slot.jobs) for slot in self._slots)
+        return sum(slot.job is not None for slot in self._slots)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -235,12 +232,7 @@ class WorkPool(Executor):
         return self._failed >= _STARTS_TRIED * len(self._slots)
 
     def _ahead(self) -> int:
-        return _AHEAD * self._together * self.workers
-
-    @property
-    def _together(self) -> int:
-        """Jobs that a worker gets at a time."""
-        return max(1, min(_MOST_TOGETHER, int(_TOGETHER_S / self._mean_s)))
+        return _AHEAD * self.workers
 
     def _shared(self, order: Any) -> Any:
         return Shared(order)
@@ -263,43 +255,40 @@ class WorkPool(Executor):
                     continue
                 pause_s = _PAUSE_S
             assert slot.worker is not None
-            if self._take_jobs(slot):
+            if self._take_job(slot):
                 self._work(slot, slot.worker)
             elif not slot.worker.is_alive:
                 self._lose(slot)
         if slot.worker is not None:
             slot.worker.end(0.2)
 
-    def _take_jobs(self, slot: _Slot) -> bool:
-        """Give a slot the jobs that have waited longest; whether there came any within a while."""
+    def _take_job(self, slot: _Slot) -> bool:
+        """Give a slot the job that has waited longest; whether there came one within a while."""
         with self._changed:
             if not self._waiting:
                 self._changed.wait(LOOK_S)
-            share = max(1, len(self._waiting) // self.workers)  # leave some to the other workers
-            for _ in range(min(self._together, share, len(self._waiting))):
-                slot.jobs.append(self._waiting.popleft())
-        return bool(slot.jobs)
+            if self._waiting:
+                slot.job = self._waiting.popleft()
+        return slot.job is not None
 
     def _work(self, slot: _Slot, worker: Worker) -> None:
-        """Settle the jobs of a slot; if its worker is lost, the first one, and the others wait again."""
-        late = "the part took longer than {} s and was stopped"
-        answers = worker.ask([job.call for job in slot.jobs], [job.timeout_s for job in slot.jobs], late)
-        while slot.jobs:
-            began_s = time.monotonic()
-            outcome: Answer | Exception
-            try:
-                outcome = next(answers)
-            except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
-                outcome = WorkerLostError(f"the worker was lost ({describe_fault(error)})")
-            job = slot.jobs.popleft()
-            if isinstance(outcome, WorkerLostError):
-                _log.warning("%s", outcome)
-                self._lose(slot)
-            if isinstance(outcome, Answer):
-                self._mean_s += _SMOOTHING * (time.monotonic() - began_s - self._mean_s)
-                job.future.set_result(outcome.value)
-            else:
-                job.future.set_exception(outcome)
+        """Settle the job of a slot."""
+        job, began_s = slot.job, time.monotonic()
+        assert job is not None
+        outcome: Answer | Exception
+        try:
+            outcome = worker.ask(job.call, job.timeout_s, "the part took longer than {} s and was stopped")
+        except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
+            outcome = WorkerLostError(f"the worker was lost ({describe_fault(error)})")
+        slot.job = None
+        if isinstance(outcome, WorkerLostError):
+            _log.warning("%s", outcome)
+            self._lose(slot)
+        if isinstance(outcome, Answer):
+            self._mean_s += _SMOOTHING * (time.monotonic() - began_s - self._mean_s)
+            job.future.set_result(outcome.value)
+        else:
+            job.future.set_exception(outcome)
 
     def _start(self, slot: _Slot) -> bool:
         """Start a worker and wait until it is warm; whether it is."""
@@ -307,7 +296,7 @@ class WorkPool(Executor):
         try:
             slot.worker = worker_of(slot.number, self.memory_mb)
             late = "it was not ready after {} s"
-            (answer,) = slot.worker.ask([called(self._warm_up)], [_WARM_UP_S], late, self._not_wanted)
+            answer = slot.worker.ask(called(self._warm_up), _WARM_UP_S, late, self._not_wanted)
         except Exception as error:
             answer = error
         slot.warm = isinstance(answer, Answer)
@@ -325,9 +314,6 @@ class WorkPool(Executor):
         return slot.warm
 
     def _lose(self, slot: _Slot) -> None:
-        with self._changed:
-            self._waiting.extendleft(reversed(slot.jobs))
-            slot.jobs.clear()
         slot.warm, worker, slot.worker = False, slot.worker, None
         if worker is not None:
             worker.end()

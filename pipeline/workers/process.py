@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing.connection import Connection, wait
@@ -97,31 +97,18 @@ class Worker:
         return self.process.exitcode is None
 
     def ask(
-        self,
-        calls: Sequence[bytes],
-        timeouts_s: Iterable[float],
-        late: str,
-        stopped: Callable[[], bool] = lambda: False,
-    ) -> Iterator[Answer | Exception]:
-        """Have the process make calls one after the other, and yield what comes of each as soon as it is done.
-
-        The last one is a WorkerLostError if the worker was lost over it; what was to come after it was not begun.
+        self, call: bytes, timeout_s: float, late: str, stopped: Callable[[], bool] = lambda: False
+    ) -> Answer | Exception:
+        """Have the process make a call, and return what comes of it: a WorkerLostError if the worker was lost over it.
 
         Args:
-            calls: as `called` makes them.
-            timeouts_s: longest time of each.
+            call: as `called` makes it.
+            timeout_s: longest time of it.
             late: cause that is given after that time, with {} for its seconds.
-            stopped: asked now and then; what it answers with True is waited for no longer.
+            stopped: asked now and then; once it answers with True, the call is waited for no longer.
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
-            self._pipe.send(calls)
-        for timeout_s in timeouts_s:
-            answer = self._answer(timeout_s, late, stopped)
-            yield answer
-            if isinstance(answer, WorkerLostError):
-                return
-
-    def _answer(self, timeout_s: float, late: str, stopped: Callable[[], bool]) -> Answer | Exception:
+            self._pipe.send_bytes(call)
         until = time.monotonic() + timeout_s
         while not stopped():
             left_s = until - time.monotonic()
@@ -201,9 +188,8 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
         _keep_to(pipe.recv())
         while True:
-            for call in pipe.recv():
-                pipe.send_bytes(_answered(call))
-                end_part()
+            pipe.send_bytes(_answered(pipe.recv_bytes()))
+            end_part()
 
 
 def _keep_to(memory_mb: int) -> None:
