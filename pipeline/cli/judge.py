@@ -50,7 +50,7 @@ def certify(
     out
         Certificate to write (.json).
     manifest
-        Table (.csv, .parquet) of parts, as for read; may be repeated.
+        Table (.csv) of parts, as for read; may be repeated.
     """
     if not (inputs or manifest):
         raise UsageError("certify: name the parts, as for read")

@@ -101,7 +101,7 @@ def discover(
     listed.
 
     Args:
-        inputs: files, folders and globs, of this machine or by URL; manifests (.csv, .parquet).
+        inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
         manifests: more manifests, of any file name.
         photos: photographs in folders are parts of their own even beside height maps and scans.
         beside: photographs of the same stem beside a file named belong to its part (on this machine).

@@ -18,7 +18,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.errors import DataError, is_url, reading
@@ -50,14 +49,13 @@ SEVERAL = "|"
 """Between files of one cell."""
 _CLOSE = 0.8
 _MAX_BYTES = 2_000_000_000
-_BATCH_ROWS = 8192
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _DRIVE = re.compile(r"[A-Za-z]:|\\\\[^\\]+")
 
 
 def is_manifest(name: str) -> bool:
     """Whether a path or URL ends as a table of parts does."""
-    return split_name(name)[1].lower().endswith((".csv", ".parquet"))
+    return split_name(name)[1].lower().endswith(".csv")
 
 
 def names_no_files(name: str) -> bool:
@@ -77,7 +75,7 @@ def names_no_files(name: str) -> bool:
 
 
 def read_manifest(source: str) -> Sequence[PartFiles]:
-    """The parts of a table: CSV (see `table_lines`) unless it ends in .parquet.
+    """The parts of a table, see `table_lines`.
 
     A file that is named relatively lies beside the table. A part without a name is called as the first of its
     files, with as much of the folder as makes it unique. Other columns and empty lines are passed over.
@@ -91,33 +89,24 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
         MissingExtraError: a library that URLs need is not installed.
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
-    as_parquet = split_name(source)[1].lower().endswith(".parquet")
     parts: list[PartFiles] = []
     seen: dict[str, int] = {}
-    with _opened(source, kind="Parquet" if as_parquet else "") as path:
-        records, line = (_parquet_records(path), "row") if as_parquet else (_csv_records(path), "line")
-        for number, cells in records:
-            part = _part_of(source, f"{line} {number}", cells)
+    copy = (
+        local_copy(source, most_bytes=_MAX_BYTES) if is_url(source) else contextlib.nullcontext(Path(source))
+    )
+    with copy as path, reading(path, most_bytes=_MAX_BYTES):
+        for number, cells in _records(path):
+            part = _part_of(source, f"line {number}", cells)
             folder, last = split_name(part.files[0])
             # no name begins with a NUL
             key = part.name if cells.get("part") else f"\0{folder}/{os.path.splitext(last)[0]}"
             if (first := seen.setdefault(key, number)) != number:
-                again = f"{line} {number} names {part.name} a second time, after {line} {first}"
+                again = f"line {number} names {part.name} a second time, after line {first}"
                 raise DataError(again, "give every part one line")
             parts.append(part)
         if not parts:
             raise DataError("holds no part", "give a line for each part")
     return with_unique_names(parts)
-
-
-@contextlib.contextmanager
-def _opened(source: str, *, kind: str) -> Iterator[Path]:
-    """The table on this machine; its errors name the source."""
-    copy = (
-        local_copy(source, most_bytes=_MAX_BYTES) if is_url(source) else contextlib.nullcontext(Path(source))
-    )
-    with copy as path, reading(path, most_bytes=_MAX_BYTES, kind=kind):
-        yield path
 
 
 def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
@@ -177,8 +166,8 @@ def _columns(header: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _csv_records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """The number of each line of a CSV, and its known cells."""
+def _records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """The number of each line, and its known cells."""
     lines = table_lines(path)
     head = next(lines, TableLine(1, ()))
     columns = _columns_of_files(head.cells)
@@ -205,31 +194,3 @@ def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
     if at > 1 or len(cells) > at + 2:
         return None
     return {kind: at, **({"part": 0} if at else {}), **({"expected": at + 1} if len(cells) > at + 1 else {})}
-
-
-def _parquet_records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """The number of each row of a Parquet file, and its known cells; a batch of rows is in memory at a time."""
-    from pyarrow import parquet
-
-    with parquet.ParquetFile(path) as file:
-        schema, number = file.schema_arrow, 0
-        columns = _columns(schema.names)
-        for name, at in columns.items():
-            if not _is_text(schema.field(at).type, name):
-                raise DataError(f"has the column {name} of type {schema.field(at).type}", "save it as text")
-        names = [schema.names[at] for at in columns.values()]
-        for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=names):
-            for row in zip(*(batch.column(name).to_pylist() for name in names), strict=True):
-                number += 1
-                cells = ["" if value is None else str(value).strip() for value in row]
-                if any(cells):
-                    yield number, dict(zip(columns, cells, strict=True))
-
-
-def _is_text(kind: Any, name: str) -> bool:
-    from pyarrow import types
-
-    if types.is_dictionary(kind):
-        kind = kind.value_type
-    text = types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind)
-    return bool(text or types.is_null(kind) or (name == "part" and types.is_integer(kind)))

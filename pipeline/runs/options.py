@@ -15,7 +15,7 @@ class RunOptions:
     """More inputs, what to check, and where the rows go.
 
     Attributes:
-        manifest: Table (.csv, .parquet) of parts, with the columns part, height_map, scan, photo, expected, format,
+        manifest: Table (.csv) of parts, with the columns part, height_map, scan, photo, expected, format,
             font, of which any may be missing; may be repeated. File names are relative to the table.
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.

@@ -7,11 +7,8 @@ import os
 import resource
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
-import pyarrow
 import pytest
-from pyarrow import parquet
 
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
@@ -26,11 +23,6 @@ def table(folder: Path, text: str | bytes) -> str:
     path = folder / "lot.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return str(path)
-
-
-def parquet_table(folder: Path, columns: dict[str, Any]) -> str:
-    parquet.write_table(pyarrow.table(columns), folder / "lot.parquet")
-    return str(folder / "lot.parquet")
 
 
 # --------------------------------------------------------------------------------------------------- good tables
@@ -49,25 +41,6 @@ def test_every_column_is_read(tmp_path: Path) -> None:
     assert one == PartFiles("A1", *files[:2], (files[2],), "KB74", "AA99,x", "block")
     assert other == PartFiles("A2", photos=("s3://lots/7/b.jpg",))
     assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
-
-
-@pytest.mark.parametrize(
-    "kind", [pyarrow.string(), pyarrow.large_string(), pyarrow.dictionary(pyarrow.int32(), pyarrow.string())]
-)
-def test_parquet_says_the_same(tmp_path: Path, kind: pyarrow.DataType) -> None:
-    names = [f"m/{n}.npz" for n in range(20_000)]
-    source = parquet_table(
-        tmp_path,
-        {
-            "Height_Map ": pyarrow.array([*names, None], type=pyarrow.string()),
-            "font": pyarrow.array(["block"] * 20_000 + [None]).cast(kind),
-            "part": pyarrow.array([*range(20_000), None]),
-            "weight_g": pyarrow.array([1.0] * 20_001),
-        },
-    )
-    parts = read_manifest(source)
-    assert len(parts) == 20_000  # the empty row is passed over
-    assert parts[-1] == PartFiles("19999", str(tmp_path / "m/19999.npz"), font="block")
 
 
 def test_a_part_without_a_name_is_called_as_its_first_file(tmp_path: Path) -> None:
@@ -149,50 +122,11 @@ def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes,
     assert refused.value.hint
 
 
-@pytest.mark.parametrize(
-    ("columns", "told"),
-    [
-        ({"part": ["A", "B", "A"], "scan": ["a.h5", "b.h5", "c.h5"]}, r"row 3 names A .*after row 1"),
-        ({"part": ["A", "B"], "scan": ["a.h5", None]}, r"row 2 names no file"),
-        ({"part": ["A"], "scan": [1.5]}, r"has the column scan of type double; save it as text"),
-        ({"expected": [1234], "scan": ["a.h5"]}, r"has the column expected of type int64; save it as text"),
-        ({"part": [True], "scan": ["a.h5"]}, r"column part of type bool"),
-        ({"scan": [["a.h5"]]}, r"column scan of type list"),
-        ({"scans": ["a.h5"], "photo": ["a.png"]}, r"call it scan"),
-        ({"part": [1]}, r"its first line must name|must name one of height_map"),
-        ({"scan": pyarrow.array([], pyarrow.string())}, r"holds no part"),
-    ],
-)
-def test_a_bad_parquet_table_is_refused_with_its_row(
-    tmp_path: Path, columns: dict[str, Any], told: str
-) -> None:
-    with pytest.raises(FileError, match=told):
-        read_manifest(parquet_table(tmp_path, columns))
-
-
-def test_damaged_parquet_is_refused(tmp_path: Path) -> None:
-    source = Path(parquet_table(tmp_path, {"scan": [f"{n:09}.h5" for n in range(5000)]}))
-    whole = source.read_bytes()
-    good = read_manifest(str(source))
-    for cut in (1, 10, len(whole) // 2, len(whole) - 1):
-        source.write_bytes(whole[:cut])
-        with pytest.raises(FileError, match="is damaged or not a Parquet file"):
-            read_manifest(str(source))
-    for at in range(4, len(whole), len(whole) // 40):
-        source.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
-        try:
-            parts = read_manifest(str(source))
-        except FileError:
-            continue
-        # a byte of a name, or of nothing that matters
-        assert len(parts) == len(good)
-
-
 def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="is not there"):
         read_manifest(str(tmp_path / "none.csv"))
-    with pytest.raises(FileError, match=r"memory://none/at/all.parquet: is not there"):
-        read_manifest("memory://none/at/all.parquet")
+    with pytest.raises(FileError, match=r"memory://none/at/all.csv: is not there"):
+        read_manifest("memory://none/at/all.csv")
 
 
 def test_columns_of_the_results_are_none_of_a_manifests_misspelled(tmp_path: Path) -> None:
