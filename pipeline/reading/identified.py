@@ -8,6 +8,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from glyphs.errors import FileError
 from pipeline.errors import naming
 from pipeline.formats.touch_file import read_scan
@@ -18,7 +20,6 @@ from pipeline.formats.whisker_file import (
     read_whisker_file,
     write_whisker_file,
 )
-from pipeline.reading.open_numbers import confounded, remedies, undetermined
 from pipeline.reading.predictions import Prediction
 from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import Identified, identify
@@ -41,6 +42,8 @@ _MEANINGS = {
     Unknown.TILT_X: "rise of the plate along x",
     Unknown.TILT_Y: "rise of the plate along y",
 }
+_REMEDY = "hang a known weight on each tip, which tells the gains, or record the piece once more"
+_GAINS = "gains"
 _MISFIT = 2.0
 _WIDE = 1.96
 """Standard deviations to either side of which 95 % lie."""
@@ -92,11 +95,45 @@ def table_of(found: Identified) -> list[str]:
         lines.append("warning: the fit has not come to rest; see the figure before you trust it")
     lines += [f"known only together: {', '.join(group)}" for group in confounded(found)]
     if open_ := [name for name in undetermined(found) if name in names]:
-        lines.append(f"not determined by this recording: {', '.join(open_)}")
-        for what, then in remedies(found).items():
-            better = ", ".join(f"{name} to +-{_WIDE * then[name]:.2g}" for name in open_)
-            lines.append(f"to tell: {what} ({better})")
+        lines.append(f"not determined by this recording: {', '.join(open_)}; {_REMEDY}")
     return lines
+
+
+def undetermined(found: Identified, *, untold: float = 0.7) -> tuple[Unknown, ...]:
+    """Numbers whose standard deviation stays above `untold` of what it was before."""
+    names = [name for k, name in enumerate(Unknown) if found.sd[k] > untold * found.before[k]]
+    return tuple(names)
+
+
+def confounded(
+    found: Identified, *, open_share: float = 0.25, least_part: float = 0.3
+) -> tuple[tuple[str, ...], ...]:
+    """Numbers of which only a combination is known; the gains as one.
+
+    In units of what was known before, the covariance has large eigenvalues along what the recording does not tell; where
+    several numbers share such a direction, only their combination is known.
+
+    Args:
+        found: what was identified.
+        open_share: of the standard deviation before, above which a combination counts as open.
+        least_part: of a unit direction, from which a number counts as one of those that share it.
+    """
+    scaled = found.covariance / np.outer(found.before, found.before)
+    own = [of_whisker(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
+    felt = [*range(len(Unknown)), *(i for one in own for i in one)]
+    values, vectors = np.linalg.eigh(scaled[np.ix_(felt, felt)])
+    names = [*(name.value for name in Unknown), *(name for _ in own for name in (_GAINS, *OF_GAUGE[1:]))]
+    groups: list[tuple[str, ...]] = []
+    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
+        if value < open_share**2:
+            break
+        weight: dict[str, float] = {}
+        for name, part in zip(names, vector, strict=True):
+            weight[name] = weight.get(name, 0.0) + float(part**2)
+        group = tuple(name for name, share in weight.items() if share > least_part**2)
+        if len(group) > 1 and not any(set(group) <= set(other) for other in groups):
+            groups.append(group)
+    return tuple(groups)
 
 
 def _line(name: str, value: float, sd: float, drawn: float, what: str = "", *, digits: str = ".4g") -> str:
