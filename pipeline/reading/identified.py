@@ -110,8 +110,8 @@ def confounded(
 ) -> tuple[tuple[str, ...], ...]:
     """Numbers of which only a combination is known; the gains as one.
 
-    In units of what was known before, the covariance has large eigenvalues along what the recording does not tell; where
-    several numbers share such a direction, only their combination is known.
+    In units of what was known before, the covariance has large eigenvalues along what the recording does not tell.
+    Where several numbers share such a direction, only their combination is known.
 
     Args:
         found: what was identified.
