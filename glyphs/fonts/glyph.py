@@ -248,12 +248,13 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
     from glyphs.fonts.distance import segment_distance, winding_number
 
     xs, ys = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-    flat_x, flat_y = np.ascontiguousarray(xs).ravel(), np.ascontiguousarray(ys).ravel()
     if not glyph.inked:
         return np.full(xs.shape, np.inf, dtype=np.float32)
-    distance = segment_distance(flat_x, flat_y, glyph.boundary)
+    columns = xs.shape[-1] if xs.ndim else 1
+    grid_x, grid_y = (np.ascontiguousarray(one).reshape(-1, columns) for one in (xs, ys))
+    distance = segment_distance(grid_x, grid_y, glyph.boundary)
     if glyph.contours:
-        distance = np.where(winding_number(flat_x, flat_y, glyph.segments) != 0, -distance, distance)
+        distance = np.where(winding_number(grid_x, grid_y, glyph.segments) != 0, -distance, distance)
     else:
         distance = distance - stroke / 2
     return np.asarray(distance, dtype=np.float32).reshape(xs.shape)
@@ -293,5 +294,5 @@ def _winding(points: Points, segments: Points) -> NDArray[np.int32]:
     """Compute the winding number about points (n, 2)."""
     from glyphs.fonts.distance import winding_number
 
-    x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
-    return np.asarray(winding_number(x, y, segments), dtype=np.int32)
+    x, y = np.ascontiguousarray(points[:, :1]), np.ascontiguousarray(points[:, 1:])
+    return np.asarray(winding_number(x, y, segments)[:, 0], dtype=np.int32)
