@@ -10,6 +10,7 @@ import contextlib
 import pickle
 from collections.abc import Callable
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 from numba.core import caching, serialize
@@ -76,3 +77,13 @@ def cache_of(function: Callable[..., Any]) -> Any:
         return KernelCache(function)
     except (RuntimeError, OSError):  # numba found no folder
         return caching.NullCache()
+
+
+def folder_of(function: Callable[..., Any]) -> Path | None:
+    """The folder that `cache_of` keeps the kernels of a function in, made if needed; None where there is none."""
+    try:
+        locator = _Sealed(function).locator
+        locator.ensure_cache_path()
+        return Path(locator.get_cache_path())
+    except (RuntimeError, OSError):
+        return None

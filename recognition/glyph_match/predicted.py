@@ -25,6 +25,7 @@ from glyphs.soiling.coat import Look
 from glyphs.stamping.die import die_glyph, shape_relief_mm
 from glyphs.stamping.faces import Die, Face, default_depth_mm, default_die
 from glyphs.surface.maps import HeightMap
+from recognition.glyph_match.kept_predictions import Arrays, kept
 from recognition.views.text_line import TextLine
 from recognition.views.view import (
     DIRECTIONS,
@@ -268,6 +269,20 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
         FontError: a character that the font has not got.
         StampError, MapError: a die or a scale that cannot be.
     """
+    found = kept(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
+    x_mm, y_mm, pitch_mm = found["grid"].tolist()
+    return TemplateSet(
+        font=font.name,
+        chars=tuple(chars),
+        view=View(ViewKind.FELT, found["layers"], pitch_mm, (x_mm, y_mm), key.touch()),
+        middles_mm=found["middles_mm"],
+        height_mm=CANONICAL_HEIGHT_MM,
+        patches=found["patches"],
+        half_width=found["half_width"],
+    )
+
+
+def _feel(font: Font, chars: str, key: TemplateKey) -> Arrays:
     height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
     plate = ideal_plate(font, chars, key.die, raised=key.raised)
     rows, cols = plate.shape
@@ -282,16 +297,15 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
     )
     scan = trace_scan(plate.surface, touch=key.touch(), plan=plan, fidelity=Fidelity.CONTACT)
     felt = edge_map(scan, ideal=True)
-    layers = felt.enhancement.reshape(len(DIRECTIONS), rows, len(chars), cols)
-    return TemplateSet(
-        font=font.name,
-        chars=tuple(chars),
-        view=felt_view(felt, relief_of(scan, felt), key.touch()),
-        middles_mm=plate.middles_mm,
-        height_mm=height,
-        patches=np.ascontiguousarray(layers[:, plate.rows].transpose(2, 0, 1, 3)),
-        half_width=plate.half_width,
-    )
+    view = felt_view(felt, relief_of(scan, felt))
+    patches = felt.enhancement.reshape(len(DIRECTIONS), rows, len(chars), cols)[:, plate.rows]
+    return {
+        "layers": view.layers,
+        "grid": np.array([*view.origin_mm, view.pitch_mm]),
+        "middles_mm": plate.middles_mm,
+        "patches": np.ascontiguousarray(patches.transpose(2, 0, 1, 3)),
+        "half_width": plate.half_width,
+    }
 
 
 def sunk_relief_mm(

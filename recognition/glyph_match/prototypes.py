@@ -21,6 +21,7 @@ from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import default_die
 from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
+from recognition.glyph_match.kept_predictions import Arrays, kept
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     TemplateSet,
@@ -64,7 +65,9 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
 
     def make() -> Prototypes:
         one = templates
-        return cut_out(one.font, one.chars, one.view, one.middles_mm, one.half_width, one.height_mm)
+        where = (one.middles_mm, one.half_width, one.height_mm)
+        found = kept(("felt", one.view.layers, one.view.pitch_mm, *where), lambda: cut_out(one.view, *where))
+        return Prototypes(one.font, one.chars, **found)
 
     made: Prototypes = templates.derive("prototypes", make)
     return made
@@ -82,14 +85,20 @@ def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) 
         FontError: a character that the font has not got.
         StampError: a die that cannot be.
     """
-    plate = ideal_plate(font, chars, default_die(CANONICAL_HEIGHT_MM, font=font))
-    where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
-    return tuple(cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, lights))
+
+    def make() -> Arrays:
+        plate = ideal_plate(font, chars, die)
+        where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
+        made = [cut_out(view, *where) for view in lit_views(plate, lights)]
+        return {name: np.stack([one[name] for one in made]) for name in made[0]}
+
+    die = default_die(CANONICAL_HEIGHT_MM, font=font)
+    found = kept(("lit", *map(font.glyph, chars), die, *lights), make)
+    of_lights = (dict(zip(found, one, strict=True)) for one in zip(*found.values(), strict=True))
+    return tuple(Prototypes(font.name, tuple(chars), **one) for one in of_lights)
 
 
 def cut_out(
-    font: str,
-    chars: tuple[str, ...],
     view: View,
     middles_mm: Floats,
     half_width: Floats,
@@ -98,12 +107,10 @@ def cut_out(
     half_steps: int = 8,
     beside_steps: float = 2.0,
     least_spread: float = 1e-3,
-) -> Prototypes:
-    """The prototypes of a plate that is seen.
+) -> Arrays:
+    """Cut the values of `Prototypes`, by their names, out of a plate that is seen.
 
     Args:
-        font: its name.
-        chars: (T,) characters.
         view: of the plate.
         middles_mm: (T, 2) x, y of their middles.
         half_width: (T,) half the ink's width, character heights.
@@ -121,7 +128,7 @@ def cut_out(
     steps = np.abs(np.arange(-half_steps, half_steps + 1))
     half = half_width[:, None] * HEIGHT_ROWS / FEATURE_COLUMNS
     own = np.clip(half + beside_steps - steps, 0.0, 1.0).astype(np.float32)
-    return Prototypes(font, chars, windows * own[:, None, None], own, mean, spread)
+    return {"values": windows * own[:, None, None], "own": own, "mean": mean, "spread": spread}
 
 
 def belief_of(

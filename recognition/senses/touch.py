@@ -234,7 +234,7 @@ class TactileReader:
     ) -> TemplateSet:
         """The templates of a font's characters, felt as a view was."""
         chars = "".join(c for c in self.chars if c in font.glyphs)
-        # the height found differs from part to part, and a set of its own for each step takes 0.2 s to predict
+        # the height found differs from part to part, and each step of it takes 0.5 s to predict once on a machine
         height_mm = self.settings.height_mm or height_mm
         key = template_key(font, _touch_of(view), height_mm=height_mm, raised=raised, face=face)
         return self.cache.get(font, chars, key)

@@ -1,0 +1,102 @@
+"""What is predicted of fonts, kept on disk beside the kernels: the next process need not predict it again.
+
+    outlines, die, touch or lamps, program --digest--> predicted-DIGEST.npz --there?--> arrays
+                                                            '--no: predicted, and written--'
+
+The files are derived data: what is damaged is predicted again, what was used longest ago is removed when they grow too
+large, and where nothing can be written fonts are predicted in every process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from hashlib import sha256
+from itertools import chain
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.atomic import replacing
+from glyphs.errors import FileError
+from glyphs.kernel_cache import folder_of
+
+MOST_BYTES = 200_000_000
+"""Of all files: a font takes 8 MB as it is felt, and 14 MB as a camera sees it."""
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
+    """Return arrays as `make` makes them, from the disk where they have been made before.
+
+    Args:
+        made_of: all that they depend on beside the program: numbers, texts, arrays, dataclasses and tuples of these.
+        make: makes them.
+    """
+    folder = folder_of(kept)
+    if folder is None:
+        return make()
+    path = folder / f"predicted-{_digest(made_of)}.npz"
+    with contextlib.suppress(OSError, ValueError, EOFError, BadZipFile), np.load(path) as file:
+        path.touch()
+        return {name: file[name] for name in file.files}
+    made: dict[str, Any] = dict(make())
+    with contextlib.suppress(OSError, FileError):
+        with replacing(path) as temporary:
+            np.savez(temporary, **made)
+        _remove_oldest(folder)
+    return made
+
+
+def _remove_oldest(folder: Path) -> None:
+    files = sorted(
+        (path.stat().st_mtime, path.stat().st_size, path) for path in folder.glob("predicted-*.npz")
+    )
+    spare = sum(size for _, size, _ in files) - MOST_BYTES
+    for _, size, path in files:
+        if spare <= 0:
+            return
+        path.unlink(missing_ok=True)
+        spare -= size
+
+
+def _digest(made_of: Iterable[object]) -> str:
+    digest = sha256(_program())
+    for one in made_of:
+        _add(digest, one)
+    return digest.hexdigest()[:32]
+
+
+def _add(digest: Any, value: object) -> None:
+    """Add a value to a digest, with its type and size, so that no two values add the same."""
+    digest.update(type(value).__name__.encode())
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype} {value.shape} ".encode() + np.ascontiguousarray(value).tobytes())
+    elif is_dataclass(value):
+        for field in fields(value):
+            _add(digest, getattr(value, field.name))
+    elif isinstance(value, tuple):
+        digest.update(f" {len(value)} ".encode())
+        for one in value:
+            _add(digest, one)
+    else:
+        text = repr(value).encode()
+        digest.update(f" {len(text)} ".encode() + text)
+
+
+@cache
+def _program() -> bytes:
+    """A digest of the program that predicts: names, sizes and times of its modules and networks."""
+    digest, root = sha256(), Path(__file__).parents[2]
+    for package in ("glyphs", "whisker_array", "recognition"):
+        files = ((root / package).rglob(f"*.{kind}") for kind in ("py", "onnx"))
+        for path in sorted(chain(*files)):
+            about = path.stat()
+            digest.update(f"{path.relative_to(root)} {about.st_size} {about.st_mtime_ns} ".encode())
+    return digest.digest()
