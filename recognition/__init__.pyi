@@ -1,8 +1,7 @@
 from .active.active_reader import ActiveReader, ActiveSettings
 from .active.active_reading import ActiveReading, StopReason
-from .decision.decide import Decision
+from .decision.decide import Decision, Finding, ReadingFlag
 from .decision.depth_rules import DepthRule, depth_rule, least_depth
-from .decision.flags import Finding, ReadingFlag
 from .decision.reading import (
     Candidate,
     CharacterReading,

@@ -155,7 +155,7 @@ class Reader:
             VerifyError: a text that cannot be looked for.
         """
         from recognition.decision.fuse import fused_lattice
-        from recognition.decision.verified import with_verification
+        from recognition.decision.verify import with_verification
 
         touch, vision = reading.touch, reading.vision
         lattices = [one.trace.open_lattice for one in (touch, vision) if one is not None]

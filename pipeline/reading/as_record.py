@@ -47,7 +47,7 @@ def reading_record(
         part: its name.
         seconds: it took.
     """
-    from recognition.decision.flags import bench_faults
+    from recognition.decision.decide import bench_faults
     from recognition.decision.reasons import reasons_of
 
     verification, scaled = reading.trace.verification, reading.scaled

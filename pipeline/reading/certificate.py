@@ -23,9 +23,8 @@ from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import differences, file_sha256, reader_versions
 from pipeline.errors import require_file
-from recognition.decision.accepted_risk import ThresholdTest, certified_threshold, share_bounds
+from recognition.decision.certification import KindOfParts, ThresholdTest, certified_threshold, share_bounds
 from recognition.decision.contracts import CertifiedAcceptance
-from recognition.decision.likeness import KindOfParts
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000

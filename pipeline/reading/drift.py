@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pipeline.reading.certificate import Certificate, certificate_of
-from recognition.decision.likeness import Unlike, unlike
+from recognition.decision.certification import Unlike, unlike
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from recognition.decision.evidence import Measure
+    from recognition.decision.score import Measure
 
 EVERY = 20
 """Number of parts between two comparisons."""

@@ -85,7 +85,7 @@ def read_order(
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.scan_plan import plan_of
-    from recognition.decision.evidence import measures_of
+    from recognition.decision.score import measures_of
 
     part, tactile = order.part, order.part.felt
     if not tactile and (order.earlier or not part.photo):

@@ -203,7 +203,7 @@ def _reviewed_if_cut_short(reading: Reading) -> Reading:
     scan = None if reading.touch is None else reading.touch.trace.scan
     if scan is None or scan.log is None or not scan.log.problem:
         return reading
-    from recognition.decision.flags import Finding, ReadingFlag
+    from recognition.decision.decide import Finding, ReadingFlag
 
     n = len(scan.log.passes)
     note = f"the stage failed after {n} {'pass' if n == 1 else 'passes'}: {scan.log.problem}"

@@ -20,7 +20,7 @@ from pipeline.common.texts import same_text
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import Picture
-    from recognition.decision.evidence import Measure
+    from recognition.decision.score import Measure
 else:  # slow to import; a journal reads them as what they are written as
     Measure, Picture = str, dict
 

@@ -30,14 +30,14 @@ from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
-from recognition.decision.accepted_risk import (
+from recognition.decision.certification import (
     THRESHOLDS,
+    KindOfParts,
     ThresholdTest,
     certified_threshold,
     parts_missing,
     threshold_tests,
 )
-from recognition.decision.likeness import KindOfParts
 
 
 class CertificationJournal(Journal[ReadPart]):

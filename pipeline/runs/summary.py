@@ -116,7 +116,7 @@ class Summary:
 
 def _words(code: str) -> str:
     """A reason in general words."""
-    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.decide import ReadingFlag
 
     flag = ReadingFlag.__members__.get(code.upper())
     return flag.text if flag else code.replace("_", " ")

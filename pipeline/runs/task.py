@@ -88,7 +88,7 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import PartReader
-    from recognition.decision.evidence import measures_of
+    from recognition.decision.score import measures_of
 
     settings, digest = order.settings, ""
     reader = _reader_for(order, listed)

@@ -22,8 +22,7 @@ from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
-from recognition.decision.decide import Decision
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine

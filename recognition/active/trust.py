@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from recognition.decision.decide import Decision
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.score import serial_is_sure
 

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from recognition.decision.decide import Decision
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.language.code_text import holds
 

@@ -1,4 +1,4 @@
-"""Accept, review or reject: the one place, and a pure function.
+"""Accept, review or reject: the one place, and a pure function; the flags that it weighs, and findings about them.
 
     score: probability that the whole serial is right ---- at least the threshold ----+
     contracts: rules that hold whatever the score is ----- none broken ---------------+--> accept; else review
@@ -10,10 +10,13 @@ say how well it is marked.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from enum import StrEnum
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum, Flag, StrEnum, auto
+from functools import reduce
+from operator import or_
+from typing import Self
 
-from recognition.decision.flags import BROKEN, ReadingFlag
 from recognition.language.confusions import CharacterState, PlaceState
 
 
@@ -48,3 +51,127 @@ def decide(
     if flags & BROKEN or (threshold is not None and score < threshold):
         return Decision.REVIEW
     return Decision.ACCEPT
+
+
+class Kind(Enum):
+    """Effect of a flag.
+
+    Attributes:
+        CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.
+        SCORE: nothing was read, or the score is too low.
+        STROKES: why a score is low; breaks no contract by itself.
+        MARK: a rule of the user's for the mark is broken; the part goes to review.
+        SCAN: samples are missing or wrong.
+        BENCH: a fault of whiskers or bench.
+        STAGE: the stage has not felt all that was asked of it; the part goes to review.
+    """
+
+    CONTRACT = auto()
+    SCORE = auto()
+    STROKES = auto()
+    MARK = auto()
+    SCAN = auto()
+    BENCH = auto()
+    STAGE = auto()
+
+
+class ReadingFlag(Flag):
+    """Doubts about a reading; no flag is set on a plain one. The most important one is named first.
+
+    Attributes:
+        kind: what follows from a single flag.
+        text: a single flag in general words.
+    """
+
+    kind: Kind | None
+    text: str
+
+    def __new__(cls, kind: Kind | None, text: str) -> Self:
+        """One bit after the other; none for NONE, the first."""
+        made = object.__new__(cls)
+        made._value_ = 1 << (len(cls.__members__) - 1) if kind else 0
+        made.kind, made.text = kind, text
+        return made
+
+    NONE = None, ""
+    MISMATCH = Kind.CONTRACT, "this is not the expected serial (check the part and the order)"
+    NO_CHARACTERS = Kind.SCORE, "no characters found (check that the serial is in view)"
+    FORMAT_NOT_MET = Kind.CONTRACT, "the marks do not fit the format (check the part and the format)"
+    SENSES_DISAGREE = Kind.CONTRACT, "touch and camera read different serials (look at the part)"
+    CODE_DISAGREES = Kind.CONTRACT, "a code on the part holds another serial (look at the part)"
+    ORIENTATION_UNKNOWN = (
+        Kind.CONTRACT,
+        "the serial can be read otherwise with the part turned (set the orientation)",
+    )
+    LOW_CONFIDENCE = Kind.SCORE, "low confidence"
+    CASE_UNKNOWN = Kind.CONTRACT, "a letter may be a small one (a format says which)"
+    LINE_MISSING = Kind.CONTRACT, "a line that was asked for was not found (check the part)"
+    NOT_WHOLE = Kind.CONTRACT, "a character was not felt from edge to edge (scan a longer or wider stretch)"
+    TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to tell two characters apart (feel more lines)"
+    BELIEVED_OTHERWISE = Kind.CONTRACT, "another text was believed before (look at the part)"
+    STROKES_MISSING = Kind.STROKES, "most strokes of a character are missing (clean it and scan it again)"
+    STROKES_UNDECIDED = Kind.STROKES, "the strokes that tell two characters apart were not felt (clean it)"
+    UNREAD_MARKS = Kind.CONTRACT, "there are marks beside the serial (check that all of it was read)"
+    FORMAT_OVERRULED = Kind.CONTRACT, "the format changed what was read (compare it with the part)"
+    CHECK_BLIND = Kind.CONTRACT, "the check digit cannot tell the likeliest serials apart (look at the part)"
+    SEARCH_EXHAUSTED = Kind.CONTRACT, "too many possible serials to try them all (look at the part)"
+    FOREIGN_SHAPES = Kind.CONTRACT, "the font may lack a character that stands there (look at the part)"
+    NOT_CERTIFIED = Kind.CONTRACT, "not covered by the certificate (look at the part)"
+    TOO_SHALLOW = Kind.MARK, "the mark is too shallow"
+    TOO_DEEP = Kind.MARK, "the mark is too deep"
+    BURR_TOO_HIGH = Kind.MARK, "the burr beside the mark is too high"
+    TOO_SMALL = Kind.MARK, "the characters are too small"
+    NO_DEPTH_RULE = Kind.MARK, "the rule names no depth for characters of this height"
+    DEPTH_UNKNOWN = Kind.MARK, "the depth of a character could not be measured (scan it again)"
+    CONTACT_LOST = Kind.SCAN, "the whisker lost contact in places (raise the preload)"
+    JAMMED = Kind.SCAN, "the whisker jammed on walls in places (lower k = l2/l1)"
+    OUT_OF_RANGE = Kind.SCAN, "the signal left the converter's range in places (lower the gain)"
+    DROPOUTS = Kind.SCAN, "parts of the map are missing (measure it again if they hide characters)"
+    WHISKER_FAULTY = Kind.BENCH, "a whisker is worn, loose or faulty (see to it)"
+    BENCH_FAULTY = Kind.BENCH, "something is wrong with the stage, the plate's seat or the wiring (see to it)"
+    STAGE_FAILED = Kind.STAGE, "the stage failed between passes (see to it)"
+
+    @classmethod
+    def of(cls, *kinds: Kind) -> ReadingFlag:
+        """All flags of some kinds."""
+        return reduce(or_, (flag for flag in cls if flag.kind in kinds))
+
+
+BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE)
+"""Flags that send a reading to review whatever its score."""
+MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
+"""Rules for the mark that are broken; findings give places and numbers."""
+EXPLANATIONS = ReadingFlag.of(Kind.STROKES)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A flag on one part.
+
+    Attributes:
+        flag: what is the matter; none of a note.
+        text: in words, with places and numbers: "too shallow for R: 7 at place 2 0.06 mm".
+        places: that it is about, from 1.
+    """
+
+    flag: ReadingFlag
+    text: str
+    places: tuple[int, ...] = ()
+
+    @property
+    def code(self) -> str:
+        """Name of the flag for programs: low_confidence; empty of a note."""
+        return (self.flag.name or "").lower() if self.flag else ""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def bench_faults(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Return the faults of whiskers and bench, in words."""
+    return tuple(finding.text for finding in findings if finding.flag & ReadingFlag.of(Kind.BENCH))
+
+
+def flags_of(findings: Iterable[Finding]) -> ReadingFlag:
+    """Combine the flags of all findings."""
+    return reduce(or_, (finding.flag for finding in findings), ReadingFlag.NONE)

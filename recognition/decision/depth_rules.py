@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Reading
 
 INCH_MM = 25.4

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from recognition.belief.fuse_lattices import contradictions, fuse_lattices
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.flags import Finding, ReadingFlag, flags_of
+from recognition.decision.decide import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import (
     LineSettings,

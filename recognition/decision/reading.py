@@ -9,8 +9,7 @@ from html import escape
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from recognition.decision.decide import Decision, decide
-from recognition.decision.flags import Finding, ReadingFlag, flags_of
+from recognition.decision.decide import Decision, Finding, ReadingFlag, decide, flags_of
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 from recognition.language.elements import named_fields

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps

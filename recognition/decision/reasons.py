@@ -15,7 +15,7 @@ from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from recognition.decision.flags import MEASURE_FLAGS, Finding, Kind, ReadingFlag, flags_of
+from recognition.decision.decide import MEASURE_FLAGS, Finding, Kind, ReadingFlag, flags_of
 from recognition.language.code_text import holds
 from recognition.language.confusions import CharacterState
 

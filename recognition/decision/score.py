@@ -4,6 +4,9 @@
     what the format allows --weight-+--sum--> log odds shown --> score, 0 to 1
     land, photograph -------weight--+
 
+Some twenty measures are named: posteriors, strokes, size and depth of marks, rough land. The score weighs some of them;
+all are compared between parts that were certified and parts that are read (`recognition.decision.certification`).
+
 Each quantity counts along straight lines, always in one direction: a better one never lowers the score. Touch, the
 camera and both together each have their own weights. They stand in `score.fit.json`, with what they were fitted on;
 `python tests/benchmarks/fit_score.py` fits them and judges them on what a fit left out.
@@ -15,21 +18,165 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from recognition.decision.decide import Decision
-from recognition.decision.evidence import Measure, measures_of
-from recognition.decision.flags import EXPLANATIONS, MEASURE_FLAGS, Finding, ReadingFlag
+from recognition.decision.contracts import DIGITS
+from recognition.decision.decide import EXPLANATIONS, MEASURE_FLAGS, Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from recognition.marks.laid_text import LaidText
+    from recognition.marks.strokes import PlaceStrokes
+    from whisker_array.estimation.relief import Relief
+
 
 SOURCES = ("tactile", "vision", "fused")
 """Sources of readings."""
 FITTED = Path(__file__).with_name("score.fit.json")
+_NORMAL = 1.4826
+"""Standard deviation of normal noise whose median absolute deviation is 1."""
+
+
+class Measure(StrEnum):
+    """Measures of a part; the value is the name that people read."""
+
+    CONFIDENCE = "confidence"
+    ODDS = "log odds of the text before anything else is known"
+    CAMERA = "log odds of the text by the camera, beside touch"
+    MARGIN = "least margin"
+    BELIEF = "belief before the format"
+    EVIDENCE = "evidence against the strongest rival (nats)"
+    FORMAT = "log probability of all that the format allows"
+    STROKES = "share of strokes felt"
+    LEAST_STROKES = "share of the strokes felt of the character that has the least"
+    COVERED = "greatest share of deciding strokes that are covered"
+    UNLIKENESS = "share of the marks that known fonts leave unexplained"
+    HEIGHT = "character height (mm)"
+    DEPTH = "mean depth (mm)"
+    FINE = "fine roughness (µm)"
+    COARSE = "coarse roughness (µm)"
+    FINE_SHARE = "fine roughness in parts of the marks' depth"
+    COARSE_SHARE = "coarse roughness in parts of the marks' depth"
+    GRAIN = "grain of the photograph"
+    PATCHES = "patches of the photograph"
+
+
+def measures_of(reading: Reading) -> Mapping[Measure, float]:
+    """Return the measures that are known of the part."""
+    trace, touch, vision = reading.trace, reading.touch, reading.vision
+    found: dict[Measure, float | None] = {
+        Measure.CONFIDENCE: round(reading.confidence, DIGITS),
+        Measure.ODDS: _within(trace.odds),
+        Measure.CAMERA: _within(trace.camera_odds),
+        Measure.FORMAT: trace.evidence,
+        Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
+        Measure.HEIGHT: reading.height_mm if reading.scaled and reading.height_mm > 0.0 else None,
+        Measure.DEPTH: reading.depth_mean_mm,
+        **_of_strokes(trace.strokes),
+    }
+    first = touch or vision
+    openly = None if first is None else first.trace.open_lattice
+    if openly is not None and openly.n_places:
+        found[Measure.BELIEF] = float(np.exp(openly.log_belief.max(axis=1)).mean())
+    if touch is not None and touch.trace.relief is not None:
+        found |= _of_land(touch.trace.relief, touch.trace.laid)
+    if vision is not None and vision.trace.photo is not None:
+        grey = _evenly_lit(vision.trace.photo)
+        found |= {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
+    return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
+
+
+def _of_strokes(
+    places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25
+) -> Mapping[Measure, float | None]:
+    """Measures of what was felt of the strokes at all places.
+
+    Args:
+        places: of the text.
+        deciding_heights: length from which strokes that only a rival has decide between two characters, character
+            heights.
+    """
+    felt = [place.felt for place in places if place.felt is not None]
+    unlike = [1.0 - place.score for place in places if place.felt is not None]
+    rivals = [rival for place in places for rival in place.rivals]
+    covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
+    return {
+        Measure.EVIDENCE: min((rival.excluded_nats for rival in rivals), default=None),
+        Measure.STROKES: float(np.mean(felt)) if felt else None,
+        Measure.LEAST_STROKES: min(felt, default=None),
+        Measure.UNLIKENESS: float(np.mean(unlike)) if felt else None,
+        Measure.COVERED: max(covered, default=0.0) if places else None,
+    }
+
+
+def _of_land(
+    relief: Relief, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
+) -> Mapping[Measure, float]:
+    """Roughness of the land, by itself and in parts of the marks' depth.
+
+    Args:
+        relief: as felt.
+        laid: the serial, if known.
+        fine_mm: between places of the land whose heights are compared for fine roughness: grains.
+        coarse_mm: the same for coarse roughness: lumps.
+    """
+    heights_um = 1e3 * relief.height_mm.astype(np.float64)
+    depth_um = math.nan if laid is None else max(1e3 * laid.felt.depth_mm, 1.0)
+    fine, coarse = (
+        roughness(heights_um, max(1, round(far / relief.pitch_mm))) for far in (fine_mm, coarse_mm)
+    )
+    return {
+        Measure.FINE: fine,
+        Measure.COARSE: coarse,
+        Measure.FINE_SHARE: fine / depth_um,
+        Measure.COARSE_SHARE: coarse / depth_um,
+    }
+
+
+def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float:
+    """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN where nothing is known.
+
+    The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
+
+    Args:
+        surface: (rows, cols), NaN where not known.
+        step: samples between the three.
+        enough_samples: samples of a surface that are used; their median is off by half a per cent.
+    """
+    # of a large picture every n-th row says the median as well
+    every = max(1, round(surface.size / enough_samples))
+    bends = [
+        np.abs(z[::every, 2 * step :] - 2.0 * z[::every, step:-step] + z[::every, : -2 * step]).ravel()
+        for z in (surface, surface.T)
+        if z.shape[1] > 2 * step
+    ]
+    known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
+    return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else math.nan
+
+
+def _within(odds: float | None, *, most_odds: float = 50.0) -> float | None:
+    """Log odds as a number: certainty is no missing value, but `most_odds`."""
+    return None if odds is None else min(max(odds, -most_odds), most_odds)
+
+
+def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
+    """Brightness over its median, so that exposure does not count.
+
+    Args:
+        photo: of the part.
+        darkest: median brightness of a photograph that shows nothing.
+    """
+    grey = np.asarray(photo.grey(), dtype=np.float64)
+    return grey / max(float(np.median(grey)), darkest)
 
 
 @dataclass(frozen=True)

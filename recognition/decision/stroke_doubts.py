@@ -11,8 +11,7 @@ from dataclasses import replace
 from itertools import repeat
 from statistics import fmean, mode
 
-from recognition.decision.decide import Decision
-from recognition.decision.flags import BROKEN, EXPLANATIONS, Finding, ReadingFlag
+from recognition.decision.decide import BROKEN, EXPLANATIONS, Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reasons import places_text
 from recognition.language.confusions import CharacterState

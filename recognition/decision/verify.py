@@ -13,17 +13,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
+from recognition.decision.decide import ReadingFlag
 from recognition.language.confusions import CharacterState, PlaceState, state_of
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+
+if TYPE_CHECKING:
+    from recognition import Reading
 
 
 class VerifyError(MarksError):
@@ -192,3 +197,34 @@ def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tu
         return max(tried, key=lambda one: one[0], default=(0.0, ()))
 
     return best(n, m)[1]
+
+
+def with_verification(
+    reading: Reading,
+    lattice: Lattice | None,
+    expected: str,
+    *,
+    grammar: Grammar | None = None,
+    contradicted: bool = False,
+) -> Reading:
+    """The reading with the states of its places for the text expected, and the verdict in its trace.
+
+    Args:
+        reading: as read.
+        lattice, expected, grammar, contradicted: as of `verify`; None where no characters were found.
+
+    Raises:
+        VerifyError: a text that cannot be looked for.
+    """
+    if lattice is None:
+        lattice = Lattice((), np.zeros((0, 0)))
+    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted)
+    flags, characters = reading.flags, reading.characters
+    if contradicted:
+        flags |= ReadingFlag.SENSES_DISAGREE
+    if verification.verdict is Verdict.REFUTED:
+        flags |= ReadingFlag.MISMATCH
+    if verification.places == len(characters):
+        states = {check.place: check.state for check in verification.characters}
+        characters = tuple(replace(c, state=states.get(k, c.state)) for k, c in enumerate(characters))
+    return replace(reading, characters=characters, flags=flags).with_trace(verification=verification)

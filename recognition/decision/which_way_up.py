@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import UPSIDE_DOWN_DEG
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar

@@ -18,7 +18,7 @@ from recognition.belief.line_reader import LineReader, is_agreed
 from recognition.belief.line_search import LineSearch
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import log_odds, with_score

@@ -22,8 +22,8 @@ from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.contracts import doubted_guesses
+from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.depth_rules import judged_by
-from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import score_of, serial_is_sure, with_score

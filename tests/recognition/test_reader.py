@@ -14,9 +14,8 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap, TraceDirection
-from recognition.decision.decide import Decision
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.depth_rules import depth_rule
-from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.reader import Reader
 from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire

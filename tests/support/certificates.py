@@ -11,9 +11,8 @@ import numpy as np
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import reader_versions
 from pipeline.reading.certificate import Certificate, settings_described, write_certificate
-from recognition.decision.accepted_risk import certified_threshold, threshold_tests
-from recognition.decision.evidence import Measure
-from recognition.decision.likeness import KindOfParts
+from recognition.decision.certification import KindOfParts, certified_threshold, threshold_tests
+from recognition.decision.score import Measure
 
 
 def measured(n: int, *, rough_um: float = 1.0, seed: int = 1) -> list[dict[Measure, float]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.common.shares import CONFIDENCE_LEVEL, Share
-from recognition.decision.accepted_risk import share_bounds
+from recognition.decision.certification import share_bounds
 
 RESAMPLES = 2000
 _SEED = 20240229

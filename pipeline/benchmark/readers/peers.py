@@ -213,7 +213,7 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
 
 def peer_reading(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
     """Make a reading of a peer's line: accepted if it fits the format and the peer is sure, or says so itself."""
-    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.decide import ReadingFlag
     from recognition.decision.reading import Candidate, CharacterReading, Reading
     from recognition.language.box import Box as PlateBox
 

@@ -20,8 +20,7 @@ from pipeline.common.shares import Share
 from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 from pipeline.reading.certificate import Certificate
-from recognition.decision.accepted_risk import Shown
-from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts
+from recognition.decision.certification import LEAST_PARTS, P_VALUE, KindOfParts, Shown
 
 PROGRAM = "tactile-marks"
 

@@ -44,8 +44,8 @@ from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
-from recognition.decision.accepted_risk import parts_needed
-from recognition.decision.evidence import Measure
+from recognition.decision.certification import parts_needed
+from recognition.decision.score import Measure
 
 WRONG_LIMIT = 0.001
 """Accepted but wrong, of those accepted: the limit that the page judges every reader by."""

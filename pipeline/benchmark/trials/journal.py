@@ -49,7 +49,7 @@ class Trial:
         compute_s: time that the program took for it, making the part and its photograph not counted.
         scan_s: time that the real array would take for the scan; 0 without touch.
         simulated_s: of compute_s, what stands in for the array: mounting the map and simulating the scan.
-        measures: of the part by our own modes (`recognition.decision.evidence`).
+        measures: of the part by our own modes (`recognition.decision.score`).
     """
 
     part: str

@@ -31,8 +31,7 @@ from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
 from pipeline.runs.progress import Progress
 from pipeline.workers.executors import Executor
-from recognition.decision.evidence import measures_of
-from recognition.decision.score import FITTED
+from recognition.decision.score import FITTED, measures_of
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings

@@ -15,7 +15,7 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.common.texts import same_text
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.picture import moment_image, reading_figure
 from recognition.decision.reading import Box, Candidate, CharacterReading, Reading, ReadingTrace
 from recognition.marks.depth import MarkDepth

@@ -22,7 +22,7 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.as_record import reading_record, rivals_of
 from pipeline.runs.task import RunOrder, read_listed
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar

@@ -20,7 +20,7 @@ from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import PartReader, read_surface, senses_of
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.verify import Verdict, VerifyError
 from recognition.language.lattice import Lattice

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from recognition.decision.accepted_risk import (
+from recognition.decision.certification import (
     THRESHOLDS,
     Shown,
     certified_threshold,

@@ -8,8 +8,7 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.decide import Decision
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.reader import Reader
 from recognition.views.codes import Code
 from tests.support.codes import ENVELOPE, stamped_photo, with_code

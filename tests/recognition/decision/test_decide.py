@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.decision.decide import Decision, decide
-from recognition.decision.flags import BROKEN, EXPLANATIONS, ReadingFlag
+from recognition.decision.decide import BROKEN, EXPLANATIONS, Decision, ReadingFlag, decide
 from recognition.language.confusions import CharacterState, PlaceState
 
 READ = PlaceState(CharacterState.READ, "A", 0.99)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from recognition.decision.decide import Decision
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.depth_rules import (
     DEPTH_RULES,
     DepthRule,
@@ -18,7 +18,6 @@ from recognition.decision.depth_rules import (
     least_depth,
     print_size_mm,
 )
-from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
 

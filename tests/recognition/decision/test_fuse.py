@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from recognition.belief.fuse_lattices import contradictions, fuse_lattices
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.decide import Decision
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.fuse import fuse
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.decision.evidence import Measure, roughness
-from recognition.decision.likeness import LEAST_PARTS, KindOfParts, unlike
+from recognition.decision.certification import LEAST_PARTS, KindOfParts, unlike
+from recognition.decision.score import Measure, roughness
 
 
 def parts(n: int, seed: int, *, rough_um: float = 1.0) -> list[dict[Measure, float]]:

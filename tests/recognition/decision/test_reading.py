@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
 

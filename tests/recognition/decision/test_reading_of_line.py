@@ -10,8 +10,7 @@ import pytest
 
 from recognition.belief.line_belief import line_belief
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
-from recognition.decision.decide import Decision
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters, word_gaps
 from recognition.experts.steps import Steps

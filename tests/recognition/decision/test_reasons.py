@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from recognition.decision.decide import Decision
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.language.box import Box

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.decision import score as room
-from recognition.decision.decide import Decision
-from recognition.decision.evidence import Measure, measures_of
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.score import (
     SOURCES,
+    Measure,
     Score,
     Term,
     log_odds,
+    measures_of,
     score_of,
     serial_is_sure,
     share,

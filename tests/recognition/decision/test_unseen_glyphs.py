@@ -4,8 +4,7 @@ from types import SimpleNamespace
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import Face
 from recognition.decision.contracts import doubted_guesses
-from recognition.decision.decide import Decision
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.language.confusions import CharacterState, PlaceState
 from tests.support.readings import reading_of
 

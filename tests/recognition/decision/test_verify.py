@@ -12,11 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recognition.decision.decide import Decision
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import Reading
-from recognition.decision.verified import with_verification
-from recognition.decision.verify import Verdict, Verification, VerifyError, verify
+from recognition.decision.verify import Verdict, Verification, VerifyError, verify, with_verification
 from recognition.language.confusions import CharacterState
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice

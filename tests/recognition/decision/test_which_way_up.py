@@ -13,8 +13,7 @@ from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import LineSearch
 from recognition.decision import which_way_up
-from recognition.decision.decide import Decision
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.which_way_up import ways_possible, weigh_orientation

@@ -9,10 +9,8 @@ import pytest
 
 from pipeline.benchmark.readers.modes import expand_groups, leave_out, open_mode, rules
 from pipeline.common.settings import SettingsError
-from recognition.decision.decide import Decision
-from recognition.decision.evidence import Measure
-from recognition.decision.flags import BROKEN, MEASURE_FLAGS, ReadingFlag
-from recognition.decision.score import SOURCES, score_of, with_score
+from recognition.decision.decide import BROKEN, MEASURE_FLAGS, Decision, ReadingFlag
+from recognition.decision.score import SOURCES, Measure, score_of, with_score
 from recognition.reader import Reader
 from tests.support.readings import reading_of
 

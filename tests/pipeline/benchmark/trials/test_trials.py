@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
 
 DESCRIPTION = {"seed": 1}

@@ -1,4 +1,4 @@
-"""Risk of accepted readings, shown by parts whose text is known: exact bounds, and a threshold.
+"""What a certificate rests on: the risk of accepted readings, and whether parts are like those that were certified.
 
     surest ----------------------------> least sure
     0.9999   0.999   0.99   0.98   0.97  ...
@@ -12,23 +12,38 @@ the chance that one is certified whose true risk is higher is at most 1 - confid
 
 Two things are taken for granted: the parts are independent and like those to come, and less sure readings are not
 right more often (thresholds at which too few are accepted for any answer are passed over, by their number alone).
+
+Whether parts are of the same kind is tested by their measures::
+
+    certified parts --KindOfParts.of--> values of each measure ---+
+                                                                  +--Kolmogorov-Smirnov--> Unlike, or nothing
+    parts read ------------> latest values of each measure -------+
+
+Each measure is tested by itself, at P_VALUE divided by the number of measures (Bonferroni). All measures together then
+give a false alarm in at most P_VALUE of the tests.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
 
+from recognition.decision.score import Measure
+
 THRESHOLDS = (
     0.9999, 0.9998, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.95, 0.94, 0.93, 0.92, 0.91,
     0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5,
 )  # fmt: skip
 """Confidences from which readings may be accepted, strictest first; fixed before any part is read."""
+P_VALUE = 1e-4
+"""Chance of a false alarm on parts of the same kind, for one test of all measures."""
+LEAST_PARTS = 20
+"""Fewest parts on either side for a comparison."""
 
 
 class Shown(StrEnum):
@@ -176,3 +191,83 @@ def parts_missing(
 def _check_share(name: str, value: float) -> None:
     if not 0.0 < value < 1.0:
         raise ValueError(f"a {name} of {value} cannot be shown; it lies between 0 and 1")
+
+
+@dataclass(frozen=True)
+class KindOfParts:
+    """Distribution of each measure over some parts.
+
+    Attributes:
+        values: ascending values of each measure; for many parts, evenly spaced quantiles.
+
+    Raises:
+        ValueError: values that are not finite, or not ascending.
+    """
+
+    values: Mapping[Measure, tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        for name, values in self.values.items():
+            if not all(math.isfinite(v) for v in values):
+                raise ValueError(f"{name.value} has values that are not finite")
+            if list(values) != sorted(values):
+                raise ValueError(f"the values of {name.value} are not ascending")
+
+    @classmethod
+    def of(cls, parts: Collection[Mapping[Measure, float]], *, most_kept: int = 200) -> KindOfParts:
+        """Take the distributions over these parts; measures that fewer than LEAST_PARTS have are left out.
+
+        Args:
+            parts: measures of each part.
+            most_kept: most values of a measure that are kept; of more parts, as many quantiles are kept.
+        """
+        found = {}
+        for name in Measure:
+            values = np.sort([part[name] for part in parts if name in part])
+            if values.size > most_kept:
+                values = np.quantile(values, (np.arange(most_kept) + 0.5) / most_kept)
+            if values.size >= LEAST_PARTS:
+                found[name] = tuple(float(f"{v:.6g}") for v in values)
+        return cls(found)
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """A difference between two sets of parts in one measure.
+
+    Attributes:
+        measure: measure that differs.
+        certified: median over the certified parts.
+        now: median over the latest parts.
+        p: p-value of the two-sample test.
+        parts: number of latest parts.
+    """
+
+    measure: Measure
+    certified: float
+    now: float
+    p: float
+    parts: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.measure.value} {self.now:.3g}, certified {self.certified:.3g} (medians, p = {self.p:.1g})"
+        )
+
+
+def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tuple[Unlike, ...]:
+    """Find the measures in which parts differ from a kind, lowest p-value first; none if there are too few parts.
+
+    Each measure has a two-sample Kolmogorov-Smirnov test, exact for few parts (`scipy.stats.ks_2samp`).
+    """
+    from scipy.stats import ks_2samp
+
+    found = []
+    for name, certified in kind.values.items():
+        now = [part[name] for part in parts if name in part]
+        if min(len(now), len(certified)) < LEAST_PARTS:
+            continue
+        p = float(ks_2samp(now, certified).pvalue)
+        if p * len(kind.values) < P_VALUE:
+            found.append(Unlike(name, float(np.median(certified)), float(np.median(now)), p, len(now)))
+    return tuple(sorted(found, key=lambda one: one.p))
