@@ -42,7 +42,6 @@ def test_the_benchmark_compares_plans(
 ) -> None:
     from pipeline.benchmark.readers import modes
     from pipeline.benchmark.readers import plans as touch_plans
-    from pipeline.benchmark.trials import run
 
     # three plans of all: the suite need not feel a part as often
     plans = (
@@ -57,8 +56,3 @@ def test_the_benchmark_compares_plans(
     assert [row["mode"] for row in rows] == [plan.mode for plan in plans]
     assert all(row["text"] == row["truth"] and float(row["scan_s"]) > 0.0 for row in rows)
     assert "mean scan by a stage" in capsys.readouterr().out
-    # what is kept is not felt again
-    monkeypatch.setattr(run, "try_part", None)
-    assert main(asked) == 0
-    assert csv_rows(tmp_path / "benchmark.csv") == rows
-    assert main([*asked, "--seed", "5"]) == 1

@@ -26,10 +26,12 @@ from pipeline.store.store import Store
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
+from whisker_array.simulation.traces import Fidelity
 
+pytestmark = pytest.mark.usefixtures("inline")
 FOREIGN = f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans-Bold.ttf"
 SPEC = SynthSpec(format="9999", font=FOREIGN, seed=5)
-SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
+SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0, fidelity="pointwise")
 WHEN = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
 
 
@@ -70,7 +72,9 @@ def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     """A part that was not enrolled; before that by templates, for the network reads any font."""
     path, _ = taught
     part, fonts = stamped(1004), tuple(load_database(path).fonts.values())
-    given = ReaderSettings(format="9999", height_mm=5.0, orientation=Orientation.UPRIGHT)
+    given = ReaderSettings(
+        format="9999", height_mm=5.0, orientation=Orientation.UPRIGHT, fidelity=Fidelity.POINTWISE
+    )
     before = Reader(given, fonts=("gothic",), experts=("templates",)).read(part.height_map)
     after = Reader(given, fonts=fonts).read(part.height_map)
     assert before.decision in ("review", "reject")

@@ -18,6 +18,7 @@ from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.csv_table import csv_rows
 
+pytestmark = pytest.mark.usefixtures("inline")
 PARTS = designed_parts(parts=3, severities=(0.3, 0.6), given=("format", "font,format"))
 BENCHMARK = Benchmark(PARTS, ("tactile",), ReaderSettings())
 

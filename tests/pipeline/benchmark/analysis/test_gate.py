@@ -24,6 +24,7 @@ from pipeline.benchmark.trials import run
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("inline")
 FLOOR = Counts(characters=90, serials=9, accepted=5, accepted_wrong=1)
 ROOT = Path(__file__).parents[4]
 

@@ -1,11 +1,13 @@
-"""Agreement counted by hand."""
+"""Agreement counted by hand; kappas against published examples and scikit-learn."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from scipy.stats import beta
+from sklearn.metrics import cohen_kappa_score
 
-from pipeline.benchmark.study.agreement import Kind, agreements
+from pipeline.benchmark.study.agreement import Kind, agreements, fleiss_kappa, mean_cohen_kappa
 
 RATINGS = {
     "A": {"p1": ("K4", "K4"), "p2": ("R7", "B7"), "p3": ("X1", "X1"), "p4": ("", "")},
@@ -49,3 +51,56 @@ def test_one_appraiser_once_is_no_study_and_uneven_trials_are_refused() -> None:
     assert agreements({"C": RATINGS["C"]}) == []
     with pytest.raises(ValueError, match="equally often"):
         agreements({"A": {"p1": ("K4", "K4"), "p2": ("R7",)}})
+
+
+PSYCHIATRISTS = [
+    (0, 0, 0, 0, 14), (0, 2, 6, 4, 2), (0, 0, 3, 5, 6), (0, 3, 9, 2, 0), (2, 2, 8, 1, 1),
+    (7, 7, 0, 0, 0), (3, 2, 6, 3, 0), (2, 5, 3, 2, 2), (6, 5, 2, 1, 0), (0, 2, 2, 3, 7),
+]  # fmt: skip
+"""Ten parts rated by fourteen into five classes, how many into each: the worked example of Wikipedia's "Fleiss'
+kappa", 0.210 there."""
+
+
+def test_fleiss_of_the_worked_example() -> None:
+    ratings = [[str(k) for k, n in enumerate(row) for _ in range(n)] for row in PSYCHIATRISTS]
+    kappa = fleiss_kappa(ratings)
+    assert kappa is not None
+    assert kappa.value == pytest.approx(0.210, abs=5e-4)
+    assert kappa.low < kappa.value < kappa.high
+
+
+def test_cohen_of_the_worked_example() -> None:
+    """50 grants, both yes 20, both no 15, one alone 5 and 10: 0.4 (Wikipedia, "Cohen's kappa")."""
+    first = ["yes"] * 25 + ["no"] * 25
+    second = ["yes"] * 20 + ["no"] * 5 + ["yes"] * 10 + ["no"] * 15
+    kappa = mean_cohen_kappa([(first, second)])
+    assert kappa is not None
+    assert kappa.value == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_cohen_agrees_with_scikit_learn(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first = rng.choice(list("ABCD"), size=60)
+    second = np.where(rng.random(60) < 0.6, first, rng.choice(list("ABCD"), size=60))
+    kappa, back = (mean_cohen_kappa([(list(a), list(b))]) for a, b in ((first, second), (second, first)))
+    assert kappa is not None
+    assert back is not None
+    assert kappa.value == pytest.approx(cohen_kappa_score(first, second))
+    assert mean_cohen_kappa([(list(first), list(second)), (list(second), list(first))]) == kappa
+
+
+def test_all_alike_have_no_kappa_and_serials_of_their_own_have_the_share() -> None:
+    assert fleiss_kappa([["A", "A"], ["A", "A"]]) is None
+    assert mean_cohen_kappa([(["A", "A"], ["A", "A"])]) is None
+    assert mean_cohen_kappa([([], [])]) is None
+    own = [[f"S{k}", f"S{k}"] for k in range(40)]
+    assert fleiss_kappa(own).value == pytest.approx(1.0)  # type: ignore[union-attr]
+    own[:4] = [[f"S{k}", f"T{k}"] for k in range(4)]
+    # 36 of 40 agree; by chance about 1 in 40 does
+    assert fleiss_kappa(own).value == pytest.approx(0.9, abs=0.005)  # type: ignore[union-attr]
+
+
+def test_ratings_that_do_not_match_are_refused() -> None:
+    with pytest.raises(ValueError, match="as many ratings"):
+        fleiss_kappa([["A", "A"], ["A"]])

@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 import pytest
 
-from glyphs.errors import FileError
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
@@ -34,19 +33,6 @@ def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pyt
     before = book.path.stat().st_mtime_ns
     assert "p" in TrialJournal.read(tmp_path).done
     assert book.path.stat().st_mtime_ns == before
-
-
-def test_a_book_of_another_format_is_refused_and_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with TrialJournal(tmp_path, DESCRIPTION) as book:
-        book.keep("p", (TRIAL,))
-    with monkeypatch.context() as patched:
-        patched.setattr(TrialJournal, "version", TrialJournal.version + 1)
-        for look in (TrialJournal.read, lambda folder: TrialJournal(folder, DESCRIPTION)):
-            with pytest.raises(FileError, match=r"is of a benchmark of version 4, not a benchmark of 5"):
-                look(tmp_path)
-    assert "p" in TrialJournal.read(tmp_path).done
 
 
 def test_a_mode_is_charged_for_what_it_needs_and_the_scan_is_told_apart() -> None:

@@ -1,0 +1,140 @@
+"""Modes of our own: without a rule of the decision, by one expert alone, under several lights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from glyphs.errors import MarksError
+from pipeline.benchmark.analysis.statistics import statistics_of
+from pipeline.benchmark.readers.mode import PartReadings
+from pipeline.benchmark.readers.modes import alone, expand_groups, experts_in, leave_out, open_mode, rules
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.benchmark.trials.run import Benchmark, run_benchmark
+from pipeline.common.settings import SettingsError
+from recognition.decision.decide import BROKEN, MEASURE_FLAGS, Decision, ReadingFlag
+from recognition.decision.reading import Reading
+from recognition.decision.score import SOURCES, Measure, score_of, with_score
+from recognition.language.box import Box
+from recognition.language.lattice import Lattice
+from recognition.reader import Reader
+from recognition.senses.settings import ReaderSettings
+from tests.factories import designed_parts
+from tests.support.readings import reading_of
+from whisker_array.simulation.traces import Fidelity
+
+SURE = reading_of("AB", source="tactile", threshold=0.97)
+
+
+def test_every_contract_and_term_has_a_name() -> None:
+    terms = {term for source in SOURCES for term in score_of(source).terms} - {Measure.ODDS}
+    assert set(rules().values()) == {*(BROKEN & ~MEASURE_FLAGS), MEASURE_FLAGS, *terms}
+    assert {"unread-marks", "format-not-met", "mark-rules"} <= set(rules())
+
+
+def test_without_a_contract_a_reading_that_broke_it_alone_is_accepted() -> None:
+    for name, rule in rules().items():
+        if isinstance(rule, ReadingFlag):
+            broken = replace(SURE, flags=rule)
+            assert broken.decision is Decision.REVIEW
+            assert leave_out(name)(broken).decision is Decision.ACCEPT
+            other = ReadingFlag.UNREAD_MARKS if name != "unread-marks" else ReadingFlag.NOT_WHOLE
+            assert leave_out(name)(replace(broken, flags=rule | other)).decision is Decision.REVIEW
+
+
+def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyPatch) -> None:
+    term = next(one for one in score_of("tactile").terms if one is not Measure.ODDS)
+    worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
+    measures = {Measure.ODDS: 9.0, term: worst}
+    monkeypatch.setattr("recognition.decision.score.measures_of", lambda _: MappingProxyType(measures))
+    whole = with_score(SURE)
+    less = leave_out(term.name.lower().replace("_", "-"))(whole)
+    assert less.confidence > whole.confidence
+    assert less.confidence == score_of("tactile").probability({Measure.ODDS: 9.0})
+
+
+def test_each_mode_is_also_read_without_each_rule() -> None:
+    named = expand_groups(("tactile", "vision", "rapidocr relief"), ablate=("unread-marks", "strokes"))
+    assert named[3:] == (
+        "tactile without unread-marks", "vision without unread-marks",
+        "tactile without strokes", "vision without strokes",
+    )  # fmt: skip
+    assert open_mode(named[3], Reader(format="A9")).uses == ("touch",)
+    with pytest.raises(SettingsError, match="no rule 'luck' to leave out; the rules are mismatch"):
+        open_mode("tactile without luck", Reader(format="A9"))
+
+
+FORMATTED = ReaderSettings(format="A9")
+BOXES = (Box(0.0, 0.0, 1.0, 2.0), Box(1.0, 0.0, 2.0, 2.0))
+
+
+def lattice(**belief: tuple[float, float]) -> Lattice:
+    """Of two places: characters, and the belief in each at either."""
+    with np.errstate(divide="ignore"):
+        log = np.log(np.array([belief[char] for char in sorted(belief)]).T)
+    return Lattice(tuple(char.strip("_") for char in sorted(belief)), log, boxes=BOXES)
+
+
+def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
+    own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
+    doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
+    whole = Reading((), 0.9, source="tactile", seconds={"scan": 2.0}).with_trace(
+        by_expert=MappingProxyType({"network": own, "templates": doubting})
+    )
+    sure, unsure = alone(whole, "network", FORMATTED), alone(whole, "templates", FORMATTED)
+    assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
+    assert sure.seconds == {"scan": 2.0}
+    assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
+    assert unsure.decision is Decision.REVIEW
+    silent = alone(replace(whole, source="vision").with_trace(by_expert={}), "network", FORMATTED)
+    assert (silent.text, silent.decision) == ("", Decision.REJECT)
+
+
+def test_experts_belong_to_the_modes_that_they_have_a_say_in() -> None:
+    assert experts_in(("vision", "rapidocr photo")) == ("vision network",)
+    assert experts_in(("fused",)) == ("tactile network", "tactile templates", "vision network")
+    assert experts_in(("tactile",)) == ("tactile network", "tactile templates")
+
+
+APART = ("tactile", "tactile network", "tactile templates")
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory: pytest.TempPathFactory) -> list[Trial]:
+    """Of a clean part whose font, height and format are given."""
+    reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
+    benchmark = Benchmark(designed_parts(severities=(0.0,)), APART, reading)
+    return run_benchmark(benchmark, tmp_path_factory.mktemp("apart"))
+
+
+def test_a_part_is_read_once_for_all_of_them(trials: list[Trial]) -> None:
+    assert tuple(t.mode for t in trials) == APART
+    assert not any(t.error for t in trials)
+    whole, own, _ = trials
+    assert whole.text == own.text == whole.truth
+    assert own.scan_s == whole.scan_s > 0.0
+    assert own.compute_s < 1.5 * whole.compute_s  # a second reading would double it
+    compared = {(c.first.mode, c.second.mode) for c in statistics_of(trials).comparisons}
+    assert compared == {("tactile", "tactile network"), ("tactile", "tactile templates")}
+
+
+def test_templates_alone_read_a_clean_part_of_their_font(trials: list[Trial]) -> None:
+    assert trials[2].text == trials[2].truth
+
+
+def test_four_lights_are_read_as_one_and_the_camera_alone_reads_one() -> None:
+    parts = designed_parts(parts=1)
+    item = parts.items()[0]
+    specimen, reader = parts.make(item), Reader(ReaderSettings(format=item.condition.format))
+    senses = PartReadings(specimen, reader)
+    several, one = (open_mode(name, reader).read(senses)[0] for name in ("lights", "vision"))
+    assert (several.photos, one.photos) == (4, 1)
+    assert several.text == one.text == specimen.truth
+    # what other modes take is not charged to it
+    assert {"photographs", "lights", "photograph", "vision"} == senses.seconds.keys()
+    folder = PartReadings(replace(specimen, take_lights=None), reader)
+    with pytest.raises(MarksError, match="no photographs under several lights"):
+        open_mode("lights", reader).read(folder)
