@@ -14,7 +14,6 @@ import contextlib
 import io
 import logging
 import re
-import struct
 import tempfile
 import warnings
 import zipfile
@@ -158,11 +157,9 @@ def _raw_map(surface: Any, *, rows_stated: bool) -> RawMap:
 _MOST_DESCRIPTION_BYTES = 16_000_000
 # most that X3P stores for one sample: three coordinates as float64
 _MOST_BYTES_PER_SAMPLE = 24
-_MOST_TEXT_BYTES_PER_SAMPLE = 32
 # room for what a file holds beside its heights: a vendor's files, a trailer
 _MOST_SPARE_BYTES = 64_000_000
 _IN_MEMORY_BYTES = 64_000_000
-_HEAD_BYTES = 8192
 _MAIN, _CHECKSUM = "main.xml", "md5checksum.hex"
 _ROOT = re.compile(rb"<(/?(?:\w+:)?)ISO5436(?=[\s>])")
 _ORIGIN = re.compile(rb"<(?:\w+:)?Origin>\s*([NS])", re.IGNORECASE)
@@ -176,26 +173,10 @@ def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """
     import sdfio
 
-    rows, cols = _sdf_size(path)
-    check_size(rows, cols, most)
-    if path.stat().st_size > rows * cols * _MOST_TEXT_BYTES_PER_SAMPLE + _MOST_SPARE_BYTES:
-        raise DataError(f"is far longer than its {rows} x {cols} samples need", "export it again")
     surface = sdfio.read(path)
+    check_size(*surface.data.shape, most)
     pitches = surface.header.x_scale, surface.header.y_scale
     return RawMap(np.asarray(surface.data), *pitches, z_mm=1e3, xy_mm=1e3, bottom_first=True)
-
-
-def _sdf_size(path: Path) -> tuple[int, int]:
-    """(profiles, points) as the header declares them; (0, 0) where it does not and sdfio shall complain."""
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES).removeprefix(b"\xef\xbb\xbf")
-    if head[:1].lower() == b"b":
-        counts = struct.Struct("<II" if head[1:8] == b"ISO-2.0" else "<HH")
-        points, profiles = counts.unpack_from(head, 42) if len(head) >= 42 + counts.size else (0, 0)
-    else:
-        found = (re.search(rb"(?i)Num%b\s*=\s*(\d{1,12})" % key, head) for key in (b"Profiles", b"Points"))
-        profiles, points = (int(one[1]) if one else 0 for one in found)
-    return profiles, points
 
 
 def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:

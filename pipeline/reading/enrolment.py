@@ -27,7 +27,7 @@ from pipeline.formats.glyph_database import (
     save_database,
 )
 from recognition.learning.exemplars import Cut, ExemplarError, cut_height_map, cut_scan
-from recognition.learning.learned_font import Learned, learn_font
+from recognition.learning.learned_font import learn_font
 from recognition.learning.lot import agreement
 
 if TYPE_CHECKING:
@@ -181,7 +181,21 @@ def enrol(
     if learned is not None and (enrolled or font not in held.fonts):
         all_fonts = {**held.fonts, font: learned.font}
         save_database(replace(held, fonts=all_fonts, exemplars=tuple(exemplars)), database)
-    return _report(font, enrolled, known, refused, taught, learned)
+    used = {} if learned is None else learned.used
+    return EnrolReport(
+        font=font,
+        enrolled=tuple(enrolled),
+        known=tuple(known),
+        refused=tuple(refused),
+        set_aside=() if learned is None else tuple(taught[k] for k in learned.set_aside),
+        exemplars=sum(map(len, used.values())),
+        felt="".join(c for c in sorted(used) if used[c]),
+        never_felt="" if learned is None else "".join(c for c in learned.never_felt if c.isalnum()),
+        trusted=learned is not None and learned.is_trusted,
+        like="" if learned is None else learned.hand.font.name,
+        likeness=0.0 if learned is None else learned.hand.likeness,
+        agreement=agreement([e.char for e in taught], used),
+    )
 
 
 def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
@@ -232,32 +246,6 @@ def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
         if exemplar.font_name != font or count[exemplar.char] <= MOST_EXEMPLARS:
             kept.append(exemplar)
     return kept[::-1]
-
-
-def _report(
-    font: str,
-    enrolled: Sequence[tuple[str, str]],
-    known: Sequence[str],
-    refused: Sequence[Refused],
-    taught: Sequence[Exemplar],
-    learned: Learned | None,
-) -> EnrolReport:
-    aside = () if learned is None else learned.set_aside
-    used = {} if learned is None else learned.used
-    return EnrolReport(
-        font=font,
-        enrolled=tuple(enrolled),
-        known=tuple(known),
-        refused=tuple(refused),
-        set_aside=tuple(taught[k] for k in aside),
-        exemplars=sum(len(k) for k in used.values()),
-        felt="".join(c for c in sorted(used) if used[c]),
-        never_felt="" if learned is None else "".join(c for c in learned.never_felt if c.isalnum()),
-        trusted=learned is not None and learned.is_trusted,
-        like="" if learned is None else learned.hand.font.name,
-        likeness=0.0 if learned is None else learned.hand.likeness,
-        agreement=agreement([e.char for e in taught], used),
-    )
 
 
 def _by_character(set_aside: Sequence[Exemplar]) -> str:
