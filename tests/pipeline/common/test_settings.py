@@ -8,7 +8,6 @@ import sys
 import pytest
 from pydantic import ValidationError
 
-import pipeline
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
@@ -79,8 +78,3 @@ def test_settings_that_say_nothing_load_no_library_of_reading() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "\n"
-
-
-def test_one_call_says_which_setting_there_is_not() -> None:
-    with pytest.raises(SettingsError, match="unknown setting fonts; did you mean font"):
-        pipeline.read("part.npz", fonts="gothic")

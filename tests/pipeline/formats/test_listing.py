@@ -72,16 +72,6 @@ def test_a_file_named_by_a_url_is_not_asked_after() -> None:
     assert [p.files for p in parts] == [(name,) for name in names]
 
 
-def test_two_maps_of_one_stem_are_a_problem_in_a_store_too(store: str) -> None:
-    import fsspec
-
-    with fsspec.open(f"{store}/a.x3p", "wb") as stream:
-        stream.write(b"x")
-    a = discover([store])[0]
-    assert str(a.problem).startswith(f"{store}/a.x3p: stands beside a.npz")
-    assert str(pickle.loads(pickle.dumps(a)).problem) == str(a.problem)
-
-
 def test_what_cannot_be_listed_is_told_before_the_run(store: str, folder: Path) -> None:
     with pytest.raises(FileError, match=rf"^{store}/none: is not there; check the name"):
         discover([str(folder), f"{store}/none"])
@@ -109,25 +99,6 @@ def test_one_part_found_and_told_stands_once_and_says_all(folder: Path) -> None:
         assert (b.name, b.expected) == ("b", "KB")
     # under another name it is another part
     assert len(discover([str(folder / "lot.csv"), str(folder / "also.csv")])) == 2
-
-
-def test_names_of_all_sources_are_made_apart(folder: Path, store: str) -> None:
-    (folder / "lot.csv").write_text(
-        f"part,height_map\na,deeper/other.npz\nx,{store}/a.npz\n", encoding="utf-8"
-    )
-    (folder / "same.csv").write_text("part,height_map\na,deeper/third.npz\n")
-    parts = discover([str(folder), f"{store}/deeper", str(folder / "lot.csv"), str(folder / "same.csv")])
-    names = [p.name for p in parts]
-    assert len(set(names)) == len(names)
-    assert names == [
-        f"{folder.name}/a",
-        "b",
-        "d",
-        f"{store[9:]}/deeper/a",
-        f"{'/'.join(folder.parts[1:])}/deeper/a",
-        "x",
-        f"{'/'.join(folder.parts[1:])}/deeper/a (2)",
-    ]
 
 
 _STEMS = st.sampled_from(["a", "b", "a (2)", "x/a", "lot/a"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import os
-import resource
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -185,17 +184,6 @@ def test_a_new_run_begins_a_new_list(tmp_path: Path) -> None:
     assert not path.exists()  # nothing bad, no list
 
 
-def test_a_list_cut_anywhere_is_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.fsync", lambda _: None)  # a disk's time, of hundreds of lists
-    path, odd = tmp_path / "bad.csv", PartFiles("n\new", "a,b.npz")
-    quarantined(path, [*BAD, odd])
-    whole = path.read_bytes()
-    for cut in range(len(whole) + 1):
-        path.write_bytes(whole[:cut])
-        quarantined(path, [*BAD, odd], resumed=True)
-        assert path.read_bytes() == whole, cut
-
-
 def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "lot.csv"
     path.write_text("part,height_map\nA,a.npz\n")
@@ -212,17 +200,3 @@ def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None
     (part,) = discover(["x" * 5000 + ".npz"])
     write_quarantine(tmp_path / "long.csv", [(part, "cannot be opened")])
     assert read_manifest(str(tmp_path / "long.csv"))[0].height_map.endswith("x.npz")
-
-
-def test_a_list_that_cannot_be_written_is_told(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"cannot be written .*start the same command again"):
-        quarantined(tmp_path / "none" / "bad.csv", BAD)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))  # a disk that is full after a hundred bytes
-    try:
-        with pytest.raises(FileError, match=r"cannot be written .*start the same command again"):
-            quarantined(tmp_path / "bad.csv", BAD)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    quarantined(tmp_path / "bad.csv", BAD, resumed=True)
-    assert len(read_manifest(str(tmp_path / "bad.csv"))) == 3

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from glyphs import stamp
 from glyphs.errors import FileError
-from pipeline.common.settings import MapSettings
 from pipeline.formats.touch_file import read_height_map
-from recognition.reader import Reader
 
 PART = stamp("KX407", font="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
@@ -45,23 +43,6 @@ def test_a_grid_keeps_its_heights(name: str, tmp_path: Path) -> None:
     found = read_height_map(write(tmp_path / name))
     assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)  # coordinates are float32
     np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)
-
-
-def test_the_serial_of_a_mesh_is_read(tmp_path: Path) -> None:
-    found = Reader(fonts=["gothic"], format="AA999").read(read_height_map(write(tmp_path / "mesh.stl")))
-    assert (found.text, found.decision) == ("KX407", "accept")
-
-
-def test_columns_of_text_in_any_order_with_a_heading(tmp_path: Path) -> None:
-    """x and y in mm with z in micrometres, as profilers of lines write."""
-    order = np.random.default_rng(0).permutation(ROWS * COLS)
-    columns = points()[order] * [1.0, 1.0, 1000.0]
-    np.savetxt(tmp_path / "a.asc", columns, fmt="%.4f", delimiter=";", header="X;Y;Z", comments="")
-    with pytest.raises(FileError, match=r"heights micrometres. .* --unit um"):
-        read_height_map(tmp_path / "a.asc")
-    found = read_height_map(tmp_path / "a.asc", MapSettings(unit="um"))
-    np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)  # written to 0.1 nm
-    assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)
 
 
 @pytest.mark.parametrize("joined", [True, False])

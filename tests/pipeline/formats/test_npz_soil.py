@@ -107,14 +107,6 @@ def test_a_member_is_looked_at_before_it_is_unpacked(tmp_path: Path) -> None:
         read_part_map(tmp_path / "a.npz")
 
 
-def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.npz").write_bytes(b"hello")
-    np.savez(tmp_path / "b.npz", friction=0.2)
-    for name, message in (("none.npz", "is not there"), ("a.npz", "damaged"), ("b.npz", "no z_mm")):
-        with pytest.raises(FileError, match=message):
-            read_part_map(tmp_path / name)
-
-
 def test_scan_feels_what_the_file_tells_of(tmp_path: Path) -> None:
     """Soft dirt caked over a groove: the map is flat, the moment is not."""
     depth = np.zeros((41, 121), np.float32)

@@ -15,16 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import Mock
 
-import numpy as np
 import pytest
 
 from glyphs.errors import FileError, MissingExtraError
-from glyphs.surface.maps import HeightMap
 from pipeline.formats import remote
 from pipeline.formats.find_parts import discover
 from pipeline.formats.kinds import MOST_BYTES
-from pipeline.formats.manifest import read_manifest
-from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.remote import list_remote, local_copies, local_copy
 from pipeline.formats.touch_file import read_height_map
@@ -90,17 +86,6 @@ def test_local_files_are_read_where_they_are(tmp_path: Path) -> None:
         read_height_map(part.height_map)
 
 
-def test_a_height_map_comes_as_it_is(tmp_path: Path, memory: Callable[[str, bytes], str]) -> None:
-    heights = np.random.default_rng(6).normal(0.0, 0.05, size=(30, 40)).astype(np.float32)
-    write_npz(tmp_path / "a.npz", HeightMap(heights, 0.05))
-    url = memory("lot/a.npz", (tmp_path / "a.npz").read_bytes())
-    with local_copies(PartFiles("part", height_map=url, scan=memory("lot/a.h5", b"scan"))) as part:
-        np.testing.assert_array_equal(read_height_map(part.height_map).z_mm, heights)
-        assert (part.name, Path(part.height_map).name, Path(part.scan).name) == ("part", "a.npz", "a.h5")
-        kept = Path(part.height_map)
-    assert not kept.exists()
-
-
 def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], str]) -> None:
     listed = PartFiles("part", height_map=memory("lot/bad.npz", b"no map"))
     with pytest.raises(FileError, match=r"^memory://lot/bad.npz: ") as caught, local_copies(listed) as part:
@@ -111,16 +96,6 @@ def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], st
     assert caught_too.value.__cause__ is None
     with pytest.raises(KeyError), local_copies(listed):
         raise KeyError("a fault of the program stays one")
-
-
-def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], str]) -> None:
-    problem = FileError("a.npz", "stands beside another", "rename one")
-    url = memory("lot/a.npz", b"x")
-    with local_copies(PartFiles("part", url, problem=problem)) as part:
-        assert part.problem is problem
-    with local_copies(PartFiles("part", url, photos=(url,), photo_problem=problem)) as part:
-        assert part.photo_problem is problem
-        assert Path(part.height_map).read_bytes() == b"x"
 
 
 def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[[str, bytes], str]) -> None:
@@ -299,13 +274,6 @@ def test_every_object_listed_is_fetched(bucket: str) -> None:
                 assert Path(copy).read_bytes() == OBJECTS[name.removeprefix("s3://lots/")]
 
 
-def test_a_manifest_in_a_bucket(bucket: str) -> None:
-    one, two, three = read_manifest(f"{bucket}/lot/list.csv")
-    assert one == PartFiles("A", height_map=f"{bucket}/lot/a.npz", photos=(f"{bucket}/lot/a.png",))
-    assert read(two.height_map) == b"map c"
-    refused(three.height_map, "is not there; check the name")
-
-
 def test_what_a_bucket_has_not_or_has_too_long(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
     refused("s3://nowhere/a.npz", "is not there; check the name")
     for folder in (f"{bucket}/lot", f"{bucket}/lot/empty/", bucket):
@@ -321,14 +289,6 @@ def test_without_credentials(bucket: str, monkeypatch: pytest.MonkeyPatch) -> No
     refused(f"{bucket}/lot/a.npz", "may not be read .*NoCredentials.*; check the credentials")
     with pytest.raises(FileError, match="may not be read"):
         list_remote(bucket)
-
-
-def test_a_server_that_refuses(s3: Callable[[str], None]) -> None:
-    with serving(_Forbidding) as url:
-        s3(url)
-        refused("s3://lots/a.npz", "may not be read .*; check the credentials")
-        with pytest.raises(FileError, match="may not be read"):
-            list_remote("s3://lots/lot")
 
 
 def test_a_server_that_is_gone(s3: Callable[[str], None]) -> None:
@@ -370,11 +330,6 @@ class _Quiet(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         raise NotImplementedError
-
-
-class _Forbidding(_Quiet):
-    def do_GET(self) -> None:
-        self.head(403, Content_Length="0")
 
 
 class _Signed(_Quiet):

@@ -17,7 +17,6 @@ from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES
 from pipeline.cli.main import main
-from pipeline.common.settings import SettingsError
 from pipeline.common.stamping import DieName, LayoutName, PlateName, PracticeName
 from pipeline.formats.npz import soil_members
 from pipeline.formats.photos import read_photo
@@ -79,13 +78,6 @@ def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
 def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(MarksError, match=r"\S"):
         SynthSpec(**{"format": "9", **wrong})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("parts", [0, -3, 10_000_000])
-def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match="number of parts"):
-        write_parts(SynthSpec(format="9"), tmp_path / "out", parts=parts)
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:

@@ -19,8 +19,6 @@ from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings
 from pipeline.formats.touch_file import read_height_map
 
-ROOT = Path(__file__).parents[3]
-
 
 def relief() -> NDArray[np.float64]:
     """30 x 40, no symmetry whatever, some dropouts; mm."""

@@ -137,16 +137,6 @@ def test_a_wrong_file_says_what_and_where(tmp_path: Path, old: str, new: str, sa
     assert told.value.hint
 
 
-def test_files_that_are_no_text(tmp_path: Path) -> None:
-    path = tmp_path / "w.toml"
-    for content in (b"", b"\xff\xfe\x00", b"x" * 200_000):
-        path.write_bytes(content)
-        with pytest.raises(FileError):
-            read_whisker_file(path)
-    with pytest.raises(FileError, match="is not there"):
-        read_whisker_file(tmp_path / "none.toml")
-
-
 def test_what_cannot_be_written_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
     sound = LShaped(30.0, 3.0, None, 0.0, Round(0.3))
     content = WhiskerFile(

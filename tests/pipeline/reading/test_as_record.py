@@ -184,7 +184,3 @@ def test_the_candidates_stand_in_for_a_lattice() -> None:
     assert [r.text for r in instead] == [r.text for r in wanted]
     assert [r.probability for r in instead] == pytest.approx([r.probability for r in wanted], abs=1e-3)
     assert rivals_of(chosen(), None, None) == ()
-
-
-def test_a_lattice_of_other_length_does_not_count() -> None:
-    assert rivals_of(chosen((("8", 0.7), ("B", 0.29))), lattice(), None)[0].text == "B"

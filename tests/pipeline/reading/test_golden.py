@@ -72,13 +72,6 @@ def test_a_piece_that_cannot_be_is_refused_by_its_file(tmp_path: Path, written: 
     assert said in str(refused.value)
 
 
-def test_a_scan_of_something_else_tells_nothing(tmp_path: Path) -> None:
-    (tmp_path / "golden.toml").write_text(TOML)
-    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\nrubbish")
-    with pytest.raises(FileError, match=r"a\.h5"):
-        measure_golden(tmp_path / "a.h5", tmp_path / "golden.toml")
-
-
 def test_only_the_scan_is_the_senders_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     scan, relief = tmp_path / "scan-1.h5", Path("golden.toml")

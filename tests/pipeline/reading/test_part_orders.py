@@ -16,7 +16,6 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import Limits, ReadSettings
 from pipeline.errors import FaultError, OwnFileError
-from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
@@ -123,13 +122,6 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
     assert kinds(later) == [EvidenceKind.EDGES_PICTURE]
 
 
-def test_height_map_after_the_photograph_is_fused_in_its_own_frame(parts: Parts, folder: Path) -> None:
-    later = read(folder, height_map=parts.map, photo=parts.photo, earlier=True)
-    assert len(later.readings) == 1
-    assert later.readings[0].source == "fused"
-    assert later.readings[0].text == parts.text
-
-
 def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts, folder: Path) -> None:
     done = read(folder, height_map=parts.map, photo=parts.photo)
     seen, both = done.readings
@@ -161,17 +153,6 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
         read(tmp_path, photo=path, names={str(path): given})
     assert str(caught.value).startswith(f"{shown}: is not a picture")
     assert str(tmp_path) not in str(caught.value)
-
-
-def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path: Path) -> None:
-    rows, cols = read_photo(parts.photo).shape
-    narrow = Limits(photo_pixels=rows * cols - 1, map_samples=1000)
-    with pytest.raises(FileError, match="over the limit"):
-        read(folder, photo=parts.photo, limits=narrow)
-    with pytest.raises(FileError, match="over the limit"):
-        read(folder, height_map=parts.map, limits=narrow)
-    with pytest.raises(FileError, match="is not there"):
-        read(folder, photo=tmp_path / "none.png")
 
 
 def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
@@ -243,17 +224,6 @@ def test_without_a_scale_the_whole_field_is_asked_for(parts: Parts) -> None:
     assert plan.region_mm == (0.0, 0.0, 50.0, 20.0)
     assert plan.middle_mm is None
     assert plan.reason == "unsure"
-
-
-def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
-    z = np.zeros((60, 80), dtype=np.float32)
-    z[20:40, 20:24] = -0.2
-    from glyphs.surface.maps import HeightMap
-
-    path = tmp_path / "soiled.npz"
-    write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
-    with pytest.raises(FileError, match="friction runs"):
-        read(folder, height_map=path)
 
 
 def test_a_fault_of_the_program_is_not_put_down_to_the_file(

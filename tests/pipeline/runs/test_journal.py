@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import errno
 import json
 import os
 import resource
@@ -15,7 +14,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
-from unittest.mock import Mock
 
 import numpy as np
 import pyarrow.parquet
@@ -197,19 +195,6 @@ def test_other_programs_read_the_same(
             assert (cell["depth_min_mm"], cell["grade"]) == (place.depth_min_mm, place.grade)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_utf8_has_not_is_told_in_words(suffix: str, tmp_path: Path) -> None:
-    table = tmp_path / f"t{suffix}"
-    write_records([ReadingRecord.failed("caf\udce9", "a\x00b")], table)
-    if suffix == ".parquet":
-        (told,) = pyarrow.parquet.read_table(table).to_pylist()
-    elif suffix == ".jsonl":
-        told = json.loads(table.read_bytes())
-    else:
-        (told,) = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
-    assert (told["part"], told["error"]) == (r"caf\udce9", r"a\u0000b")
-
-
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -258,41 +243,6 @@ def test_a_table_that_was_harmed_is_written_anew_from_the_journal(
         assert table.read_bytes() == whole
         add(book, row("p3"))
         assert names(read_rows(table)) == ["p0", "p1", "p2", "p3"]
-
-
-class Kill(BaseException):
-    """Ends the program."""
-
-
-@pytest.mark.parametrize("step", ["replace", "unlink"])
-def test_a_run_that_breaks_off_as_it_finishes_is_finished(
-    step: str, table: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rows = rows_of(6)
-    book = RunJournal(begun(table, rows[:4]), RUN)
-    for r in rows[4:]:
-        add(book, r)
-
-    def kill_unlink(path: Path, missing_ok: bool = False) -> None:
-        if path.name.endswith(".unfinished"):
-            raise Kill
-        os.unlink(path) if path.exists() or not missing_ok else None
-
-    with monkeypatch.context() as patched:
-        if step == "replace":
-            patched.setattr("glyphs.atomic.os.replace", Mock(side_effect=Kill))
-        else:
-            patched.setattr(Path, "unlink", kill_unlink)
-        with pytest.raises(Kill):
-            book.finish(reversed(names(rows)))
-    book.close()
-    with RunJournal(table, RUN) as again:
-        assert again.resumed
-        assert again.kept is None
-        assert set(again.names) == set(names(rows))
-        again.finish(reversed(names(rows)))
-    assert names(read_rows(table)) == names(rows[::-1])
-    assert [p.name for p in table.parent.iterdir()] == [table.name]
 
 
 # ----------------------------------------------------------------------------------------------- whose table it is
@@ -420,19 +370,6 @@ def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(suffix: str, tmp_
         assert book.names >= set(kept)
         book.finish([])
     assert names(read_rows(table))[: len(kept)] == kept
-
-
-def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = rows_of(3)
-    with monkeypatch.context() as patched, RunJournal(begun(table, rows), RUN) as book:
-        patched.setattr(
-            "glyphs.atomic.os.replace", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
-        )
-        with pytest.raises(FileError, match=r"No space .*make room and start the same command again"):
-            book.finish(reversed(names(rows)))
-    with RunJournal(table, RUN) as book:
-        book.finish(reversed(names(rows)))
-    assert names(read_rows(table)) == names(rows[::-1])
 
 
 # ------------------------------------------------------------------------------------------------------ memory

@@ -130,15 +130,6 @@ def test_serials_and_headings_are_whole_whatever_the_terminal(rows: list[Reading
     assert all(len(line) <= width for line in lines if not any(word in line for word in long))
 
 
-def test_a_pipe_is_given_lines_that_are_neither_cut_nor_padded(capsys: pytest.CaptureFixture[str]) -> None:
-    long = "; ".join(f"note {k}" for k in range(60))
-    print_table([record("a" * 60, "AB12", "review", 0.5, "tactile", 1.0, messages=(long,)), DOUBT])
-    shown = capsys.readouterr().out.splitlines()
-    assert f"  {long}" in shown
-    assert max(len(line) for line in shown if long not in line) < 150
-    assert not any(line.endswith(" ") for line in shown)
-
-
 def test_a_name_cannot_steer_the_terminal() -> None:
     assert not any(
         "\x1b" in line or "\n" in line for line in table_lines([replace(PLAIN, part="a\x1b[2J\nb")], width=80)
@@ -216,10 +207,3 @@ def test_verified_parts_and_the_exit_status(
         verify = "wanted.csv"
     assert read(str(parts), run=RunOptions(verify=verify)) == status
     assert told in capsys.readouterr().out
-
-
-def test_a_fault_is_status_1(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_npz(parts / "c.npz", HeightMap(np.full((5, 6), -1.0, np.float32), 0.1))
-    assert read(str(parts)) == 1
-    assert "1 with an error" in capsys.readouterr().out
-    assert read(str(parts), run=RunOptions(verify="A1")) == 1

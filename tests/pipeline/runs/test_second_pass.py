@@ -144,26 +144,6 @@ def test_a_run_broken_off_in_the_second_pass_goes_on_there(
     assert enrolled[0] == enrolled[1] == enrolled[2]
 
 
-def test_a_run_that_breaks_off_as_it_ends_is_ended(
-    tmp_path: Path, enrolled: list[list[PartFiles]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "rows.csv"
-    with RunJournal(path, {}) as book, monkeypatch.context() as patched:
-        patched.setattr("pipeline.runs.journal.Journal.remove", _broken)
-        with pytest.raises(KeyboardInterrupt):
-            run_of(book).work(PARTS, ORDER, Reads())
-    with RunJournal(path, {}) as book:
-        executor = Reads()
-        run_of(book).work(PARTS, ORDER, executor)
-    assert executor.read == []
-    assert rows_of(path) == EXPECTED
-    assert not list(tmp_path.glob("*.jsonl"))
-
-
-def _broken(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
 @pytest.mark.parametrize(
     ("report", "words"),
     [
