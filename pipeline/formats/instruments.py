@@ -174,7 +174,8 @@ def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
     import sdfio
 
     surface = sdfio.read(path)
-    check_size(*surface.data.shape, most)
+    rows, cols = surface.data.shape
+    check_size(rows, cols, most)
     pitches = surface.header.x_scale, surface.header.y_scale
     return RawMap(np.asarray(surface.data), *pitches, z_mm=1e3, xy_mm=1e3, bottom_first=True)
 
