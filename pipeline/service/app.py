@@ -31,9 +31,8 @@ from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.worker_calls import WorkerCalls
 from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
 from pipeline.store.errors import StoreError
-from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.evidence_folder import EvidenceFolder, SweepClock
 from pipeline.store.store import Store
-from pipeline.store.sweep_clock import SweepClock
 from pipeline.workers.pool import WorkPool
 
 if TYPE_CHECKING:

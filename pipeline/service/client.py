@@ -20,13 +20,13 @@ import secrets
 import ssl
 import time
 from collections.abc import Mapping, Sequence
+from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.reading_records import from_json
 from pipeline.common.records import History, PartRecord, PartState, ReviewAction
-from pipeline.service.retry_after import retry_after_s
 
 if TYPE_CHECKING:
     import httpx
@@ -325,3 +325,14 @@ def _record(kind: type[T], answer: httpx.Response) -> T:
             {},
             "the answer was not understood; check that the url is that of a service of this version",
         ) from error
+
+
+def retry_after_s(headers: Mapping[str, str]) -> float:
+    """Wait that an answer asks for, seconds; 0 if it asks for none or cannot be parsed."""
+    text = headers.get("retry-after", "").strip()
+    if text.isascii() and text.isdigit():
+        return float(text[:9])
+    try:
+        return max(0.0, parsedate_to_datetime(text).timestamp() - time.time())
+    except (ValueError, OverflowError):
+        return 0.0

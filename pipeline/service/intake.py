@@ -19,10 +19,12 @@ import asyncio
 import contextlib
 import shutil
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 import structlog
 
@@ -35,13 +37,12 @@ from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, PartOrder
 from pipeline.reading.triage import ReadPart, compared
-from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
-from pipeline.service.web.idempotency import IdempotentRequests, Received
 from pipeline.service.web.problem import OwnProblem, Problem, stopping
 from pipeline.service.web.uploads import Upload
+from pipeline.store.errors import AlreadyDoneError
 from pipeline.store.parts import Added, IdempotencyKey
 from pipeline.store.store import Store
 from whisker_array.scan.stage_error import StageError
@@ -54,6 +55,49 @@ if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage
 
 log = structlog.get_logger("tactile-marks")
+
+
+class Touch(StrEnum):
+    """Choice of the stage or the sender to feel a part, if the camera is unsure."""
+
+    ASKED = "asked"
+    """The service's stage, on a later request; without a stage a person gets the part."""
+    STAGE = "stage"
+    """The service's stage, at once; without a stage a person gets the part."""
+    PLAN = "plan"
+    """The sender, by the plan in the answer."""
+
+
+@dataclass(frozen=True)
+class NewPart:
+    """Data of a part beside its files.
+
+    Attributes:
+        name: name on the line.
+        expected: text that it should read; empty if unknown.
+        database: name of the glyph database; empty for the service's own.
+        job: name of the job that says how to read; empty for the service's own settings.
+        touch: stage or sender that feels it if the camera is unsure.
+    """
+
+    name: str = ""
+    expected: str = ""
+    database: str = ""
+    job: str = ""
+    touch: Touch = Touch.ASKED
+
+
+@dataclass(frozen=True)
+class Received:
+    """The outcome of a request.
+
+    Attributes:
+        part: as it stands.
+        replayed: whether the same request had been answered before.
+    """
+
+    part: PartRecord
+    replayed: bool = False
 
 
 class Intake:
@@ -95,7 +139,8 @@ class Intake:
         self.policy = settings.review
         order = None if serials.order is None else read_order(serials.order)
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
-        self._requests = IdempotentRequests(store)
+        # a lock lives as long as a request that holds it or waits for it
+        self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._announcing: set[asyncio.Future[None]] = set()
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
@@ -152,7 +197,7 @@ class Intake:
             )
             return await self._keep(write, done, sent, new)
 
-        received = await self._requests.carry_out(idempotency, work)
+        received = await self.carry_out(idempotency, work)
         part = received.part
         if part.touch is not None and part.touch.by_stage and not self.draining:
             # also if this is a retry because the service was killed at this point; a failure is noted in the
@@ -176,7 +221,7 @@ class Intake:
             write = partial(self.store.add_readings, part.id, idempotency=idempotency)
             return await self._keep(write, done, [scan], part)
 
-        return await self._requests.carry_out(idempotency, work)
+        return await self.carry_out(idempotency, work)
 
     async def touch(self, part_id: str) -> PartRecord:
         """Have the service's stage feel a part, and read it again.
@@ -211,6 +256,37 @@ class Intake:
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
             return (await self.receive(NewPart(name=name, job=job, touch=Touch.STAGE), photos)).part
+
+    async def carry_out(
+        self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
+    ) -> Received:
+        """Do the work of a request once, however often it is sent; while it is done, the same request waits for it.
+
+        The store knows what other processes did, or this one before it was restarted.
+
+        Args:
+            idempotency: of the request; without one it is simply done.
+            work: adds the part with the key in one transaction.
+
+        Raises:
+            Problem: the key was used for another request; whatever the work raises.
+        """
+        if idempotency is None:
+            return Received(await work())
+        lock = self._locks.setdefault(idempotency.key, asyncio.Lock())
+        async with lock:
+            known = await asyncio.to_thread(self.store.find_request, idempotency.key)
+            if known is None:
+                try:
+                    return Received(await work())
+                except AlreadyDoneError as error:  # another process was quicker
+                    known = error.fingerprint, error.part_id
+        fingerprint, part_id = known
+        if fingerprint != idempotency.fingerprint:
+            raise Problem(
+                422, "this Idempotency-Key was used for another request; make a new one for every part"
+            )
+        return Received(await asyncio.to_thread(self.store.part, part_id), replayed=True)
 
     async def _unreviewed(self, part_id: str) -> PartRecord:
         part = await asyncio.to_thread(self.store.part, part_id)

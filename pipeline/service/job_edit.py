@@ -1,19 +1,27 @@
-"""A job as a person edits it: the text of its file, without paths of the service's machine."""
+"""Jobs as people write them: as text without paths of the service's machine, or taught from a part.
+
+box, text --> Taught --into the job as it is, or a new one--> settings --JobFolder.save--> housing-left.toml
+"""
 
 from __future__ import annotations
 
+import re
 import tomllib
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from glyphs.errors import MarksError
-from pipeline.common.job_file import FILES, job_text
-from pipeline.common.settings import ReadSettings
+from pipeline.common.job_file import FILES, NAME, job_text, with_whole_paths
+from pipeline.common.settings import NamedLine, ReadSettings, Region
+from pipeline.reading.job_check import check_line
 from pipeline.service.job_folder import JobFolder, without_paths
 from pipeline.service.web.problem import Problem
 
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
+_OF_THE_SERIAL = {"format", "lexicon", "check", "exclude", "region", "line"}
+_NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}
 
 
 def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
@@ -77,3 +85,73 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
         files = {key: kept[key] for key in FILES if key in kept and asked.get(key) == shown[key]}
         rest = {key: value for key, value in asked.items() if key not in files}
         jobs.save(name, {**written_job(jobs, rest), **files})
+
+
+@dataclass(frozen=True)
+class Taught:
+    """A line of a part, as a person has shown it.
+
+    Attributes:
+        line: name; empty for the serial.
+        text: that stands there.
+        format: of such texts.
+        region: where its middle lies.
+        height_mm: of its characters; None to measure it.
+        database: name of the glyph database of a die that was learned; empty for none. Of the serial.
+    """
+
+    line: str
+    text: str
+    format: str
+    region: Region
+    height_mm: float | None = None
+    database: str = ""
+
+
+def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
+    """Put a line into a job; a new one begins with the service's own settings of fonts, experts and thresholds.
+
+    Args:
+        jobs: where it is kept.
+        name: of the job.
+        taught: the line.
+        replace: whether a line of that name may stand there already.
+
+    Raises:
+        Problem: no such line can be, the text is not of its format, or the line stands in the job (409).
+    """
+    try:
+        objections = jobs.call(check_line, taught.format, taught.text)
+        line = NamedLine.parse(f"{taught.line}={taught.format}") if taught.line else None
+    except (MarksError, ValueError) as error:
+        raise Problem(422, str(error)) from error
+    if objections:
+        raise Problem(422, f"{taught.text!r} is not of the format {taught.format}: {objections[0]}")
+    with jobs.lock:
+        written = jobs.written(name)
+        if written is None:
+            own = with_whole_paths(jobs.own, Path())
+            written = own.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
+        lines = {one.name: one for one in map(NamedLine.parse, written.get("line", ()))}
+        serial = bool(written.get("format") or written.get("region"))
+        if not replace and (serial if line is None else line.name in lines):
+            which = "a serial" if line is None else f"the line {line.name}"
+            raise Problem(
+                409,
+                f"the job {name} has {which} already; name the line that you mean, or say that it may be replaced",
+            )
+        if line is not None:
+            lines[line.name] = NamedLine(line.name, line.format, taught.region)
+            written["line"] = list(map(str, lines.values()))
+        else:
+            written |= {"format": taught.format, "region": list(taught.region), "height_mm": taught.height_mm}
+            if taught.database:
+                written["database"] = str(jobs.databases.find(taught.database).absolute())
+        jobs.save(name, {key: value for key, value in written.items() if value is not None})
+
+
+def name_like(part_name: str) -> str:
+    """A name for the job of parts that are called like this one: housing-left of tray-7/housing-left-0012."""
+    words = re.split(r"[/\\]", part_name)[-1]
+    stem = re.sub(r"[^A-Za-z0-9_.-]+", "-", words).rstrip("0123456789").strip("-_.")
+    return stem if re.fullmatch(NAME, stem) else ""

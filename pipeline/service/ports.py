@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import structlog
 
-from pipeline.service.connections import Connection
-from pipeline.service.outputs.dispatch import Dispatcher, Sender
+from pipeline.service.outputs.dispatch import Connection, Dispatcher, Sender
 
 if TYPE_CHECKING:
     from pipeline.service.intake import Intake

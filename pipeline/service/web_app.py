@@ -17,8 +17,7 @@ from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.web.access import COOKIE
 from pipeline.service.web.door import Door
-from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
-from pipeline.service.web.problem_responses import add_problem_handlers
+from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody, add_problem_handlers
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service

@@ -33,10 +33,9 @@ from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
+from pipeline.service.intake import NewPart, Received
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.new_part import NewPart
 from pipeline.service.settings import WatchSettings
-from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import AlreadyDoneError, StoreError
 from pipeline.store.evidence_folder import EvidenceFolder

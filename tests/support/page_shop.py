@@ -21,10 +21,9 @@ from pipeline.common.settings import ReadSettings
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
-from pipeline.service.review_policy import ReviewSettings
-from pipeline.service.settings import ServiceSettings
+from pipeline.service.settings import ReviewSettings, ServiceSettings
 from pipeline.service.web.access import Access
-from pipeline.service.web.problem_responses import add_problem_handlers
+from pipeline.service.web.problem import add_problem_handlers
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.support.kept_adapters import keep_adapters

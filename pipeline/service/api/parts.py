@@ -23,12 +23,10 @@ from pipeline.service.api.answers import (
     answer,
     may,
 )
-from pipeline.service.new_part import NewPart, Touch
+from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.web.access import Caller
-from pipeline.service.web.forms import FormRoute
-from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
-from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receive
+from pipeline.service.web.uploads import SMALL_BODY, FormRoute, Upload, check_count, receive
 from pipeline.store.parts import IdempotencyKey
 
 if TYPE_CHECKING:

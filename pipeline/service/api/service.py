@@ -21,9 +21,8 @@ from pipeline.service.api.answers import may
 from pipeline.service.job_edit import written_job
 from pipeline.service.job_folder import JobAnswer
 from pipeline.service.web.access import Caller
-from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.problem import Problem
-from pipeline.service.web.uploads import SMALL_BODY, receive
+from pipeline.service.web.uploads import SMALL_BODY, FormRoute, receive
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service

@@ -1,4 +1,17 @@
-"""The device of the OPC UA server: its nodes, its users, and the requests that it accepts."""
+"""The device of the OPC UA server: its nodes, its users, and the requests that it accepts.
+
+The part of OPC 30010 (AutoID) that an OCR reader needs is loaded from `opcua_autoid.xml`.
+
+http://opcfoundation.org/UA/DI/       TopologyElementType <- ComponentType <- DeviceType;  Objects/DeviceSet
+http://opcfoundation.org/UA/AutoID/   AutoIdDeviceType <- OcrReaderDeviceType;  AutoIdScanEventType <- OcrScanEventType
+                                      ScanSettings, ScanResult <- OcrScanResult, ScanData, Position, Location ...
+
+asyncua is untyped here: its modules do not export their names as strict type checking wants it, and the types of a
+companion specification come into being only while a server runs.
+
+Raises:
+    MissingExtraError: on import, asyncua is not installed.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +19,24 @@ import hmac
 import math
 from collections.abc import Callable, Mapping
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
-from asyncua.crypto.permission_rules import User, UserRole
-from asyncua.server.user_managers import UserManager
-
+from glyphs.errors import MissingExtraError
 from pipeline.common.version import program_version
-from pipeline.service.inputs.opcua_model import AUTOID_URI, DI_URI, NODE_SET, READER_URI, ua
 
+try:
+    from asyncua import ua as _untyped
+    from asyncua.crypto.permission_rules import User, UserRole
+    from asyncua.server.user_managers import UserManager
+except ImportError as error:
+    raise MissingExtraError("OPC UA", "asyncua", "opcua") from error
+
+ua: Any = _untyped
+DI_URI = "http://opcfoundation.org/UA/DI/"
+AUTOID_URI = "http://opcfoundation.org/UA/AutoID/"
+READER_URI = "urn:tactile-marks:reader"
+NODE_SET = Path(__file__).with_name("opcua_autoid.xml")
 # texts that are empty at first, which the file of the model cannot say
 _EMPTY = (
     *("DeviceInfo", "LastScanData", "LastPartId", "LastDecision"),

@@ -24,8 +24,7 @@ from asyncua.server.server import Server
 from asyncua.server.uaprocessor import UaProcessor
 from asyncua.ua.ua_binary import nodeid_from_binary
 
-from pipeline.service.inputs.opcua_device import Users
-from pipeline.service.inputs.opcua_model import ua
+from pipeline.service.inputs.opcua_device import Users, ua
 from pipeline.service.inputs.trigger import SparingLog, one_of_the_busiest
 
 _KINDS = frozenset({b"HEL", b"OPN", b"MSG", b"CLO", b"ERR"})

@@ -37,8 +37,7 @@ from pipeline.common.records import EvidenceKind
 from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
 from pipeline.formats.part_files import set_of
-from pipeline.service.intake import Intake
-from pipeline.service.new_part import NewPart, Touch
+from pipeline.service.intake import Intake, NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.problem import OwnProblem, Problem

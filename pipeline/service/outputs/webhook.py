@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING
 
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
+from pipeline.service.client import retry_after_s
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
-from pipeline.service.retry_after import retry_after_s
 
 if TYPE_CHECKING:
     import httpx

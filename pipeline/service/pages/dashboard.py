@@ -1,43 +1,54 @@
-"""The dashboard: how much was read, how often touch was needed, how often a person found the reading right."""
+"""Pages of numbers.
+
+/dashboard   how much was read, how often touch was needed, how often a person found the reading right
+/shadow      in shadow mode: how the readings agree with the line's own reader, day by day, and where they do not
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from typing import Literal
 
 from fastapi import APIRouter, Depends
 from starlette.responses import Response
 
-from pipeline.common.records import PartState
-from pipeline.service.pages.charts import charts_of
-from pipeline.service.pages.frame import Frame, View
+from pipeline.common.records import Agreement, AgreementDay, PartRecord, PartState, TrendStep
+from pipeline.common.texts import same_text
+from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
+from pipeline.service.pages.places import Cell, expected_cells
 from pipeline.store.alerts import DRIFT
 from pipeline.store.figures import DAY, HOUR
 
-Span = Literal["hour", "day", "week", "month"]
+Span = Literal["hour", "day", "week", "month", "year"]
 SPANS = {
     "hour": timedelta(hours=1),
     "day": timedelta(days=1),
     "week": timedelta(weeks=1),
     "month": timedelta(days=30),
+    "year": timedelta(days=365),
 }
+Shown = Literal[Agreement.OTHER, Agreement.NOTHING]
+_COUNTS = [field.name for field in fields(AgreementDay) if field.name != "day"]
 _GOLDEN_SHOWN = 10
+_MOST_TICKS, _MOST_LABELS, _MOST_HOURS = 4, 8, 48
 # accepted parts that the estimate of those accepted wrong is of: few are audited, so no shorter span says much
 _AUDITED = timedelta(days=90)
 
 
 def add_dashboard(router: APIRouter, frame: Frame) -> None:
-    """The route of the dashboard."""
+    """The routes of both pages."""
     looks, service = Depends(frame.reader_view), frame.service
 
     @router.get("/dashboard")
     def dashboard(span: Span = "day", view: View = looks) -> Response:
-        now, each = datetime.now(UTC), "day" if span == "month" else "hour"
+        now, each = datetime.now(UTC), "day" if span in ("month", "year") else "hour"
         numbers = frame.store.statistics(now - SPANS[span], step=DAY if each == "day" else HOUR)
         return view.page(
             "dashboard.html.j2",
             span=span,
-            spans=tuple(SPANS),
+            spans=tuple(SPANS)[:4],
             drift=service.jobs.drift,
             alerts=[one for one in frame.store.alerts() if not one.name.startswith(DRIFT)],
             numbers=numbers,
@@ -47,3 +58,95 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             connections=service.ports.connections(),
             audits=frame.store.audit_figures(now - _AUDITED),
         )
+
+    @router.get("/shadow")
+    def shadow(
+        span: Span = "month", show: Shown = Agreement.OTHER, before: str = "", view: View = looks
+    ) -> Response:
+        since = datetime.now(UTC) - SPANS[span]
+        days = frame.store.agreement_by_day(since)
+        found = frame.store.parts(agreement=show, before=before or None, limit=PARTS_SHOWN + 1)
+        total = {name: sum(getattr(one, name) for one in days) for name in _COUNTS}
+        page = page_of(found, "/shadow", {"span": span, "show": show}, before)
+        return view.page(
+            "shadow.html.j2",
+            span=span,
+            spans=tuple(SPANS)[2:],
+            show=show,
+            since=since,
+            all=total,
+            days=days[::-1],
+            **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in page["parts"]]},
+        )
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Bars or lines over the steps of a trend; the template draws them.
+
+    Attributes:
+        title: what it shows.
+        tick: distance of the lines across, in parts or per cent.
+        top: value at the top, a multiple of `tick`.
+        every: of so many steps one is labelled.
+        bars: a value each step.
+        lines: values by name; None at a step without parts.
+    """
+
+    title: str
+    tick: int
+    top: int
+    every: int
+    bars: Sequence[int] = ()
+    lines: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
+
+
+def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
+    """Parts, those accepted, and those that were trouble; none where there are fewer than two steps to compare.
+
+    Args:
+        trend: hours or days, in order.
+        each: hour or day.
+    """
+    if len(trend) < 2:
+        return ()
+    every = -(-len(trend) // _MOST_LABELS)
+    if len(trend) > _MOST_HOURS:  # labelled by their dates, each once
+        every = 24 * -(-every // 24)
+
+    def chart(title: str, *, bars: Sequence[int] = (), least: float = 1.0, **counts: list[int]) -> Chart:
+        lines = {
+            name.replace("_", " "): [
+                100.0 * n / s.parts if s.parts else None for n, s in zip(values, trend, strict=True)
+            ]
+            for name, values in counts.items()
+        }
+        most = max([least, *bars, *(v for values in lines.values() for v in values if v is not None)])
+        tick = next(f * 10**p for p in range(20) for f in (1, 2, 5) if most <= _MOST_TICKS * f * 10**p)
+        return Chart(title, tick, tick * max(1, -int(-most // tick)), every, bars, lines)
+
+    return (
+        chart(f"Parts per {each}", bars=[s.parts for s in trend], least=0.0),
+        chart(f"Accepted per {each}", least=100.0, accepted=[s.accepted for s in trend]),
+        chart(
+            f"To a person, and rejected, per {each}",
+            to_a_person=[s.review for s in trend],
+            rejected=[s.rejects for s in trend],
+        ),
+    )
+
+
+def who_was_right(part: PartRecord) -> str:
+    """Name of the reader that was right, by a person's review; empty before one."""
+    if part.review is None:
+        return ""
+    ours = part.reading is not None and same_text(part.reading.text, part.text)
+    theirs = same_text(part.expected, part.text)
+    if not part.text:
+        return "unreadable"
+    return "this reader" if ours and not theirs else "the line’s" if theirs and not ours else "neither"
+
+
+def _said(part: PartRecord) -> tuple[Cell, ...]:
+    """The serial of the line's own reader, marked where something else was read here."""
+    return expected_cells(replace(part, text=part.reading.text if part.reading is not None else ""))

@@ -19,7 +19,7 @@ from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.service.pages.frame import MOST_WHO, Frame, View
 from pipeline.service.pages.pictures import last_felt, picture_pair, without_reading
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
-from pipeline.service.review_policy import ReviewMode
+from pipeline.service.settings import ReviewMode
 from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 

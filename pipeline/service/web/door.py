@@ -26,8 +26,7 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 
 from pipeline.service.web.addresses import without_prefix
 from pipeline.service.web.own_user import is_in, is_own_user
-from pipeline.service.web.problem import Problem, busy, problem_of, stopping
-from pipeline.service.web.problem_responses import problem_answer
+from pipeline.service.web.problem import Problem, busy, problem_answer, problem_of, stopping
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Callable, Coroutine
+from contextlib import aclosing
 from dataclasses import dataclass
+from email.message import Message
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
+from starlette.formparsers import MultiPartException, MultiPartParser
+from starlette.requests import Request
+from starlette.responses import Response
 
 from pipeline.common.records import EvidenceKind
 from pipeline.formats.kinds import HEAD_BYTES, READ, file_kind, kind_of, refusal
@@ -23,6 +32,8 @@ SMALL_BODY = 64_000
 _CHUNK = 1 << 20
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e\u00a0-\ud7ff\ue000-\ufffd]")
+_PLAIN_NAME = re.compile(rb";\s*filename\s*=", re.IGNORECASE)
+_NOT_QUOTED = {ord(char): "_" for char in '"\\\r\n'}
 
 
 @dataclass(frozen=True)
@@ -124,3 +135,43 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
         f"the scan {name!r} is of no kind that is read; send a scan (.h5) or a height map (.npz, .x3p, .sdf, .sur ...) "
         "and let its name end so",
     )
+
+
+def with_plain_name(disposition: bytes) -> bytes:
+    """The header Content-Disposition, with the name of `filename*` as `filename` where it has none."""
+    if b"filename*" not in disposition.lower() or _PLAIN_NAME.search(disposition):
+        return disposition
+    header = Message()
+    header["Content-Disposition"] = disposition.decode("latin-1")
+    name = (header.get_filename() or "").translate(_NOT_QUOTED)
+    return disposition + b'; filename="' + name.encode("utf-8", "replace") + b'"'
+
+
+class _Parser(MultiPartParser):
+    def on_headers_finished(self) -> None:
+        part = self._current_part
+        if part.content_disposition is not None:
+            part.content_disposition = with_plain_name(part.content_disposition)
+        super().on_headers_finished()
+
+
+class FormRoute(APIRoute):
+    """A route that takes files, also those whose name is given as `filename*` alone (RFC 5987).
+
+    Older HTTP libraries send it so; the library that takes forms apart takes such a file for text.
+    """
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """FastAPI's handler, which treats every file of a form as an upload."""
+        handle = super().get_route_handler()
+
+        async def handle_form(request: Request) -> Response:
+            if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+                try:
+                    async with aclosing(request.stream()) as stream:
+                        request._form = await _Parser(request.headers, stream).parse()
+                except MultiPartException as error:
+                    raise HTTPException(status_code=400, detail=error.message) from error
+            return await handle(request)
+
+        return handle_form

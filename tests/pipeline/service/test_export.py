@@ -16,7 +16,7 @@ from pipeline.common.records import PartState, ReviewAction
 from pipeline.service.api import lookup
 from pipeline.service.api.lookup import COLUMNS, lookup_router
 from pipeline.service.web.access import Access
-from pipeline.service.web.problem_responses import add_problem_handlers
+from pipeline.service.web.problem import add_problem_handlers
 from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock, received
 

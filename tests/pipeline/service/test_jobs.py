@@ -20,8 +20,8 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.triage import ReadPart
+from pipeline.service.job_edit import Taught, name_like, teach
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.teaching import Taught, name_like, teach
 from pipeline.service.web.problem import Problem
 from recognition.reader import Reader
 from tests.support import certificates

@@ -21,7 +21,6 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.web.idempotency import IdempotentRequests
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.errors import AlreadyDoneError
@@ -225,13 +224,11 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
 
 
 def test_a_replay_that_fails_leaves_nobody_waiting(served: Served) -> None:
-    store = served[0].store
-    requests = IdempotentRequests(store)
-
+    intake = served[0].intake
     taken = AsyncMock(side_effect=AlreadyDoneError(part_id=new_part_id(), fingerprint="of another request"))
 
     async def several() -> list[Any]:
-        tries = [requests.carry_out(IdempotencyKey("key", "mine"), taken) for _ in range(3)]
+        tries = [intake.carry_out(IdempotencyKey("key", "mine"), taken) for _ in range(3)]
         return await asyncio.wait_for(asyncio.gather(*tries, return_exceptions=True), 20.0)
 
     made = asyncio.run(several())

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.store.sweep_clock import SweepClock
+from pipeline.store.evidence_folder import SweepClock
 
 DAY_S = 86_400.0
 NOW_S = 2e9

@@ -21,9 +21,8 @@ from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.watch_folder import WatchedFolder
-from pipeline.service.new_part import NewPart, Touch
+from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.settings import WatchSettings
-from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import StoreError

@@ -35,10 +35,10 @@ from pipeline.common.records import (
     TouchWait,
     TrendStep,
 )
-from pipeline.service.pages.charts import charts_of
-from pipeline.service.pages.login import own_address
+from pipeline.service.pages.dashboard import charts_of
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import align_places, cells_of, expected_cells, places_of
+from pipeline.service.pages.routes import own_address
 from pipeline.store.errors import StoreError
 from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, reading
 
