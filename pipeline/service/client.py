@@ -20,7 +20,6 @@ import secrets
 import ssl
 import time
 from collections.abc import Mapping, Sequence
-from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -328,11 +327,6 @@ def _record(kind: type[T], answer: httpx.Response) -> T:
 
 
 def retry_after_s(headers: Mapping[str, str]) -> float:
-    """Wait that an answer asks for, seconds; 0 if it asks for none or cannot be parsed."""
+    """Wait that an answer asks for, seconds; 0 if it asks for none in seconds."""
     text = headers.get("retry-after", "").strip()
-    if text.isascii() and text.isdigit():
-        return float(text[:9])
-    try:
-        return max(0.0, parsedate_to_datetime(text).timestamp() - time.time())
-    except (ValueError, OverflowError):
-        return 0.0
+    return float(text[:9]) if text.isascii() and text.isdigit() else 0.0

@@ -8,7 +8,6 @@ from typing import Any
 
 import structlog
 
-from glyphs.plain_text import visible
 from pipeline.common.settings import SettingsError
 from pipeline.service.web.problem import OwnProblem, Problem
 
@@ -37,19 +36,13 @@ class RecentFiles:
         """
         self.folder, self._suffix, self._what, self.needed = folder, suffix, what, needed
         self._seen_s: dict[str, float] = {}
-        self._left: set[str] = set()
 
     def files(self) -> dict[str, Path]:
-        """The files that are there now, by stem; one whose name is no text is logged once and left out."""
+        """The files that are there now, by stem; one whose name is no text is left out."""
         found = {}
         try:
-            for path in sorted(self.folder.glob(f"[!.]*{self._suffix}")):
-                if not is_text(path.name):
-                    if path.name not in self._left:
-                        log.warning("file left", file=visible(path.name), why=NO_TEXT)
-                    self._left.add(path.name)
-                elif path.is_file():
-                    found[path.stem] = path
+            paths = sorted(self.folder.glob(f"[!.]*{self._suffix}"))
+            found = {path.stem: path for path in paths if is_text(path.name) and path.is_file()}
         except OSError as error:
             log.warning("folder cannot be looked at", folder=str(self.folder), why=str(error))
         self._seen_s |= dict.fromkeys(found, time.monotonic())

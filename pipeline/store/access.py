@@ -6,7 +6,6 @@ A session belongs to one token, not to its name; it ends with the token, by sign
 from __future__ import annotations
 
 import secrets
-import unicodedata
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 from hashlib import sha256
@@ -48,7 +47,7 @@ def add_token(
         Its secret, which is kept nowhere.
 
     Raises:
-        ConflictError: the name, or one that looks like it, was given before; a revoked token keeps its name.
+        ConflictError: the name was given before; a revoked token keeps its name.
     """
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
@@ -59,20 +58,12 @@ def add_token(
         raise UnfitError(
             "the token would have expired or has no time zone", hint="give a time to come in UTC"
         )
-    wanted = _spelt(fit(name, "the token's name"))
-    for known in tx.execute(sa.select(tokens.c.name)).scalars():
-        if _spelt(known) == wanted:
-            what = f"there is or was a token {known!r}, and reviews are signed with it"
-            raise ConflictError(what, hint="choose another name")
     secret = new_token()
-    row = {"name": name, "secret_hash": token_hash(secret), "scopes": granted, "created_at": tx.now}
-    tx.execute(sa.insert(tokens).values(**row, expires_at=expires_at))
+    row = {"name": fit(name, "the token's name"), "secret_hash": token_hash(secret), "scopes": granted}
+    if not tx.insert_if_new(tokens, {**row, "created_at": tx.now, "expires_at": expires_at}):
+        what = f"there is or was a token {name!r}, and reviews are signed with it"
+        raise ConflictError(what, hint="choose another name")
     return secret
-
-
-def _spelt(name: str) -> str:
-    """A name as a person takes it in: "Anna " and "anna" are one."""
-    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
 def token(tx: Transaction, secret: str) -> TokenRecord | None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response, StreamingResponse
 
-from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, History, PartRecord, Scope
 from pipeline.common.texts import harmless
 from pipeline.plots.boxes_picture import boxes_picture
@@ -81,7 +80,7 @@ def lookup_router(service: Service) -> APIRouter:
         Where two people must agree, what the first has read is left out until the second has read it.
         """
         story = store.story(part_id)
-        reviews = service.intake.policy.shown(story, Person(caller.token, token=caller.token))
+        reviews = service.intake.policy.shown(story, caller.person())
         return History(story.events, story.readings, reviews, story.evidence)
 
     @router.get(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, File, Form, Query, Request, Response, UploadFile
 
-from pipeline.common.people_records import Person
 from pipeline.common.reading_records import to_json_bytes
 from pipeline.common.records import ReviewAction, Scope
 from pipeline.service.api.answers import (
@@ -141,8 +140,7 @@ def parts_router(service: Service) -> APIRouter:
         caller: Caller = Reviews,
     ) -> PartAnswer:
         """Undo one's own review: the part waits for review again."""
-        person = Person(caller.token or who, token=caller.token)
-        return answer(intake.undo_review(part_id, person), root_path)
+        return answer(intake.undo_review(part_id, caller.person(who)), root_path)
 
     return router
 
@@ -156,4 +154,4 @@ def _idempotency(
     digest = hashlib.sha256(request.url.path.encode())
     for part in (*(f"{upload.kind} {upload.sha256}" for upload in sent), *fields):
         digest.update(b"\0" + part.encode())
-    return IdempotencyKey(f"{caller.name}:{key}", digest.hexdigest())
+    return IdempotencyKey(f"{caller.token or 'local'}:{key}", digest.hexdigest())

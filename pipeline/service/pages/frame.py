@@ -127,7 +127,7 @@ class View:
     def person(self) -> Person:
         """The person at the page: by the token, else by the browser and the name that it remembers."""
         if self.caller.token:
-            return Person(self.caller.token, token=self.caller.token)
+            return self.caller.person()
         kept = self.request.cookies.get(SEAT_COOKIE, "")
         # the cookie is a secret; the store sees its hash
         seat = hashlib.sha256(kept.encode()).hexdigest()[:32] if kept else ""

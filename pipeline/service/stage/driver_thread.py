@@ -12,12 +12,12 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import queue
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, InvalidStateError
+from concurrent import futures
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -68,19 +68,19 @@ class DriverThread:
             StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
         """
         made = self._submit(work, timeout_s)
-        try:
-            outcome: T = made.future.result(made.timeout_s)
-        except TimeoutError:
-            raise self._late(made) from None
+        futures.wait([made.future], made.timeout_s)
+        outcome: T = self._outcome(made.future, made)
         return outcome
 
     async def call_async(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
         """As `call`, in a coroutine."""
         made = self._submit(work, timeout_s)
+        answer = asyncio.wrap_future(made.future)
         try:
-            outcome: T = await asyncio.wait_for(asyncio.wrap_future(made.future), made.timeout_s)
-        except TimeoutError:
-            raise self._late(made) from None
+            await asyncio.wait([answer], timeout=made.timeout_s)
+            outcome: T = self._outcome(answer, made)
+        finally:
+            answer.cancel()  # if its caller is cancelled
         return outcome
 
     def _submit(self, work: Callable[[], Any], timeout_s: float | None) -> _Call:
@@ -97,13 +97,11 @@ class DriverThread:
             raise self._down(f"{MOST_WAITING} others wait for the {self.what}") from None
         return made
 
-    def _late(self, made: _Call) -> BaseException:
-        future = made.future
-        error = future.exception() if future.done() and not future.cancelled() else None
-        if error is not None:
-            return error  # a TimeoutError of the driver's own
-        future.cancel()
-        return self._down(f"the {self.what} has not answered in {made.timeout_s:g} s")
+    def _outcome(self, answer: Future[Any] | asyncio.Future[Any], made: _Call) -> Any:
+        if answer.done():
+            return answer.result()
+        answer.cancel()
+        raise self._down(f"the {self.what} has not answered in {made.timeout_s:g} s")
 
     def _run(self) -> None:
         while True:
@@ -112,22 +110,20 @@ class DriverThread:
                 continue  # its caller has given up
             made.begun_s = time.monotonic()
             self._at_work = made
+            result, failure = None, None
             try:
                 result = made.work()
             except (StageError, OSError) as error:
-                self._settle(made.future.set_exception, error)
+                failure = error
             except BaseException as error:
                 log.exception("fault of a driver", driver=self.what)
                 fault = f"the {self.what}'s driver has a fault ({type(error).__name__}: {error})"
-                down = StageDownError(fault, "the service's log has more of it")
-                self._settle(made.future.set_exception, down)
+                failure = StageDownError(fault, "the service's log has more of it")
+            self._at_work = None
+            if failure is None:
+                made.future.set_result(result)
             else:
-                self._settle(made.future.set_result, result)
-
-    def _settle(self, settle: Callable[[Any], None], outcome: Any) -> None:
-        self._at_work = None
-        with contextlib.suppress(InvalidStateError):  # its caller has given up meanwhile
-            settle(outcome)
+                made.future.set_exception(failure)
 
     def _down(self, what: str) -> StageDownError:
         return StageDownError(what, f"see that the {self.what} and its driver work")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pipeline.common.people_records import Person
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.service.web.problem import Problem
 
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from pipeline.store.store import Store
 
 COOKIE = "tactile_marks_token"
-# name of a caller without need of a token
-LOCAL = "local"
 _NEEDED = "a token is needed; send it as: Authorization: Bearer tm_..."
 _NEEDED_OF_OTHERS = (
     "a token is needed, for the request comes from a program of another user than the service's, such as a proxy; make "
@@ -35,14 +34,16 @@ class Caller:
     """Caller of a request.
 
     Attributes:
-        name: name of the token; "local" where none is required.
-        scopes: scopes of the token.
-        token: name of the token; empty without one.
+        scopes: scopes of the token; all of them without one.
+        token: name of the token; empty where none is required.
     """
 
-    name: str
     scopes: frozenset[Scope]
     token: str = ""
+
+    def person(self, who: str = "") -> Person:
+        """The person who calls: by the token, without one by the name given."""
+        return Person(self.token or who, token=self.token)
 
 
 class Access:
@@ -79,11 +80,11 @@ class Access:
             except DeniedError:
                 if self.asked(request):
                     raise
-                return Caller(LOCAL, frozenset(Scope))  # none is needed; it may have an old cookie, say
+                return Caller(frozenset(Scope))  # none is needed; it may have an old cookie, say
         if scope not in record.scopes:
             held = ", ".join(sorted(record.scopes)) or "nothing"
             raise DeniedError(403, f"the token {record.name!r} allows {held}, and this needs {scope.value}")
-        return Caller(record.name, record.scopes, record.name)
+        return Caller(record.scopes, record.name)
 
     def token_of(self, request: HTTPConnection) -> TokenRecord:
         """The token of a request.

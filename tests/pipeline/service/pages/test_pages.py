@@ -395,7 +395,7 @@ def test_unknown_addresses_are_refused_in_words(shop: Shop) -> None:
         assert "Not found" in answer.text
     for address in (
         "/parts?state=lost",
-        "/dashboard?span=year",
+        "/dashboard?span=era",
         "/parts?before=x",
         f"/parts?text={'A' * 300}",
     ):
