@@ -31,11 +31,10 @@ from pipeline.common.settings import ReadSettings
 from pipeline.errors import OwnFileError, describe_fault
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
 from pipeline.reading.job_check import check_job
-from pipeline.service.recent_files import GlyphDatabases, RecentFiles
+from pipeline.service.recent_files import FileStamp, GlyphDatabases, RecentFiles, stamp_of
 from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 
 log = structlog.get_logger("tactile-marks")
-_State = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class JobAnswer:
 class _Known:
     """A file at its last check; the job is from the last check that found a usable one."""
 
-    state: _State
+    state: FileStamp
     job: JobFile | None
     watch: DriftWatch | None
     problem: str = ""
@@ -201,7 +200,7 @@ class JobFolder(RecentFiles):
             self.folder.mkdir(exist_ok=True)
             with replacing(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
-            state = _state_of(path)
+            state = stamp_of(path.stat())
             job = replace(job, written=tomllib.loads(text), sha256=sha256(text.encode()).hexdigest())
             self._known[name] = _Known(state, job, watch)
         log.info("job", job=name, sha256=job.sha256)
@@ -239,7 +238,7 @@ class JobFolder(RecentFiles):
         path = self.folder / f"{name}{SUFFIX}"
         before = self._known.get(name)
         try:
-            state = _state_of(path)
+            state = stamp_of(path.stat())
         except OSError:
             self._known.pop(name, None)
             return None
@@ -285,8 +284,3 @@ def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, D
     except Exception as error:
         log.exception("fault of the program while reading a job", job=path.stem)
         raise FileError(path, describe_fault(error), "remove it and report this") from error
-
-
-def _state_of(path: Path) -> _State:
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,15 @@ class RecentFiles:
 
 
 NO_TEXT = "its name is not UTF-8 text; rename it"
+
+
+FileStamp = tuple[int, int]
+"""Size and modification time of a file, ns, at one look."""
+
+
+def stamp_of(status: os.stat_result) -> FileStamp:
+    """The stamp of a file, from the system's answer."""
+    return status.st_size, status.st_mtime_ns
 
 
 def is_text(name: str) -> bool:

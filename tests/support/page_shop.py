@@ -1,34 +1,23 @@
-"""A service with the pages alone, people at it, and records to show there."""
+"""A service with people at its pages, and records to show there."""
 
 from __future__ import annotations
 
+import contextlib
 import html
 import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import httpx
-from fastapi import FastAPI
-from fastapi.testclient import TestClient
+from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
 from pipeline.common.settings import ReadSettings
-from pipeline.service.job_folder import JobFolder
-from pipeline.service.pages.frame import Frame
-from pipeline.service.pages.routes import pages_router
-from pipeline.service.settings import ReviewSettings, ServiceSettings
-from pipeline.service.web.access import Access
-from pipeline.service.web.problem import add_problem_handlers
-from pipeline.store.evidence_folder import EvidenceFolder
-from pipeline.store.store import Store
-from tests.support.kept_adapters import keep_adapters
+from tests.support.service_fixtures import inline_service
 
-keep_adapters()
 MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
 META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
 HIDDEN = re.compile(r'<input type="hidden" name="([^"]+)" value="([^"]*)"')
@@ -51,37 +40,32 @@ def reading(text: str, *, source: str = "fused", decision: str = "review", **mor
 
 
 class Shop:
-    """A service with the pages alone, and a person at it."""
+    """A service whose parts nobody reads, and a person at its pages."""
 
-    def __init__(self, folder: Path, *, required: bool = False, second_reader: bool = False) -> None:
-        self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
-        self.evidence = EvidenceFolder(folder / "evidence")
-        policy = ReviewSettings(second_reader=second_reader)
-        self.jobs = JobFolder(folder / "jobs", own=ReadSettings())
-        service: Any = SimpleNamespace(
-            settings=ServiceSettings(),
-            store=self.store,
-            evidence=self.evidence,
-            access=Access(self.store, required=required),
-            jobs=self.jobs,
-            intake=SimpleNamespace(
-                calls=SimpleNamespace(outside_format=lambda text, job: ""),
-                policy=policy,
-                review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
-                undo_review=lambda part_id, person: self.store.undo_review(part_id, person=person),
-            ),
-            golden=SimpleNamespace(scans=lambda limit: ()),
-            ports=SimpleNamespace(connections=tuple),
+    def __init__(self, folder: Path, **settings: Any) -> None:
+        self._open = contextlib.ExitStack()
+        served = inline_service(folder, reading=ReadSettings(), **settings)
+        service, client = self._open.enter_context(served)
+        self.app, self.store, self.evidence, self.jobs = (
+            client.app,
+            service.store,
+            service.evidence,
+            service.jobs,
         )
-        frame = Frame(service)
-        self.app = FastAPI(routes=pages_router(frame).routes)
-        self.app.state.problem_page = frame.refusal
-        add_problem_handlers(self.app)
         self.client = self.another()
+
+    def close(self) -> None:
+        """End the service."""
+        self._open.close()
 
     def another(self) -> TestClient:
         """Another person's browser."""
-        return TestClient(self.app, follow_redirects=False, headers={"Accept": "text/html"})
+        return TestClient(
+            self.app,
+            base_url="http://127.0.0.1:8417",
+            follow_redirects=False,
+            headers={"Accept": "text/html"},
+        )
 
     def add(
         self,

@@ -38,7 +38,7 @@ from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
 from pipeline.formats.part_files import set_of
 from pipeline.service.intake import Intake, NewPart, Touch
-from pipeline.service.recent_files import NO_TEXT, is_text
+from pipeline.service.recent_files import NO_TEXT, FileStamp, is_text, stamp_of
 from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.problem import OwnProblem, Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
@@ -56,19 +56,6 @@ LEAST_REST_S = 1.0
 
 
 @dataclass(frozen=True)
-class FileState:
-    """Size and modification time of a file, ns, at one look."""
-
-    n_bytes: int
-    mtime_ns: int
-
-    @classmethod
-    def of(cls, status: os.stat_result) -> FileState:
-        """Take it from the system's answer."""
-        return cls(status.st_size, status.st_mtime_ns)
-
-
-@dataclass(frozen=True)
 class WatchedPart:
     """The photographs of one part.
 
@@ -78,7 +65,7 @@ class WatchedPart:
     """
 
     name: str
-    files: Mapping[str, FileState]
+    files: Mapping[str, FileStamp]
 
     @property
     def key(self) -> IdempotencyKey:
@@ -115,7 +102,7 @@ class WatchedFolder:
         self._looking, self._stopping, self._away = asyncio.Lock(), False, False
         self._task: asyncio.Task[None] | None = None
         # each file or set as it stood at the last look, and since when it has stood so
-        self._seen: dict[str, tuple[dict[str, FileState], float]] = {}
+        self._seen: dict[str, tuple[dict[str, FileStamp], float]] = {}
         # keys of files that are read, or of no use
         self._known: set[str] = set()
         # attempts that came to nothing, by the part's key: why, and when the next one is due by the monotonic clock
@@ -163,7 +150,7 @@ class WatchedFolder:
 
     def _complete(self) -> list[WatchedPart]:
         """Parts whose files are new and stand as at the last look, the oldest first."""
-        began_s, groups = time.monotonic(), dict[str, dict[str, FileState]]()
+        began_s, groups = time.monotonic(), dict[str, dict[str, FileStamp]]()
         if (now := self._files()) is None:
             return []
         for path, state in sorted(now.items()):
@@ -174,16 +161,16 @@ class WatchedFolder:
         for name, files in groups.items():
             stood, since_s = before.get(name, ({}, began_s))
             self._seen[name] = files, since_s if stood == files else began_s
-            still = stood == files and all(state.n_bytes for state in files.values())
+            still = stood == files and all(n_bytes for n_bytes, _ in files.values())
             whole = len(files) == self._settings.photos or began_s - since_s >= self._settings.settle_s
             known = self._known.issuperset(keys[path] for path in files)
             if still and (name in now or whole) and not known:
                 found.append(WatchedPart(Path(name).stem if name in now else name, files))
         self._known |= self._intake.store.known_keys(key for part in found for key in part.key.files)
         new = (part for part in found if not self._known.issuperset(part.key.files))
-        return sorted(new, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
+        return sorted(new, key=lambda one: (min(ns for _, ns in one.files.values()), one.name))
 
-    def _files(self) -> dict[str, FileState] | None:
+    def _files(self) -> dict[str, FileStamp] | None:
         """The files that lie there; None if the folder is away.
 
         Hidden ones, which programs write before they rename them, do not count.
@@ -195,7 +182,7 @@ class WatchedFolder:
                     # taken away meanwhile, or of a share that cannot tell now: it is looked at again
                     with contextlib.suppress(OSError):
                         if not entry.name.startswith(".") and not entry.is_dir(follow_symlinks=False):
-                            found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))
+                            found[entry.path] = stamp_of(entry.stat(follow_symlinks=False))
         except OSError as error:
             if not self._away:
                 log.warning("watched folder cannot be looked at", folder=str(self.folder), why=error.strerror)
@@ -264,7 +251,7 @@ class WatchedFolder:
                 photos.append(Upload(copy, sent_name(file.name), EvidenceKind.PHOTO))
         return photos
 
-    def _copy(self, path: Path, state: FileState, folder: Path, number: int) -> Path:
+    def _copy(self, path: Path, state: FileStamp, folder: Path, number: int) -> Path:
         """A copy under a name that says what it holds.
 
         Raises:
@@ -275,9 +262,9 @@ class WatchedFolder:
         if not is_text(path.name):
             raise Problem(415, f"{visible(path.name)}: {NO_TEXT}")
         name = sent_name(path.name)
-        if state.n_bytes > self._most_bytes:
+        if state[0] > self._most_bytes:
             raise Problem(
-                413, f"{name} has {state.n_bytes:,} bytes; {self._most_bytes:,} may be (limits.upload_mb)"
+                413, f"{name} has {state[0]:,} bytes; {self._most_bytes:,} may be (limits.upload_mb)"
             )
         # reading a pipe or device could block, and a link may lead out of the folder
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
@@ -287,10 +274,10 @@ class WatchedFolder:
             source.seek(0)
             with copy.open("xb") as target:
                 shutil.copyfileobj(source, target)
-            if FileState.of(os.fstat(source.fileno())) != state:
+            if stamp_of(os.fstat(source.fileno())) != state:
                 raise OwnProblem(f"{name} is still being written")
         return copy
 
 
-def _key(path: str, state: FileState) -> str:
-    return f"watch {state.n_bytes} {state.mtime_ns} {path}"
+def _key(path: str, state: FileStamp) -> str:
+    return f"watch {state[0]} {state[1]} {path}"

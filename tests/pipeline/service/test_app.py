@@ -11,12 +11,11 @@ import pytest
 from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartState, Scope
+from pipeline.common.records import PartState
 from pipeline.common.settings import SettingsError
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.devices import load_driver
-from tests.support.page_shop import goes_to
 from tests.support.scans import feel_plan
 from tests.support.service_fixtures import FORMAT, Served, inline_service
 from tests.support.store_samples import PLAN, STAGE_PLAN, reading
@@ -172,22 +171,6 @@ def test_a_photograph_of_too_many_pixels_is_refused_unseen(tmp_path: Path, parts
         answer = client.post("/v1/parts", files=photo(parts))
         assert answer.status_code == 422
         assert "1,000" in answer.json()["detail"]
-
-
-def test_beyond_the_loopback_tokens_are_asked_for_and_scopes_hold(tmp_path: Path, parts: Path) -> None:
-    with inline_service(tmp_path, host="0.0.0.0") as (service, client):
-        assert client.get("/v1/parts").status_code == 401
-        assert client.get("/healthz").status_code == 200
-        reader = service.store.add_token("reader", [Scope.READ])
-        told = {"Authorization": f"Bearer {reader}"}
-        assert client.get("/v1/parts", headers=told).json() == []
-        assert client.post("/v1/parts", files=photo(parts), headers=told).status_code == 403
-        writer = service.store.add_token("writer", [Scope.WRITE])
-        told = {"Authorization": f"Bearer {writer}"}
-        assert client.post("/v1/parts", files=photo(parts), headers=told).status_code == 201
-        service.store.revoke("writer")
-        assert client.post("/v1/parts", files=photo(parts), headers=told).status_code == 401
-        assert goes_to(client.get("/review", follow_redirects=False)).startswith("/login")
 
 
 def test_a_foreign_page_cannot_reach_a_service_without_tokens(client: TestClient, parts: Path) -> None:

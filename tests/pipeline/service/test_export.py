@@ -4,37 +4,25 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from fastapi import FastAPI
-from fastapi.testclient import TestClient
+from starlette.testclient import TestClient
 
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.service.api import lookup
-from pipeline.service.api.lookup import COLUMNS, lookup_router
-from pipeline.service.web.access import Access
-from pipeline.service.web.problem import add_problem_handlers
-from pipeline.store.store import Store
+from pipeline.service.api.lookup import COLUMNS
+from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import START, Clock, received
 
 
 @pytest.fixture
-def store_url(tmp_path: Path) -> str:
-    return f"sqlite:///{tmp_path}/store.db"
-
-
-@pytest.fixture
-def client(store: Store) -> TestClient:
-    app = FastAPI()
-    access, settings = Access(store, required=False), SimpleNamespace(root_path="")
-    app.include_router(
-        lookup_router(SimpleNamespace(store=store, access=access, evidence=None, settings=settings))
-    )
-    add_problem_handlers(app)
-    return TestClient(app)
+def served(tmp_path: Path, clock: Clock) -> Iterator[Served]:
+    with inline_service(tmp_path) as (service, client):
+        service.store._now = clock
+        yield service, client
 
 
 def rows(client: TestClient, **sought: str) -> list[dict[str, str]]:
@@ -44,9 +32,8 @@ def rows(client: TestClient, **sought: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(answer.text, newline="")))
 
 
-def test_every_part_is_a_row_however_many_there_are(
-    store: Store, client: TestClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_part_is_a_row_however_many_there_are(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    store, client = served[0].store, served[1]
     monkeypatch.setattr(lookup, "_AT_ONCE", 3)
     assert rows(client) == []
     ids = [received(store, name=f'Größe {k}, "left"').id for k in range(8)]
@@ -59,7 +46,8 @@ def test_every_part_is_a_row_however_many_there_are(
     )  # fmt: skip
 
 
-def test_filters(store: Store, clock: Clock, client: TestClient) -> None:
+def test_filters(served: Served, clock: Clock) -> None:
+    store, client = served[0].store, served[1]
     first = received(store, job="left", line="north").id
     clock.go_on(days=1)
     second = received(store, PartState.REVIEW, job="right").id
@@ -78,7 +66,7 @@ def test_filters(store: Store, clock: Clock, client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", '=HYPERLINK("http://x","y")'])
-def test_no_cell_is_a_formula(store: Store, client: TestClient, name: str) -> None:
-    received(store, name=name)
-    cell = rows(client)[0]["name"]
+def test_no_cell_is_a_formula(served: Served, name: str) -> None:
+    received(served[0].store, name=name)
+    cell = rows(served[1])[0]["name"]
     assert cell == f"'{name}"

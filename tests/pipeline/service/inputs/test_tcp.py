@@ -63,12 +63,6 @@ def answer_to(sent: bytes, trigger: Any = read_at_once, **options: Any) -> bytes
     return asyncio.run(run())
 
 
-async def test_listens_on_the_loopback_address_unless_told_otherwise() -> None:
-    async with listening() as port:
-        assert port.host == "127.0.0.1"
-        assert port.port > 0
-
-
 @pytest.mark.parametrize("end", [b"\r\n", b"\n", b"\r"])
 def test_a_trigger_is_answered_with_one_result_string(end: bytes) -> None:
     assert answer_to(b"TRIGGER P17" + end) == ANSWER

@@ -16,10 +16,7 @@ import structlog
 
 from glyphs.errors import FileError
 from pipeline.common.private import open_no_link
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import PartRecord, PartState
-from pipeline.reading.part_orders import PartOrder
-from pipeline.reading.triage import ReadPart
+from pipeline.common.records import PartRecord
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.settings import WatchSettings
@@ -29,7 +26,6 @@ from pipeline.store.errors import StoreError
 from pipeline.store.parts import IdempotencyKey
 from tests.support.line_fakes import LONG_S, part
 from tests.support.service_fixtures import inline_service
-from tests.support.waiting import wait_until
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 
@@ -179,12 +175,6 @@ def test_one_that_is_written_to_while_it_is_copied_waits(
         assert bench.look(2) == []
     assert bench.look(2) == ["a"]
     assert bench.parts.received[0][2] == PNG + b"more"
-
-
-def test_one_that_is_moved_in_is_taken(bench: Bench, tmp_path: Path) -> None:
-    (tmp_path / "elsewhere.png").write_bytes(PNG)
-    os.rename(tmp_path / "elsewhere.png", bench.folder / "b.png")
-    assert bench.look(2) == ["b"]
 
 
 def test_a_restart_submits_nothing_twice(bench: Bench) -> None:
@@ -346,36 +336,6 @@ def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(
     assert bench.parts.names == []
     bench.anew()
     assert bench.look(3) == ["a", "b"]
-
-
-def test_a_service_watches(tmp_path: Path) -> None:
-    folder = tmp_path / "in"
-    folder.mkdir()
-
-    def read(order: PartOrder, *_: object) -> ReadPart:
-        assert order.part.photo
-        text = "AA999999" if order.part.name == "a" else ""
-        return ReadPart((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
-
-    def served(done: Callable[[Any], None]) -> None:
-        watch = {"folder": folder, "every_s": 0.05}
-        with inline_service(tmp_path / "service", instead=read, watch=watch) as (service, _):
-            done(service)
-
-    def first(service: Any) -> None:
-        (folder / "a.png").write_bytes(PNG)
-        (folder / "no.txt").write_bytes(b"no")
-        wait_until(lambda: len(service.store.parts()) == 1)
-
-    def second(service: Any) -> None:
-        (folder / "b.png").write_bytes(PNG + b"2")
-        wait_until(lambda: len(service.store.parts()) == 2)
-        time.sleep(0.3)  # some looks
-        states = {p.name: p.state for p in service.store.parts()}
-        assert (states["a"], len(service.store.parts())) == (PartState.ACCEPTED, 2)
-
-    served(first)
-    served(second)
 
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:

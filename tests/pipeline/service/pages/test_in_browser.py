@@ -51,7 +51,7 @@ def reading(text: str, *, source: str, unsure: dict[int, str]) -> ReadingRecord:
 
 
 class Service(Shop):
-    """The pages at a loopback address, with a route for their pictures."""
+    """The pages at a loopback address."""
 
     url = ""
 
@@ -80,17 +80,8 @@ class Service(Shop):
 
 @pytest.fixture
 def service(tmp_path: Path) -> Iterator[Service]:
-    """The pages, and a route for their pictures; any service with both can stand in its place."""
-    from fastapi.responses import FileResponse
-
-    made = Service(tmp_path)
-
-    @made.app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
-    def picture(part_id: str, which: str) -> FileResponse:
-        found = [e for e in made.store.evidence(part_id) if e.kind is PICTURES[which]][-1]
-        return FileResponse(made.evidence.path(found.sha256), media_type=found.media_type)
-
-    with contextlib.closing(made.store), serving(made.app) as made.url:
+    """A service with pages; any other can stand in its place."""
+    with contextlib.closing(Service(tmp_path)) as made, serving(made.app) as made.url:
         yield made
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import re
 from collections.abc import Iterator
@@ -46,16 +47,14 @@ from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, rea
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
     """For tests that look at parts of their own alone."""
-    made = Shop(tmp_path_factory.mktemp("shop"))
-    yield made
-    made.store.close()
+    with contextlib.closing(Shop(tmp_path_factory.mktemp("shop"))) as made:
+        yield made
 
 
 @pytest.fixture
 def empty_shop(tmp_path: Path) -> Iterator[Shop]:
-    made = Shop(tmp_path)
-    yield made
-    made.store.close()
+    with contextlib.closing(Shop(tmp_path)) as made:
+        yield made
 
 
 def words(page: str) -> str:
@@ -496,28 +495,27 @@ def test_static_files_are_kept_by_the_browser_and_lead_nowhere(shop: Shop) -> No
 
 
 def test_with_tokens_a_person_signs_in_and_only_reviewers_review(tmp_path: Path) -> None:
-    shop = Shop(tmp_path, required=True)
-    part_id = shop.add()
-    turned = shop.client.get(f"/review/{part_id}?done=x")
-    assert goes_to(turned) == f"/login?to=%2Freview%2F{part_id}%3Fdone%3Dx"
-    data = {"to": f"/review/{part_id}", "secret": "tm_wrong"}
-    assert shop.client.post("/login", data=data).status_code == 403
-    looker = shop.store.add_token("looker", [Scope.READ])
-    answer = shop.client.post("/login", data={**data, "secret": looker})
-    assert goes_to(answer) == f"/review/{part_id}"
-    assert "httponly" in answer.headers["set-cookie"].lower()
-    assert "lets you look, not review" in shop.client.get(f"/review/{part_id}").text
-    denied = shop.client.post(f"/review/{part_id}", data={"text": "A", "who": "E"})
-    assert denied.status_code == 403
-    assert "allows read" in denied.text
-    shop.client.post("/logout")
-    assert shop.client.get("/review").status_code == 303
-    reviewer = shop.store.add_token("reviewer", [Scope.READ, Scope.REVIEW])
-    shop.client.post("/login", data={**data, "secret": reviewer})
-    assert "Signed as <b>reviewer</b>" in shop.client.get(f"/review/{part_id}").text
-    assert shop.say(part_id, "KX407251") == 303
-    assert shop.store.story(part_id).reviews[-1].token == "reviewer"
-    shop.store.close()
+    with contextlib.closing(Shop(tmp_path, tokens="on")) as shop:
+        part_id = shop.add()
+        turned = shop.client.get(f"/review/{part_id}?done=x")
+        assert goes_to(turned) == f"/login?to=%2Freview%2F{part_id}%3Fdone%3Dx"
+        data = {"to": f"/review/{part_id}", "secret": "tm_wrong"}
+        assert shop.client.post("/login", data=data).status_code == 403
+        looker = shop.store.add_token("looker", [Scope.READ])
+        answer = shop.client.post("/login", data={**data, "secret": looker})
+        assert goes_to(answer) == f"/review/{part_id}"
+        assert "httponly" in answer.headers["set-cookie"].lower()
+        assert "lets you look, not review" in shop.client.get(f"/review/{part_id}").text
+        denied = shop.client.post(f"/review/{part_id}", data={"text": "A", "who": "E"})
+        assert denied.status_code == 403
+        assert "allows read" in denied.text
+        shop.client.post("/logout")
+        assert shop.client.get("/review").status_code == 303
+        reviewer = shop.store.add_token("reviewer", [Scope.READ, Scope.REVIEW])
+        shop.client.post("/login", data={**data, "secret": reviewer})
+        assert "Signed as <b>reviewer</b>" in shop.client.get(f"/review/{part_id}").text
+        assert shop.say(part_id, "KX407251") == 303
+        assert shop.store.story(part_id).reviews[-1].token == "reviewer"
 
 
 def felt(direction_deg: int, line_mm: tuple[float, ...], stage_s: float, **more: object) -> PassRecord:

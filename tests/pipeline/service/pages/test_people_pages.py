@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fastapi.testclient import TestClient
+from starlette.testclient import TestClient
 
 from pipeline.common.records import EvidenceKind, PartState
 from tests.support.page_shop import Shop, goes_to, reading
@@ -17,16 +17,14 @@ SERIAL = "KX407251"
 
 @pytest.fixture
 def shop(tmp_path: Path) -> Iterator[Shop]:
-    made = Shop(tmp_path)
-    with contextlib.closing(made.store):
+    with contextlib.closing(Shop(tmp_path)) as made:
         yield made
 
 
 @pytest.fixture
 def strict(tmp_path: Path) -> Iterator[Shop]:
     """Where two people must agree."""
-    made = Shop(tmp_path, second_reader=True)
-    with contextlib.closing(made.store):
+    with contextlib.closing(Shop(tmp_path, review={"second_reader": True})) as made:
         yield made
 
 
