@@ -27,7 +27,7 @@ from whisker_array.scan.scan import Scan
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 HEIGHT_MM = 5.0
 PITCH_MM = HEIGHT_MM / 60
-SHAPE = (200, 700)
+SHAPE = (160, 480)
 Readers = Callable[..., Reader]
 
 
@@ -82,12 +82,12 @@ def test_a_picture_of_something_else_has_no_text(reader: Readers, name: str) -> 
     assert is_nothing(reader(format="AA999999").vision.read_photo(photo))
 
 
-@pytest.mark.parametrize(("text", "accepted"), [("KX407251", True), ("K%407251", False)])
+@pytest.mark.parametrize(("text", "accepted"), [("KX40", True), ("K%40", False)])
 def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters(
     reader: Readers, text: str, accepted: bool
 ) -> None:
     part = stamp(text, font=DEJAVU, height_mm=HEIGHT_MM, seed=3)
-    found = reader(format="AA999999").touch.read_height_map(part.height_map)
+    found = reader(format="AA99").touch.read_height_map(part.height_map)
     assert (found.decision is Decision.ACCEPT) == accepted
     place = 1 + next((k for k, char in enumerate(text) if not char.isalnum()), -1)
     assert accepted or any(f"at place {place}" in message for message in found.messages())

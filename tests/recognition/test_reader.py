@@ -63,17 +63,6 @@ def plain(make_part: Make, reader: Readers) -> tuple[StampedPart, Reading]:
     return part, reader().read(part.height_map)
 
 
-@pytest.mark.parametrize("fidelity", list(Fidelity))
-def test_a_stamped_plate_is_read_at_either_fidelity(
-    fidelity: Fidelity, make_part: Make, reader: Readers
-) -> None:
-    part = make_part("HM50R3X8", seed=2)
-    found = reader(fidelity=fidelity).read(part.height_map)
-    check(found, part)
-    assert found.trace.scan is not None
-    assert found.trace.scan.fidelity == fidelity.value
-
-
 def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
     part, found = plain
     check(found, part)
@@ -90,6 +79,8 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
     boxes = [c.box for c in found.characters]
     assert all(a.x0_mm < b.x0_mm and a.x1_mm < b.x1_mm for a, b in pairwise(boxes))
     assert set(found.trace.by_expert) >= {"network", "templates"}
+    assert found.trace.scan is not None
+    assert found.trace.scan.fidelity == Fidelity.CONTACT.value
     assert found.trace.line is not None
     # templates settle the height of the line that was found by at most a twentieth
     assert found.height_mm == pytest.approx(found.trace.line.height_mm, rel=0.06)
@@ -111,14 +102,15 @@ def test_candidates_are_sorted_and_their_shares_are_beliefs(
 @pytest.mark.parametrize(
     ("made", "known"),
     [
-        ({"pitch_mm": 0.02}, {}),
-        ({"pitch_mm": 0.15}, {}),
+        ({"pitch_mm": 0.02}, KNOWN),
+        ({"pitch_mm": 0.15}, KNOWN),
         ({"height_mm": 2.5}, {}),
         ({"height_mm": 10.0}, {}),
-        ({"face": "round"}, {}),
-        ({"text": "AB 123"}, {"format": "AA 999"}),
-        ({"text": "AB 123"}, {"format": None}),
+        ({"face": "round"}, KNOWN),
+        ({"text": "AB 123"}, {"format": "AA 999", "height_mm": 5.0}),
+        ({"text": "AB 123"}, {"format": None, "height_mm": 5.0}),
         ({}, {"fonts": ()}),
+        ({}, {"fidelity": Fidelity.POINTWISE, **KNOWN}),
     ],
 )
 def test_parts_of_all_kinds_are_accepted(
@@ -134,12 +126,12 @@ def test_parts_of_all_kinds_are_accepted(
 def test_other_faces_are_read_for_review(face: str, make_part: Make, reader: Readers) -> None:
     # templates are of a flat face: the text is right, but nobody should trust it unseen
     part = make_part(face=face)
-    check(reader(format="A9A99").read(part.height_map), part, accepted=False)
+    check(reader(**KNOWN).read(part.height_map), part, accepted=False)
 
 
 def test_raised_marks(make_part: Make, reader: Readers) -> None:
     part = make_part(raised=True)
-    reading = reader().read(part.height_map)
+    reading = reader(**KNOWN).read(part.height_map)
     check(reading, part)
     assert reading.raised
     # their height is their depth, by a die of 0.2 mm
@@ -155,7 +147,7 @@ def test_a_tilted_plate(make_part: Make, reader: Readers) -> None:
 
 
 def test_a_turned_line(make_part: Make, reader: Readers) -> None:
-    part = make_part("K7B29X4", line_rotation_deg=-8.0)
+    part = make_part(line_rotation_deg=-8.0)
     reading = reader().read(part.height_map)
     check(reading, part)
     assert reading.rotation_deg == pytest.approx(-8.0, abs=LEAN_SHARE * 8.0)
@@ -163,8 +155,8 @@ def test_a_turned_line(make_part: Make, reader: Readers) -> None:
 
 def test_a_slanted_line(make_part: Make, reader: Readers) -> None:
     """Its height is known less well than a level one's: it was learned on those."""
-    reading = reader().read(make_part("K7B29X4", line_rotation_deg=-140.0).height_map)
-    assert (reading.text, reading.decision) == ("K7B29X4", Decision.ACCEPT)
+    reading = reader().read(make_part(line_rotation_deg=-140.0).height_map)
+    assert (reading.text, reading.decision) == ("K7B29", Decision.ACCEPT)
     assert reading.rotation_deg == pytest.approx(-140.0, abs=LEAN_SHARE * 30.0)
 
 
@@ -197,21 +189,21 @@ def test_fewer_directions_still_read(
 
 def test_a_format_with_a_literal(make_part: Make, reader: Readers) -> None:
     part = make_part("AB-123")
-    reading = reader(format="AA-999").read(part.height_map)
+    reading = reader(format="AA-999", height_mm=5.0).read(part.height_map)
     check(reading, part)
     assert [c.char for c in reading.characters[2].candidates] == ["-"]
 
 
 def test_a_format_leaves_only_what_it_allows(make_part: Make, reader: Readers) -> None:
     part = make_part("B8O0I1", seed=6)
-    reading = reader(format="A9A9A9").read(part.height_map)
+    reading = reader(format="A9A9A9", height_mm=5.0).read(part.height_map)
     check(reading, part, accepted=False)
     for k, character in enumerate(reading.characters):
         assert all(c.char.isdigit() == (k % 2 == 1) for c in character.candidates)
 
 
 def empty_plate() -> HeightMap:
-    x, y = np.arange(300) * 0.08, np.arange(140) * 0.08
+    x, y = np.arange(200) * 0.08, np.arange(100) * 0.08
     rng = np.random.default_rng(2)
     plate = PlateVariation()
     return HeightMap(plate_form(x, y, plate, rng=rng) + plate_texture(x, y, plate, rng=rng), 0.08)

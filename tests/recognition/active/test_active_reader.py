@@ -149,7 +149,7 @@ class WithDeadWhisker(SimulatedSession):
 
 def test_a_whisker_that_is_dead_is_named() -> None:
     # with it the text is not sure within the budget, and every pass of it is felt
-    found = ActiveReader(reader(), ActiveSettings(budget_s=8.0)).read(mounted(part(), WithDeadWhisker))
+    found = ActiveReader(reader(), ActiveSettings(budget_s=5.0)).read(mounted(part(), WithDeadWhisker))
     assert ReadingFlag.WHISKER_FAULTY in found.reading.flags
     assert any("whisker 2, dead whisker" in message for message in found.reading.messages())
     assert found.reading.text == TEXT or found.reading.decision is not Decision.ACCEPT

@@ -19,7 +19,7 @@ from recognition.decision.certification import (
 )
 
 RISK, CONFIDENCE = 0.05, 0.9
-RUNS, PARTS = 300, 300
+RUNS, PARTS = 200, 300
 Floats = np.ndarray
 
 
@@ -112,7 +112,7 @@ def test_the_true_risk_is_exceeded_in_no_more_runs_than_said(
         # confidences as readers have them: most near 1
         return 1.0 - 0.5 * rng.beta(1.0, 2.0 * sure, size=n) ** sure
 
-    many = np.sort(drawn(400_000))[::-1]
+    many = np.sort(drawn(100_000))[::-1]
     true_risk = np.cumsum(wrong_at(many)) / np.arange(1, many.size + 1)
     exceeded = 0
     for _ in range(RUNS):

@@ -58,7 +58,7 @@ def test_what_is_known_removes_ways(
     assert ways_possible(orientation, rows_known=rows_known, turned_deg=turned_deg) == ways
 
 
-@pytest.mark.parametrize("text", ["335305", "822800", "528022"])
+@pytest.mark.parametrize("text", ["335305", "822800"])
 def test_digits_that_mirror_into_others_are_not_accepted_mirrored(text: str) -> None:
     view = view_of(text, mirrored=True)
     reading, lines = read(view, "999999")

@@ -77,7 +77,7 @@ def check_chain(case: Case, placed: tuple[Placed, ...], total: float) -> None:
     assert earned == pytest.approx(total, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(cases())
 def test_a_free_chain_earns_what_the_best_of_all_earns(case: Case) -> None:
     reward, half, rules = case
@@ -87,7 +87,7 @@ def test_a_free_chain_earns_what_the_best_of_all_earns(case: Case) -> None:
     check_chain(case, placed, total)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(cases(), st.data())
 def test_a_fixed_format_earns_what_the_best_of_all_earns(case: Case, data: st.DataObject) -> None:
     reward, half, rules = case
@@ -144,7 +144,7 @@ def earned_by(chain: list[tuple[int, int]], case: Case, spacing: Spacing) -> flo
     return total
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(cases(), st.data())
 def test_pairs_spaced_as_usual_earn_what_the_best_pair_earns(case: Case, data: st.DataObject) -> None:
     # two places: of chains that end alike only the best is followed up, which is all of them for a pair's sake

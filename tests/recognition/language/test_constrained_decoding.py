@@ -75,7 +75,7 @@ def weight_of(lattice: Lattice, text: str) -> float:
 
 
 @pytest.mark.parametrize("name", CASES)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(data=st.data(), k=st.integers(1, 6))
 def test_as_by_writing_every_string_out(name: str, data: st.DataObject, k: int) -> None:
     texts, chars, allowed = CASES[name]

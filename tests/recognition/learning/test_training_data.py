@@ -46,7 +46,6 @@ def test_a_part_is_drawn_again_from_its_seed(made: TrainingPart) -> None:
     np.testing.assert_array_equal(again.part.height_map.z_mm, made.part.height_map.z_mm)
     for one, other in zip(again.scan.sweeps, made.scan.sweeps, strict=True):
         np.testing.assert_array_equal(one.moment_n_mm, other.moment_n_mm)
-    assert drawn(SEED + 1).part.text != made.part.text
 
 
 def test_soils_are_those_learned_from(made: TrainingPart) -> None:

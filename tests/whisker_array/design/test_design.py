@@ -53,6 +53,13 @@ def made() -> Design:
     return design_whisker(ASKED)
 
 
+@pytest.fixture(autouse=True)
+def _one_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All searches but that of `made` start once: they find the same whiskers as from five starts."""
+    for module in ("design", "tuned"):
+        monkeypatch.setattr(f"whisker_array.design.{module}._STARTS", 1)
+
+
 def feasible(whisker: LShaped, preload_mm: float, request: Request, limits: Limits) -> bool:
     checked = check(whisker, request, limits, preload_mm=preload_mm)
     return all(row.slack >= 0.0 for row in checked.rows())
@@ -117,7 +124,7 @@ def test_no_feasible_whisker_by_chance_is_better(made: Design) -> None:
     w = made.whisker
     axis = w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm
     found = 0
-    for spread in np.repeat([0.02, 0.1, 0.5], 300):
+    for spread in np.repeat([0.02, 0.1, 0.5], 120):
         a = np.exp(spread * rng.standard_normal(7))
         l1, l2, beta = w.l1_mm * a[0], w.l2_mm * a[1], w.beta_rad * a[2]
         l3 = l1 * math.sin(beta) + l2 - axis * a[3]

@@ -62,7 +62,7 @@ def test_a_worn_tip_is_named_on_a_test_piece_that_is_alike_under_all_whiskers() 
     assert "look at its tip" in fault.text
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_sound_recordings_are_left_alone(ideal: Scan, seed: int) -> None:
     scan = faulty(ideal, None, seed=seed)
     assert find_faults(scan) == ()

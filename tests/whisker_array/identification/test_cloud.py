@@ -18,6 +18,7 @@ from whisker_array.identification.cloud import Plane, plane_through
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.misses import sample_sigma_n_mm
 from whisker_array.identification.traces import Trace, traces_of
+from whisker_array.scan.scan import Scan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch, default_touch
@@ -47,8 +48,12 @@ class Stub:
         return [(1.0 + self.slopes(t) @ off + jump, np.zeros((2, t.felt_n_mm.size))) for t in self.traces]
 
 
-def stub(jump_n_mm: float = 0.0) -> Stub:
-    scan = recorded(PIECE)
+@pytest.fixture(scope="module")
+def scan() -> Scan:
+    return recorded(PIECE)
+
+
+def stub(scan: Scan, jump_n_mm: float = 0.0) -> Stub:
     start = nominal_bench(scan.touch, scan.touch, n_whiskers=scan.n_whiskers)
     traces = traces_of(scan, about=start, largest_n_mm=1e3, most=4)
     return Stub(traces, scan.touch, start, jump_n_mm)
@@ -72,9 +77,9 @@ def laid(model: Stub, *, width: float, turns: int = 1) -> Plane:
     )
 
 
-def test_a_plane_is_laid_through_what_is_plane() -> None:
+def test_a_plane_is_laid_through_what_is_plane(scan: Scan) -> None:
     """No error but that of proportions, second order in a width of 1e-4: below 1e-3 of a slope."""
-    model = stub()
+    model = stub(scan)
     plane = laid(model, width=1e-4)
     for trace, moment, by, sigma in zip(model.traces, plane.moment, plane.jacobian, plane.sigma, strict=True):
         felt = ~np.isnan(trace.felt_n_mm)
@@ -84,9 +89,9 @@ def test_a_plane_is_laid_through_what_is_plane() -> None:
         assert not by[~felt].any()
 
 
-def test_what_jumps_within_the_cloud_is_roughness() -> None:
+def test_what_jumps_within_the_cloud_is_roughness(scan: Scan) -> None:
     """The sign of a fast wave scatters by its size; 288 points tell that within a tenth."""
-    model = stub(jump_n_mm=0.2)
+    model = stub(scan, jump_n_mm=0.2)
     plane = laid(model, width=0.01, turns=16)
     rough = []
     for trace, sigma in zip(model.traces, plane.sigma, strict=True):
@@ -96,10 +101,9 @@ def test_what_jumps_within_the_cloud_is_roughness() -> None:
     assert np.median(np.concatenate(rough)) == pytest.approx(0.2, rel=0.1)
 
 
-def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind() -> None:
+def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(scan: Scan) -> None:
     """The tangent is the piece's shift, the prediction another place: alike within a fifth, for walls have kinks;
     a line along a groove feels nothing of it but the rounding of maps."""
-    scan = recorded(PIECE)
     about = nominal_bench(scan.touch, scan.touch, n_whiskers=scan.n_whiskers)
     traces = traces_of(scan, about=about, largest_n_mm=1e3, most=16)
     forward = Forward(

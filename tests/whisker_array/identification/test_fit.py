@@ -22,13 +22,19 @@ from whisker_array.identification.bench import (
 from whisker_array.identification.fit import IdentifyError, identify
 from whisker_array.identification.piece_map import heights_of
 from whisker_array.scan.calibration import Calibration
+from whisker_array.scan.scan import Scan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
 
 PIECE = Piece(angle_deg=(45.0, 30.0), floor_mm=1.0, land_mm=1.5)
-COARSE_MM, FINER_MM = 0.02, 0.01
-"""For what does not ask how near the numbers are."""
+COARSE_MM, FINER_MM = 0.02, 0.016
+"""Grids of the fit. The coarse one is for what does not ask how near the numbers are."""
 FEW = (Unknown.STIFFNESS, Unknown.RADIUS, Unknown.PRELOAD, Unknown.FRICTION)
+
+
+@pytest.fixture(scope="module")
+def scan() -> Scan:
+    return recorded(PIECE)
 
 
 def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
@@ -50,8 +56,7 @@ def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
     assert Unknown.FRICTION not in undetermined(found)
 
 
-def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
-    scan = recorded(PIECE)
+def test_gains_that_a_bench_has_shown_tell_the_stiffness(scan: Scan) -> None:
     how: Any = {"whisker": default_whisker(5.0), "grid_mm": COARSE_MM, "only": FEW}
     loose = identify(scan, PIECE.height_mm, **how)
     shown = Calibration(loose.bench.gain, np.zeros(scan.n_whiskers))
@@ -62,8 +67,7 @@ def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
     assert known.repeated[k, k] < 0.7 * loose.repeated[k, k]
 
 
-def test_too_few_passes_are_refused() -> None:
-    scan = recorded(PIECE)
+def test_too_few_passes_are_refused(scan: Scan) -> None:
     one = scan.sweeps[0]
     two = replace(
         one,

@@ -282,7 +282,7 @@ def strain_energy(whisker: LShaped, exact: LargeDeflection) -> float:
     return float(total)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(whisker=whiskers, share=st.floats(0.01, 0.2), mu=st.floats(0.0, 0.4), alpha=st.floats(-0.6, 0.5))
 def test_work_of_the_contact_is_the_strain_energy(
     whisker: LShaped, share: float, mu: float, alpha: float
@@ -354,7 +354,7 @@ def test_snapping_through_is_told_where_it_is() -> None:
                 c, n = math.cos(rest + v[0]), math.sin(rest + v[0])
                 return [-v[1] / ei, force * (c * fy - n * fx), -c, -n]
 
-            run = integrate.solve_ivp(rate, (0.0, length), state, method="DOP853", rtol=1e-8, atol=1e-10)
+            run = integrate.solve_ivp(rate, (0.0, length), state, method="DOP853", rtol=1e-6, atol=1e-8)
             state = run.y[:, -1]
         return state
 
