@@ -25,6 +25,9 @@ from pipeline.bench.settings import BenchSettings, StageSettings
 from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.passes import Pass
 
+_COMB_TOLERANCE_MM = 0.01
+_AXES = "XYZ"
+
 
 @dataclass(frozen=True)
 class Ramp:
@@ -67,10 +70,6 @@ class Ramp:
         early = 0.5 * self.acceleration_mm_s2 * np.minimum(t, up) ** 2
         late = 0.5 * self.acceleration_mm_s2 * np.maximum(t - (total - up), 0.0) ** 2
         return np.asarray(early + peak * np.maximum(t - up, 0.0) - late)
-
-
-_COMB_TOLERANCE_MM = 0.01
-_AXES = "XYZ"
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,11 @@ from pipeline.bench.moves import Moves
 from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.passes import Pass
 
+_LATE_S = 0.03
+"""Tolerance of the time the output is set beyond the duration of the move: firmware planning and a sample or two."""
+_LONGER = 0.02
+"""Further tolerance, as a share of the duration of the move."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -70,12 +75,6 @@ class Daq(Protocol):
 
     def close(self) -> None:
         """Let it go; closing again does nothing."""
-
-
-_LATE_S = 0.03
-"""Tolerance of the time the output is set beyond the duration of the move: firmware planning and a sample or two."""
-_LONGER = 0.02
-"""Further tolerance, as a share of the duration of the move."""
 
 
 def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:

@@ -39,7 +39,6 @@ def design(
     accuracy: float = 0.98,
     dirt: float = 0.3,
     length_mm: float | None = None,
-    speed_error: float = 0.05,
     whiskers: str = "1,2,4,6,8,12,16,24,32,48",
 ) -> None:
     """Design the whisker that shows edges best in the worst case, and say what stands in its way.
@@ -83,8 +82,6 @@ def design(
         Of --array: severity of the dirt that this is wanted at, one that was measured.
     length_mm
         Of --array: length of the line, mm (default: that of eight characters).
-    speed_error
-        Of --array: what speed may make wrong of the edge map, a share of the signal.
     whiskers
         Of --array: numbers of whiskers to compare, separated by commas.
     """
@@ -96,9 +93,8 @@ def design(
         from whisker_array.design.array_design import ArrayRequest, design_arrays
 
         wanted = ArrayRequest(
-            character_height_mm=height_mm, accuracy=accuracy, severity=dirt, length_mm=length_mm,
-            speed_error=speed_error,
-        )  # fmt: skip
+            character_height_mm=height_mm, accuracy=accuracy, severity=dirt, length_mm=length_mm
+        )
         choices = design_arrays(wanted, sizes=_sizes(whiskers))
         print_arrays(wanted, choices)
         if picture is not None:

@@ -23,6 +23,9 @@ from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
+_SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
+"""Ranges of what can be made: named where they bind."""
+
 
 class BoundWords(NamedTuple):
     """What a limit compares, for tables, and what to change where it cannot be kept."""
@@ -101,10 +104,6 @@ def fitness(request: Request) -> dict[str, Quantity]:
 
     names = ("worst edge contrast", "F over all walls, least", "F over all walls, greatest")
     return {name: figure(number) for number, name in enumerate(names)}
-
-
-_SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
-"""Ranges of what can be made: named where they bind."""
 
 
 def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> None:

@@ -35,6 +35,18 @@ from pipeline.workers.options import WorkerSettings
 
 DEFAULT_FILE = Path("tactile-marks.toml")
 MODELS: tuple[type[Settings], ...] = (ReadSettings, WorkerSettings, ServiceSettings)
+_BEGINNING = """\
+# Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
+# Environment variables and flags go over this file; `tactile-marks serve --help-all` names them.
+"""
+_TYPES = {
+    bool: "true or false",
+    str: "text",
+    int: "whole number",
+    float: "number",
+    Path: "file or folder",
+    dict: "table",
+}
 
 
 def _flags(title: str, model: type[Settings], setting: str, example: str) -> Parameter:
@@ -185,20 +197,6 @@ def _toml_of(file: Path) -> dict[str, Any]:
         return toml_of(file)
     except FileError as error:
         raise SettingsError(f"{file} {error.what}", hint=error.hint) from error
-
-
-_BEGINNING = """\
-# Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
-# Environment variables and flags go over this file; `tactile-marks serve --help-all` names them.
-"""
-_TYPES = {
-    bool: "true or false",
-    str: "text",
-    int: "whole number",
-    float: "number",
-    Path: "file or folder",
-    dict: "table",
-}
 
 
 def settings_file() -> str:

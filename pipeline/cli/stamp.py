@@ -38,7 +38,7 @@ def list_fonts(database: Path | None = None) -> None:
         print(f"{len(content.exemplars)} enrolled exemplars")
 
 
-def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> None:
+def show(*font: str, out: Path | None = None) -> None:
     """Draw every character of fonts.
 
     Parameters
@@ -48,8 +48,6 @@ def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> None:
     out
         Picture to write, .png, .svg or .pdf. By default NAME.png here, of the only file or font that is named; else
         fonts.png.
-    height_mm
-        Character height, mm: strokes of small characters are wider.
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
     from pipeline.plots.fonts_picture import sheet_figure
@@ -57,7 +55,7 @@ def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> None:
     out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
     check_writable(out, PICTURES)
     fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
-    write_picture(sheet_figure(fonts, height_mm=height_mm), out)
+    write_picture(sheet_figure(fonts), out)
 
 
 def build(out: Path, *font: str) -> None:

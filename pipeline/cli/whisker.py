@@ -29,7 +29,6 @@ def scan(
     height_mm: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1000))] = None,
     fidelity: FidelityName = "contact",
     noise: bool = True,
-    memory: bool = True,
     seed: int = 0,
     whisker: Path | None = None,
     friction: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None,
@@ -55,9 +54,8 @@ def scan(
     fidelity
         How touch is simulated.
     noise
-        Sensors as real ones are: gains, offsets, noise, drift, 16 bits. Without it they are ideal, and so is the stage.
-    memory
-        Of those sensors, too, creep, hysteresis and a zero that shifts, and a stage with play and errors of its place.
+        Sensors as real ones are: gains, offsets, noise, drift, creep, hysteresis, 16 bits, and a stage with play and
+        errors of its place. Without it all are ideal.
     seed
         Of all that: the same seed gives the same scan.
     whisker
@@ -100,8 +98,15 @@ def scan(
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
     bench = VirtualBench(
-        surface, height, Fidelity(fidelity), noise, memory, seed, height_map.stem, friction, soil
-    )
+        surface,
+        height,
+        Fidelity(fidelity),
+        noise,
+        sensor_seed=seed,
+        part_id=height_map.stem,
+        friction=friction,
+        soil=soil,
+    )  # fmt: skip
     if active:
         return scan_actively(bench.open_session(), out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)

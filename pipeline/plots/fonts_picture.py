@@ -17,8 +17,9 @@ from glyphs.stamping.faces import Die, default_die
 from pipeline.plots.pictures import styled
 
 if TYPE_CHECKING:
-    from glyphs.fonts.glyph import Font
     from pipeline.formats.glyph_database import Exemplar
+
+_USED, _ASIDE, _SHAPE = "0.6", "#c62828", "#1b4e91"
 
 
 @styled
@@ -66,9 +67,6 @@ def _ink(
             distance[window] = np.minimum(distance[window], found)
             origin += shape.advance
     return x, y, distance
-
-
-_USED, _ASIDE, _SHAPE = "0.6", "#c62828", "#1b4e91"
 
 
 @styled

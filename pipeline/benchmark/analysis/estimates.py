@@ -18,6 +18,9 @@ from recognition.decision.certification import share_bounds
 
 RESAMPLES = 2000
 _SEED = 20240229
+# patterns of signs: those of 14 parts that differ and of the nought beside them, else so many are drawn
+_FLIPS = 2**15
+_FLIPS_SEED = 20240301
 
 
 @dataclass(frozen=True)
@@ -90,11 +93,6 @@ def bootstrap_share(right: Sequence[int], total: Sequence[int]) -> Estimate:
     return Estimate.of(k.sum() / n.sum(), again)
 
 
-# patterns of signs: those of 14 parts that differ and of the nought beside them, else so many are drawn
-_FLIPS = 2**15
-_SEED = 20240301
-
-
 @dataclass(frozen=True)
 class SerialTest:
     """McNemar's exact test: of the parts that one mode read and the other did not.
@@ -160,6 +158,6 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
         permutation_type="samples",
         vectorized=True,
         n_resamples=_FLIPS,
-        random_state=np.random.default_rng(_SEED),
+        random_state=np.random.default_rng(_FLIPS_SEED),
     )
     return CharacterTest(bootstrap_share(less, total), float(found.pvalue))

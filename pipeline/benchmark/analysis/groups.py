@@ -21,6 +21,13 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share, share
 from pipeline.common.texts import align
 
+GIVEN_FACTOR = "given"
+"""Everything given to a reader, as one factor."""
+FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
+"""Outcomes of a part: vouched for (right or wrong), left to a person, refused, or no reading for an error."""
+TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
+"""Times of a trial: the program's, of it the reading alone, of it the simulated scan; and the real array's."""
+
 
 def edits(trial: Trial) -> int:
     """Characters wrong, missing and too many."""
@@ -41,14 +48,6 @@ def mistakes(confused: Counter[tuple[str, str]]) -> list[tuple[str, str, int]]:
     """(stamped, read, how often) of different characters, the most frequent first."""
     found = [(true, read, n) for (true, read), n in confused.items() if true != read]
     return sorted(found, key=lambda m: (-m[2], m[0], m[1]))
-
-
-GIVEN_FACTOR = "given"
-"""Everything given to a reader, as one factor."""
-FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
-"""Outcomes of a part: vouched for (right or wrong), left to a person, refused, or no reading for an error."""
-TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
-"""Times of a trial: the program's, of it the reading alone, of it the simulated scan; and the real array's."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,19 @@ from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 _LAND = 0.5
 """Land added above and below a sketch to be read as a whole part, character heights."""
+LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
+"""Elevation of the lamp, degrees; its direction is drawn at random for every part."""
+SEVERAL = 4
+"""Number of lights, evenly spaced around the part, for the mode that reads several photographs."""
+COUNTS = ("parts", "parts_a_cell")
+"""Settings of a design that do not affect its parts."""
+GENERATORS = ("stamped", "sketched")
+"""Generators of marks and plates: `glyphs.part`, or `glyphs.sketch`, which varies them by itself."""
+_SPECIAL = ("generator", "soil", "severity", "light")
+_SKETCHED = (*_SPECIAL, "format", "font", "height_mm")
+"""Factors of a sketched part."""
+_MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
+_KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
 
 
 def sketch_part(
@@ -54,21 +67,6 @@ def sketch_part(
     boxes = tuple((x0 * mm, (y0 + land) * mm, x1 * mm, (y1 + land) * mm) for x0, y0, x1, y1 in made.boxes)
     stamped = StampedPart(HeightMap(surface, mm), text, height_mm, boxes, letters.name)
     return Part(stamped, soiling, key)
-
-
-LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
-"""Elevation of the lamp, degrees; its direction is drawn at random for every part."""
-SEVERAL = 4
-"""Number of lights, evenly spaced around the part, for the mode that reads several photographs."""
-COUNTS = ("parts", "parts_a_cell")
-"""Settings of a design that do not affect its parts."""
-GENERATORS = ("stamped", "sketched")
-"""Generators of marks and plates: `glyphs.part`, or `glyphs.sketch`, which varies them by itself."""
-_SPECIAL = ("generator", "soil", "severity", "light")
-_SKETCHED = (*_SPECIAL, "format", "font", "height_mm")
-"""Factors of a sketched part."""
-_MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
-_KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,10 @@ if TYPE_CHECKING:
 
 LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
+ZERO = 32768
+FINEST = 1e-4
+"""Step of a map that lies within ±3.2766: of heights a tenth of a micrometre, below what any instrument here feels."""
+_MOST = ZERO - 1
 
 
 def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -171,12 +175,6 @@ def polygon_px(box_mm: Box, view: dict[str, Any]) -> list[list[float]]:
     lines = [min(max(0.0, (v - y) / pitch), rows - 1.0) for v in (box_mm[1], box_mm[3])]
     corners = ((0, 0), (1, 0), (1, 1), (0, 1))
     return [[round(columns[i], 1), round(lines[j], 1)] for i, j in corners]
-
-
-ZERO = 32768
-FINEST = 1e-4
-"""Step of a map that lies within ±3.2766: of heights a tenth of a micrometre, below what any instrument here feels."""
-_MOST = ZERO - 1
 
 
 def step_of(values: NDArray[np.floating]) -> float:

@@ -25,12 +25,15 @@ from whisker_array.whisker.array import RasterPlan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from glyphs.surface.maps import EdgeMap
-    from pipeline.benchmark.exam.specimens import Specimen
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
+
+
+R = TypeVar("R")
+_KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
+"""Values and times that `PartReadings` keeps of each sense."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +77,6 @@ def feel_part(specimen: Specimen) -> FeltMaps:
     except MapError:
         return FeltMaps(scan, None, None, simulated_s)
     return FeltMaps(scan, edges, relief_of(scan, edges), simulated_s)
-
-
-R = TypeVar("R")
-_KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
-"""Values and times that `PartReadings` keeps of each sense."""
 
 
 class ModeUnavailableError(MarksError):

@@ -29,6 +29,11 @@ if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
 
+ACCEPTED_FROM = 0.9
+"""Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""
+_ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+_FELT = ("edges", "relief")
+_LEAST_PX = 8  # of a side: engines fail on smaller pictures
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
 _RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
@@ -178,13 +183,6 @@ def _tesseract(chars: str) -> LineReader:
         ]
 
     return read_line
-
-
-ACCEPTED_FROM = 0.9
-"""Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""
-_ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
-_FELT = ("edges", "relief")
-_LEAST_PX = 8  # of a side: engines fail on smaller pictures
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
