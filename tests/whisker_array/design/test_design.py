@@ -124,7 +124,7 @@ def test_no_feasible_whisker_by_chance_is_better(made: Design) -> None:
     w = made.whisker
     axis = w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm
     found = 0
-    for spread in np.repeat([0.02, 0.1, 0.5], 120):
+    for spread in np.repeat([0.02, 0.1, 0.5], 300):
         a = np.exp(spread * rng.standard_normal(7))
         l1, l2, beta = w.l1_mm * a[0], w.l2_mm * a[1], w.beta_rad * a[2]
         l3 = l1 * math.sin(beta) + l2 - axis * a[3]
