@@ -46,6 +46,7 @@ class CharacterRecord:
         action: what to do about the mark; empty where nothing is to be done, or it was not graded.
         depth_min_mm: depth of the mark where it is least, height of a raised one; None where it is not known.
         depth_mean_mm: likewise, on average.
+        depth_sd_mm: standard deviation of that average.
         burr_mm: height of the rim beside its strokes above the land; None where it is not known.
     """
 
@@ -58,6 +59,7 @@ class CharacterRecord:
     action: str = ""
     depth_min_mm: float | None = None
     depth_mean_mm: float | None = None
+    depth_sd_mm: float | None = None
     burr_mm: float | None = None
 
     @property

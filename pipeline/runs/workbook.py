@@ -32,7 +32,7 @@ _PARTS = {"Part": 28, "Serial": 18, "Decision": 11, "Confidence": 12, "Why": 90}
 _CHARACTERS = (
     "Part", "Place", "Read", "Probability",
     *(name for k in range(2, _CANDIDATES + 1) for name in (f"Candidate {k}", f"Probability {k}")),
-    "State", "Grade", "Action", "Shallowest mm", "Mean depth mm",
+    "State", "Grade", "Action", "Shallowest mm", "Mean depth mm", "Depth sd mm",
 )  # fmt: skip
 _COLOURS = {"accept": "C6EFCE", "review": "FFEB9C", "reject": "FFC7CE", "error": "FFC7CE"}
 _UNSAFE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -145,7 +145,7 @@ def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
         candidates += [None] * (2 * _CANDIDATES - len(candidates))
         yield (
             record.part, number, *candidates,
-            place.state, place.grade, place.action, place.depth_min_mm, place.depth_mean_mm,
+            place.state, place.grade, place.action, place.depth_min_mm, place.depth_mean_mm, place.depth_sd_mm,
         )  # fmt: skip
 
 

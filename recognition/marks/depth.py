@@ -32,6 +32,7 @@ as wrong as the lift of the land: h_land / d0. Height maps are levelled before t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -67,12 +68,14 @@ class MarkDepth:
         max_mm: the deepest tenth reaches this.
         burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
             of a raised mark how deep a rim is sunk. None where it is not known.
+        sd_mm: standard deviation of the mean depth from that of the clean mark; None where it is not known.
     """
 
     mean_mm: float
     min_mm: float
     max_mm: float
     burr_mm: float | None = None
+    sd_mm: float | None = None
 
 
 def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
@@ -136,6 +139,8 @@ def _depth(
     *,
     shallow_percent: float = 10.0,
     sideways_heights: float = 0.03,
+    least_sd_mm: float = 1e-3,
+    sd_of_scatter: float = 9.0,
 ) -> MarkDepth | None:
     """Depth of one character; None where too little of it or of the land beside it was felt.
 
@@ -148,10 +153,15 @@ def _depth(
             of a character is a quarter or more of its line and shows in full, a tenth is as short as a crossing, a
             stroke's end or a bad sample.
         sideways_heights: search radius across a stroke for its middle, character heights.
+        least_sd_mm: standard deviation of a clean mark's depth.
+        sd_of_scatter: increase of it with the scatter of the land: dirt that makes the land uneven fills strokes, too.
+            Of 1,251 characters, 3.2 to 7 mm high, under eight soils 76 % lie within a standard deviation and 90 %
+            within two; of those under worn plates 41 and 55 %, for wear leaves the land even.
     """
-    plane = _plane(mark, depth, land, height) if len(mark.points) else None
-    if plane is None:
+    found = _plane(mark, depth, land, height) if len(mark.points) else None
+    if found is None:
         return None
+    plane, scatter_mm = found
     aside = sideways_heights * height * np.linspace(-1.0, 1.0, 13)
     below = across(depth, mark.points, mark.normals, aside, plane)
     known = np.isfinite(below).all(axis=0)
@@ -159,7 +169,8 @@ def _depth(
         return None
     along = np.maximum(deepest(below[:, known]), 0.0)
     low, high = np.percentile(along, (shallow_percent, DEEP_PERCENT))
-    return MarkDepth(float(along.mean()), float(low), float(high), _burr_mm(mark, depth, plane, height))
+    burr_mm, sd_mm = _burr_mm(mark, depth, plane, height), math.hypot(least_sd_mm, sd_of_scatter * scatter_mm)
+    return MarkDepth(float(along.mean()), float(low), float(high), burr_mm, sd_mm)
 
 
 def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float | None:
@@ -206,8 +217,10 @@ def _plane(
     reach_heights: float = 0.35,
     most_samples: int = 400,
     least_samples: int = 30,
-) -> Floats | None:
-    """Level and slopes (per sample, along rows and columns) of the land about a character; None without enough of it.
+) -> tuple[Floats, float] | None:
+    """Level and slopes (per sample, along rows and columns) of the land about a character, and its scatter.
+
+    None without enough of it.
 
     Args:
         mark: the character.
@@ -227,7 +240,9 @@ def _plane(
     row, col = at[:: -(-len(at) // most_samples)].T
     middle = mark.points.mean(axis=0)
     level, down, right = robust_plane(depth[row, col], row - middle[0], col - middle[1])
-    return np.array([level - down * middle[0] - right * middle[1], down, right])
+    plane = np.array([level - down * middle[0] - right * middle[1], down, right])
+    off = depth[row, col] - plane @ (np.ones_like(row), row, col)
+    return plane, 1.4826 * float(np.median(np.abs(off - np.median(off))))
 
 
 def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:

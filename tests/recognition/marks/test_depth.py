@@ -168,6 +168,17 @@ def test_raised_marks_have_a_height(gothic: Font) -> None:
 # ---------------------------------------------------------------------------------------------------- made up
 
 
+@pytest.mark.parametrize("noise_mm", [0.0, 0.001, 0.004])
+def test_the_uneven_land_says_how_uncertain_a_depth_is(
+    noise_mm: float, flat: tuple[StampedPart, Relief], gothic: Font
+) -> None:
+    part, relief = flat
+    noise = np.random.default_rng(1).normal(0.0, noise_mm, relief.height_mm.shape).astype(np.float32)
+    rough = replace(relief, height_mm=relief.height_mm + noise)
+    found = [d.sd_mm for d in depths_of(rough, part, gothic) if d is not None]
+    assert np.array(found) == pytest.approx(np.hypot(0.001, 9.0 * noise_mm), rel=0.25)
+
+
 @pytest.mark.parametrize(
     ("off_mm", "turn_deg"), [(0.0, 0.0), (0.2, 0.0), (-0.2, 0.0), (0.1, 1.5), (0.0, -2.0)]
 )
