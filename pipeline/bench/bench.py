@@ -1,4 +1,4 @@
-"""A bench that is open, and the part on it, felt pass by pass.
+"""A bench that is open, and the part on it, felt pass by pass, or over a whole region.
 
     with Bench(read_bench(path)) as bench:
         bench.home()

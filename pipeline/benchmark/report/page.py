@@ -1,4 +1,4 @@
-"""Pages of a benchmark: self-contained templates with their values."""
+"""Pages of a benchmark and of a certificate: self-contained templates with their values."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def mark_characters(trial: Trial) -> list[tuple[str, bool]]:
 
 
 def write_certificate_page(certificate: Certificate, path: Path) -> None:
-    """Write the page.
+    """Write the page of a certificate: its statement, its evidence, and its scope.
 
     Args:
         certificate: of which.

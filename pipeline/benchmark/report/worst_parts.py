@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.benchmark.analysis.groups import characters_right
@@ -20,6 +19,7 @@ from pipeline.benchmark.report.charts import data_uri
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
 from pipeline.plots.pictures import reading_panels
+from recognition.decision.picture import photo_panel
 
 SHOWN = 12
 _OWN_MODES = ("fused", "tactile", "vision")
@@ -105,14 +105,8 @@ def _figure(senses: PartReadings) -> Figure:
     figure = Figure(figsize=(10.5, 1.75) if photographed else (8.0, 2.0), layout="constrained")
     axes = list(figure.subplots(1, 3 if photographed else 2))
     if photographed:
-        _photo_panel(axes.pop(0), senses)
+        photo_panel(axes.pop(0), photo=senses.photo, reading=None)
     reading_panels(axes[-2], axes[-1], senses.touch)
     for each in figure.axes:
         each.set(xlabel="", ylabel="", xticks=[], yticks=[])
     return figure
-
-
-def _photo_panel(axes: Axes, senses: PartReadings) -> None:
-    pixels = senses.photo.eight_bit
-    axes.imshow(pixels, cmap="gray" if pixels.ndim == 2 else None, vmin=0, vmax=255)
-    axes.set_title("photograph", fontsize=9, loc="left")
