@@ -2,40 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from glyphs.errors import FileError
 from pipeline.common.output_paths import write_table
 from pipeline.formats.manifest import COLUMNS, SEVERAL
 from pipeline.formats.part_files import PartFiles, absolute
-from pipeline.runs.journal import set_aside, writing
+from pipeline.runs.journal import writing
 
 _COLUMNS = (*COLUMNS, "problem")
-_HEAD = ",".join(_COLUMNS).encode()
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
-
-
-def begin_quarantine(path: Path, *, resumed: bool) -> None:
-    """Make room for the list of a run; a list of an earlier run is moved to the same name with a ~.
-
-    Args:
-        path: of the CSV.
-        resumed: a list that is there is of this run, which writes it anew.
-
-    Raises:
-        FileError: what is there is no such list, or cannot be moved or read.
-    """
-    with writing(path):
-        head = b""
-        with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
-            head = stream.read(len(_HEAD))
-        if not _HEAD.startswith(head):
-            raise FileError(path, "is not a list of bad parts", "name another file for it")
-        if not resumed:
-            set_aside(path, head=_HEAD + b"\r\n")
 
 
 def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:

@@ -21,10 +21,10 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.triage import ReadPart
-from pipeline.runs.journal import resumable, set_aside
+from pipeline.runs.journal import resumable, set_aside, writing
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
-from pipeline.runs.quarantine import begin_quarantine, write_quarantine
+from pipeline.runs.quarantine import write_quarantine
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass
 from pipeline.runs.store_target import RunStore
@@ -163,8 +163,9 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
             table, bad = Path(f"tactile-marks-{key}"), Path("parts.quarantine.csv")
         written = options.out is not None and options.store is None
         journal = stack.enter_context(RunJournal(table, description, written=written))
-        if bad is not None:
-            begin_quarantine(bad, resumed=journal.resumed)
+        if bad is not None and not journal.resumed:
+            with writing(bad):
+                set_aside(bad)
         with ExitStack() as inner:
             run = Run(journal, bad)
             if options.store is not None:

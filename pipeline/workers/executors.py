@@ -4,7 +4,8 @@
 
 * Every task has one outcome: its result, its exception, or WorkerLostError.
 * Only the few tasks at work are taken, so there may be any number of them.
-* A task that loses its worker is tried once more, by itself; where it loses that one too it is given up. Others go on.
+* A task that loses its worker is tried once more, by itself, after the others; where it loses that one too it is given
+  up.
 """
 
 from __future__ import annotations
@@ -86,8 +87,8 @@ class Executor:
         waiting, shared = iter(tasks), self._shared(order)
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         held: dict[Any, T] = {}
-        lost: list[Outcome[T, R]] = []
-        alone = False  # a task is tried again, by itself
+        lost: list[T] = []
+        tried = False
 
         def hand_over(given: Iterable[T]) -> None:
             for task in given:
@@ -95,29 +96,29 @@ class Executor:
                 held[future] = task
                 future.add_done_callback(done.put)
 
+        def next_outcome() -> Outcome[T, R]:
+            future = self._next(done)
+            raise_interrupt()
+            return self._outcome(future, held.pop(future))
+
         hand_over(islice(waiting, self._ahead()))
-        while held or lost:
-            if held:
-                future = self._next(done)
-                raise_interrupt()
-                outcome: Outcome[T, R] = self._outcome(future, held.pop(future))
-                error = outcome.error
-                again = isinstance(error, WorkerLostError) and not (error.timed_out or error.unstarted)
-                if again and not alone:
-                    lost.append(outcome)
-                    continue
-            else:
-                outcome = lost.pop()
-                # one lost without others, in an executor that tries again itself, has killed each of its workers
-                if alone or lost or not getattr(outcome.error, "tried", False):
-                    alone = True
-                    hand_over([outcome.task])
-                    continue
-            alone = alone and bool(held or lost)
-            if not (alone or lost):
-                hand_over(islice(waiting, max(0, self._ahead() - len(held))))
+        while held:
+            outcome = next_outcome()
+            hand_over(islice(waiting, max(0, self._ahead() - len(held))))
+            error = outcome.error
+            if isinstance(error, WorkerLostError) and not (error.timed_out or error.unstarted):
+                lost.append(outcome.task)
+                tried, last = error.tried, outcome
+                continue
             # where this process works itself, the next one is there because it was done before this one is told
             yield replace(outcome, more=self._ahead() > 1 and not done.empty())
+        if tried and len(lost) == 1:
+            # lost without others, in an executor that tries again itself: it has killed each of its workers
+            yield last
+            return
+        for task in lost:
+            hand_over([task])
+            yield next_outcome()
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
         """Begin a call of the function, and return its future."""

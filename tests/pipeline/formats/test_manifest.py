@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ from pipeline.common.row import row_of
 from pipeline.formats.find_parts import discover
 from pipeline.formats.manifest import COLUMNS, read_manifest
 from pipeline.formats.part_files import PartFiles
-from pipeline.runs.quarantine import begin_quarantine, write_quarantine
+from pipeline.runs.quarantine import write_quarantine
 
 
 def table(folder: Path, text: str | bytes) -> str:
@@ -146,16 +145,8 @@ BAD = [
 ]
 
 
-def quarantined(path: Path, parts: Iterable[PartFiles], *, resumed: bool = False) -> None:
-    begin_quarantine(path, resumed=resumed)
-    problem = "is damaged,\nor worse; copy it again"
-    write_quarantine(path, [(part, f"{part.files[0]}: {problem}") for part in parts])
-
-
 def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
-    begin_quarantine(path, resumed=False)
-    assert not path.exists()
     write_quarantine(path, [(part, "is damaged; copy it again") for part in BAD])
     again = read_manifest(str(path))
     assert again[0] == PartFiles(
@@ -164,38 +155,14 @@ def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
     assert again[1:] == BAD[1:]
     with path.open(encoding="utf-8", newline="") as stream:
         assert next(csv.DictReader(stream))["problem"] == "is damaged; copy it again"
-
-
-def test_a_run_taken_up_goes_on_with_its_list(tmp_path: Path) -> None:
-    path = tmp_path / "bad.csv"
-    quarantined(path, BAD[:2])
-    quarantined(path, BAD, resumed=True)
-    assert [p.name for p in read_manifest(str(path))] == [p.name for p in BAD]
-    assert not path.with_name("bad.csv~").exists()
-
-
-def test_a_new_run_begins_a_new_list(tmp_path: Path) -> None:
-    path = tmp_path / "bad.csv"
-    quarantined(path, BAD)
-    quarantined(path, BAD[1:2])
-    assert [p.name for p in read_manifest(str(path))] == ["b"]
-    assert len(path.with_name("bad.csv~").read_text().splitlines()) == 4
-    quarantined(path, [])
+    write_quarantine(path, [])
     assert not path.exists()  # nothing bad, no list
-
-
-def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
-    path = tmp_path / "lot.csv"
-    path.write_text("part,height_map\nA,a.npz\n")
-    for resumed in (False, True):
-        with pytest.raises(FileError, match="is not a list of bad parts; name another file"):
-            begin_quarantine(path, resumed=resumed)
-    assert path.read_text() == "part,height_map\nA,a.npz\n"
 
 
 def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
-    quarantined(path, [PartFiles("x\ny", "x\ny.npz"), PartFiles("\udcff", "\udcff.npz"), BAD[1]])
+    odd = [PartFiles("x\ny", "x\ny.npz"), PartFiles("\udcff", "\udcff.npz"), BAD[1]]
+    write_quarantine(path, [(part, "is damaged,\nor worse") for part in odd])
     assert [p.name for p in read_manifest(str(path))] == ["x\\ny", "\\udcff", "b"]
     (part,) = discover(["x" * 5000 + ".npz"])
     write_quarantine(tmp_path / "long.csv", [(part, "cannot be opened")])
