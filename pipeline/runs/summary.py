@@ -31,6 +31,7 @@ class Summary:
         reasons: why parts were not accepted, and of how many each was said; a part may have several.
         faults: kinds of error, likewise.
         seconds: of work on all parts together.
+        slowest: (seconds, part) of those that took longest, slowest first.
     """
 
     parts: int = 0
@@ -40,15 +41,13 @@ class Summary:
     reasons: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
     seconds: float = 0.0
-    _slowest: list[tuple[float, str]] = field(default_factory=list)
+    slowest: list[tuple[float, str]] = field(default_factory=list)
 
     def add(self, record: ReadingRecord) -> None:
         """Count one more part."""
         self.parts += 1
         self.seconds += record.seconds
-        heapq.heappush(self._slowest, (record.seconds, record.part))
-        if len(self._slowest) > _SLOWEST:
-            heapq.heappop(self._slowest)
+        self.slowest = heapq.nlargest(_SLOWEST, [*self.slowest, (record.seconds, record.part)])
         if record.error:
             self.errors += 1
             _count(self.faults, _kind(record.error.partition(": ")[2] or record.error))
@@ -61,11 +60,6 @@ class Summary:
                 _count(self.reasons, _words(code))
             if not record.reasons:
                 _count(self.reasons, "not sure enough")
-
-    @property
-    def slowest(self) -> list[tuple[str, float]]:
-        """Parts that took longest, with their seconds, slowest first."""
-        return [(part, seconds) for seconds, part in sorted(self._slowest, reverse=True)]
 
     def counts(self) -> str:
         """One line: how many parts of each kind."""
@@ -96,7 +90,7 @@ class Summary:
             lines += [
                 f"{read_now:,} read in {_duration(elapsed_s)}{at_once}: {read_now / elapsed_s:.2f} a second,"
                 f" {self.seconds / self.parts:.2f} s of work each",
-                "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest),
+                "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for seconds, part in self.slowest),
             ]
         return lines
 
@@ -110,7 +104,7 @@ class Summary:
             "reasons": dict(self.reasons.most_common()),
             "faults": dict(self.faults.most_common()),
             "seconds": round(self.seconds, 3),
-            "slowest": [{"part": part, "seconds": seconds} for part, seconds in self.slowest],
+            "slowest": [{"part": part, "seconds": seconds} for seconds, part in self.slowest],
         }
 
 
