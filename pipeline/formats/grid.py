@@ -65,7 +65,7 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     Raises:
         DataError: the numbers are no part; says in which unit they would be.
     """
-    shape = _Shape.of(raw, pitch)
+    shape = _Shape(raw, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
 
     def factors(unit: str) -> dict[str, tuple[float, float]]:
@@ -103,48 +103,37 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     )
 
 
-@dataclass(frozen=True)
 class _Shape:
     """Measures of a map in the file's numbers.
 
     Attributes:
         raw: the map.
         pitch: smaller distance of samples.
-        relief: range of heights.
-        depth: range of heights less tilt and dome.
+        relief: range of heights, without the outer 0.2 percents.
+        depth: range of heights less tilt and dome, without the outer percents.
         rise: mean steepness over a fiftieth of the shorter side, a sample.
     """
 
-    raw: RawMap
-    pitch: float
-    relief: float = 0.0
-    depth: float = 0.0
-    rise: float = 0.0
-
-    @classmethod
-    def of(cls, raw: RawMap, pitch: float) -> _Shape:
-        """Measure a map: outer 0.2 percents of heights and outer percents of depths do not count."""
-        z = raw.z
+    def __init__(self, raw: RawMap, pitch: float) -> None:
+        self.raw, self.pitch = raw, pitch
+        self.relief = self.depth = self.rise = 0.0
+        z, lag = raw.z, max(1, round(min(raw.z.shape) / 50))
         step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
         few = np.asarray(z[::step, ::step], dtype=np.float64)
         known = np.isfinite(few)
         if known.sum() < 8:
-            return cls(raw, pitch)
-        lag = max(1, round(min(z.shape) / 50))
-        down, right = (
-            z[lag::step, ::step] - z[:-lag:step, ::step],
-            z[::step, lag::step] - z[::step, :-lag:step],
-        )
+            return
+        down = z[lag::step, ::step] - z[:-lag:step, ::step]
+        right = z[::step, lag::step] - z[::step, :-lag:step]
         rises = np.abs(np.concatenate([down.ravel(), right.ravel()]))
         rises = rises[np.isfinite(rises)]
         y, x = (axis[known] for axis in np.indices(few.shape) / max(few.shape))
         heights = few[known] - np.median(few[known])
         form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
         rest = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
-        relief, depth = (
-            float(np.ptp(np.percentile(h, e))) for h, e in ((heights, (0.2, 99.8)), (rest, (1, 99)))
-        )
-        return cls(raw, pitch, relief, depth, float(rises.mean()) / lag if rises.size else 0.0)
+        self.relief = float(np.ptp(np.percentile(heights, (0.2, 99.8))))
+        self.depth = float(np.ptp(np.percentile(rest, (1, 99))))
+        self.rise = float(rises.mean()) / lag if rises.size else 0.0
 
     def unusual(self, z_mm: float) -> float:
         """Distance of the height range from that of a stamped plate, in powers of ten."""
