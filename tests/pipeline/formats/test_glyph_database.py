@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pydantic_core import to_json
 
 from glyphs.errors import FileError, MarksError
 from glyphs.fonts.glyph import Font, Glyph
@@ -41,28 +42,12 @@ def saved(full, tmp_path_factory):
     return path
 
 
+def plainly(database):
+    return to_json(database, fallback=module._plain)
+
+
 def test_round_trip_keeps_everything(full, saved):
-    back = load_database(saved)
-    assert list(back.fonts) == list(full.fonts)
-    for name, font in full.fonts.items():
-        other = back.fonts[name]
-        assert (other.stroke_ratio, other.source) == (font.stroke_ratio, font.source)
-        assert list(other.glyphs) == list(font.glyphs)
-        for char, glyph in font.glyphs.items():
-            twin = other.glyphs[char]
-            assert (twin.advance, twin.stroke) == (glyph.advance, glyph.stroke)
-            assert len(twin.strokes) == len(glyph.strokes)
-            assert len(twin.contours) == len(glyph.contours)
-            for a, b in zip(twin.strokes + twin.contours, glyph.strokes + glyph.contours, strict=True):
-                assert np.array_equal(a, b)
-    for one, two in zip(back.exemplars, full.exemplars, strict=True):
-        assert (one.char, one.font_name, one.note, one.enrolled_at) == (
-            two.char,
-            two.font_name,
-            two.note,
-            WHEN,
-        )
-        assert np.array_equal(one.relief, two.relief)
+    assert plainly(load_database(saved)) == plainly(full)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -145,17 +130,11 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
     felt = np.where(relief > 1.0, np.nan, relief)
     values = {"relief": felt, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True}
     one = exemplar(part="part-7", evidence="ab" * 32, **values)
-    save_database(GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, (one,)), tmp_path / "l.glyphs")
+    database = GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, (one,))
+    save_database(database, tmp_path / "l.glyphs")
     back = load_database(tmp_path / "l.glyphs")
-    font = back.fonts["press"]
-    assert font.learned
-    assert [g.guessed for g in font.glyphs.values()] == [False, True, False]
-    assert np.array_equal(font.glyphs["B"].relief, -relief)
-    assert font.glyphs["-"].relief is None
-    twin = back.exemplars[0]
-    assert np.array_equal(twin.relief, felt, equal_nan=True)
-    assert (twin.height_mm, twin.rotation_deg, twin.raised) == (5.0, -2.5, True)
-    assert (twin.part, twin.evidence) == ("part-7", "ab" * 32)
+    assert back.fonts["press"].learned
+    assert plainly(back) == plainly(database)
 
 
 def crowded_glyph(content):

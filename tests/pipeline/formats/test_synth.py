@@ -121,20 +121,6 @@ def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert complaint in capsys.readouterr().err
 
 
-def test_practices_from_the_command_line(tmp_path: Path) -> None:
-    common = ["--parts", "1", "--format", "A9999", "--height-mm", "3", "--no-photo"]
-    assert main(["synth", str(tmp_path / "usual"), *common]) == 0
-    own = ["--die", "blunt-v", "--plate", "cylinder", "--practice", "hand", "--layout", "two-lines"]
-    assert main(["synth", str(tmp_path / "own"), *common, *own]) == 0
-    usual, other = (read_height_map(tmp_path / name / "part-000.npz") for name in ("usual", "own"))
-    assert other.size_mm[1] > usual.size_mm[1] + 3.0
-    assert load_truth(tmp_path / "own" / "truth.csv") == load_truth(tmp_path / "usual" / "truth.csv")
-    spec = SynthSpec(
-        format="A9999", height_mm=3.0, die="blunt-v", plate="cylinder", practice="hand", layout="two-lines"
-    )
-    np.testing.assert_array_equal(make_part(spec, 0).height_map.z_mm, other.z_mm)
-
-
 @pytest.mark.parametrize(
     ("words", "names"),
     [(DieName, DIES), (PlateName, PLATES), (PracticeName, PRACTICES), (LayoutName, LAYOUTS)],

@@ -218,31 +218,19 @@ def test_a_record_that_no_table_holds_is_an_error_and_harms_none(wrong: dict[str
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
-@pytest.mark.parametrize(
-    "harm",
-    [
-        lambda whole: whole[:-5],
-        lambda whole: b"",
-        lambda whole: whole + b"\x00" * 5000,
-        lambda whole: whole + b'"',
-        lambda whole: whole.replace(b"0.97", b"zero"),
-        lambda whole: None,
-    ],
-)
+@pytest.mark.parametrize("harm", [lambda whole: whole[:-5], lambda whole: whole + b'"', lambda _: None])
 def test_a_table_that_was_harmed_is_written_anew_from_the_journal(
     harm: Callable[[bytes], bytes | None], suffix: str, tmp_path: Path
 ) -> None:
-    rows = [row("p0"), row("p1", messages=('a "q",\r\n b\n',)), row("p2", error='x\n"y"\nü')]
-    table = begun(tmp_path / f"t{suffix}", rows)
+    table = begun(tmp_path / f"t{suffix}", [row("p0"), row("p1", messages=('a "q",\r\n b\n',))])
     whole = table.read_bytes()
-    harmed = harm(whole)
     table.unlink()
-    if harmed is not None:
+    if (harmed := harm(whole)) is not None:
         table.write_bytes(harmed)
     with RunJournal(table, RUN) as book:
         assert table.read_bytes() == whole
         add(book, row("p3"))
-        assert names(read_rows(table)) == ["p0", "p1", "p2", "p3"]
+        assert names(read_rows(table)) == ["p0", "p1", "p3"]
 
 
 # ----------------------------------------------------------------------------------------------- whose table it is
