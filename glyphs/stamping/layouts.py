@@ -15,7 +15,7 @@ from glyphs.stamping.errors import StampError
 from glyphs.surface.display import OneLine
 
 MOST_TURNED_DEG = 5.0
-_TIGHTEST = 0.9  # of half a line's length over the radius of its arc
+_TIGHTEST = 0.9  # longest line, as a share of half the circle that it follows
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,11 +23,11 @@ class Layout(OneLine, Validated, error=StampError):
     """Layout of a line on the plate; default: straight and alone.
 
     Attributes:
-        turned_deg: of the whole line, clockwise as seen, added to what the caller turns it by.
-        radius_mm: of the arc that the baseline follows, not zero; positive: its middle lies below the text, as on the
-            upper half of a round badge; negative: above it. Infinite: a straight line.
-        other_text: a second line beside the requested one; none if empty.
-        other_above: whether that line stands above, or else below.
+        turned_deg: rotation of the whole line, clockwise as seen, added to the caller's own rotation.
+        radius_mm: radius of the arc that the baseline follows, not zero. Positive: its centre lies below the text, as
+            on the upper half of a round badge; negative: above it; infinite: a straight line.
+        other_text: text of a second line; empty for none.
+        other_above: whether the second line stands above the requested one; otherwise it stands below.
         gap: land between the two lines, cap heights, >= 0.
 
     Raises:
@@ -43,9 +43,7 @@ class Layout(OneLine, Validated, error=StampError):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.isnan(self.radius_mm) or self.radius_mm == 0.0:
-            raise StampError(
-                f"radius_mm is {self.radius_mm}", hint="give the radius of an arc, infinite for none"
-            )
+            raise StampError(f"radius_mm is {self.radius_mm}", hint="give the radius of an arc, or infinity")
 
     def place(self, along_mm: float, up_mm: float, *, length_mm: float) -> tuple[float, float, float]:
         """(x, y, turn) of a point of a line `length_mm` long: x right and y up, mm, turn clockwise, degrees.
@@ -77,7 +75,7 @@ def _arc(rng: np.random.Generator, height_mm: float, length_mm: float, font: Fon
 
 def _two_lines(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
     serial = [c for c in sorted(font.glyphs) if c.isascii() and (c.isdigit() or c.isupper())]
-    # never as long as the requested line, so that its format does not match both
+    # of another length than the requested line, so that its format does not match both
     count = len(text) - 2 if len(text) > 4 else len(text) + 2
     other = "".join(serial[int(k)] for k in rng.integers(len(serial), size=count))
     return Layout(other_text=other, other_above=bool(rng.uniform() < 0.5))
@@ -89,5 +87,5 @@ LAYOUTS: Final[dict[str, Callable[[np.random.Generator, float, float, Font, str]
     "arc": _arc,
     "two-lines": _two_lines,
 }
-"""A straight line (the usual one), one turned by up to 5 degrees either way, one on an arc that bends up or down, and
-one with a second line of another length above or below it."""
+"""Layouts by name: a straight line (the default), a line turned by up to 5 degrees either way, a line on an arc that
+bends up or down, and a line with a second one of another length above or below it."""

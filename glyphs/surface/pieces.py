@@ -69,7 +69,8 @@ class Piece(OneLine, Validated, error=MapError):
         super().__post_init__()
         if self.kind is PieceKind.BALL and self.depth_mm > self.radius_mm:
             raise MapError(
-                f"a cap {self.depth_mm} mm high of a ball of {self.radius_mm} mm", hint="half at most"
+                f"a cap of {self.depth_mm} mm is more than half of a ball of radius {self.radius_mm} mm",
+                hint="use a cap of at most the radius",
             )
 
     @property

@@ -9,34 +9,34 @@ from glyphs.surface.display import WordedEnum, one_line
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Reading
 
-if TYPE_CHECKING:  # the service's pages need the words alone
+if TYPE_CHECKING:  # the service's pages need only the messages
     from recognition.active.moves import Way
     from whisker_array.scan.scan import Scan
     from whisker_array.whisker.passes import Pass
 
 
 class StopReason(WordedEnum):
-    """Why no further pass was felt."""
+    """Reasons to feel no further pass."""
 
     SURE = "sure", "the serial is sure"
     NO_GAIN = "no gain", "more touch would not settle what is in doubt"
-    BUDGET = "budget", "the stage time given is spent"
+    BUDGET = "budget", "the stage time allowed is used up"
     ALL_FELT = "all felt", "every pass of the plan was felt"
     NOTHING_FOUND = "nothing found", "no characters were felt"
-    STAGE_FAILED = "stage failed", "the stage failed; what was felt before is kept"
+    STAGE_FAILED = "stage failed", "the stage failed; the passes felt before are kept"
 
 
 @dataclass(frozen=True)
 class PassFelt:
-    """One pass, and the posterior after it.
+    """One pass, and the most probable text after it.
 
     Attributes:
         order: the pass.
         stage_s: stage seconds spent up to its end.
         thought_s: processor seconds between its end and the next pass.
-        why: what it was chosen for, in words.
-        text: what is believed to stand there.
-        confidence: that all of it is right; 0 where nothing is believed yet.
+        why: reason for this pass, in words.
+        text: most probable text after it.
+        confidence: probability that the whole text is right; 0 before any text is read.
     """
 
     order: Pass
@@ -49,16 +49,16 @@ class PassFelt:
 
 @dataclass(frozen=True, eq=False)
 class ActiveReading:
-    """The reading of a part, and the way to it.
+    """The reading of a part, and the steps that led to it.
 
     Attributes:
-        reading: of all passes together; sent to review where the stage failed.
-        passes: in the order in which they were felt.
-        stop: why there are no more.
-        steps: the way of every step, its lines to half a character's height, and the confidence of the look after it.
-        sure_at_look: whether a look asked for the reading that was accepted; otherwise it came when no more was felt.
-        problem: what the stage said where it failed; empty otherwise.
-        scan: all passes as one scan; None where none was felt.
+        reading: reading of all passes together; sent to review if the stage failed.
+        passes: the passes in the order in which they were felt.
+        stop: reason for stopping.
+        steps: for each step its direction, its lines per half character height, and the confidence after it.
+        sure_at_look: whether the full reading followed a look that was sure; otherwise touch had ended first.
+        problem: message of the stage if it failed; otherwise empty.
+        scan: all passes as one scan; None without a pass.
     """
 
     reading: Reading
@@ -82,7 +82,7 @@ class ActiveReading:
         return max((p.thought_s for p in self.passes), default=0.0)
 
     def describe(self) -> str:
-        """One line for a person."""
+        """Text, decision, passes, stage time and reason for stopping in one line."""
         sure = self.reading.decision is Decision.ACCEPT
         problem = f" ({self.problem})" if self.problem else ""
         return (

@@ -1,7 +1,8 @@
-"""The depths of a font's characters: the relief that a die cuts, smoothed as touch smooths it.
+"""Depth images of a font's characters: the relief that a die cuts, smoothed as touch smooths it.
 
-Felt depths are free of the whisker: what is predicted through one, and turned back into heights, correlates with these
-by 0.990 to 0.997 (means of gothic, futuram and timesr). So a character is made when it is first laid, of no touch.
+Felt depths hardly depend on the whisker. Depths that are predicted through a whisker and turned back into heights
+correlate with these at 0.990 to 0.997 (means of gothic, futuram and timesr). So one image serves every touch; it is
+made when its character is first used.
 """
 
 from __future__ import annotations
@@ -29,19 +30,19 @@ def depth_glyph(
     smooth_px: float = 0.8,
     usual_percent: float = 75.0,
 ) -> Glyph:
-    """The depths of a character of a font, and how they rise.
+    """Depth of a character and its gradient (depth, to the right, downwards).
 
     Args:
-        font: which.
-        char: a character that it has.
-        face: of the die; a dotted one is for fonts with strokes.
+        font: font of the die.
+        char: a character of the font.
+        face: face of the die; a dotted face needs a font with strokes.
         half_wide_heights: half the width of the image, character heights.
-        smooth_px: standard deviation of the smoothing, of 0.5 to 1.3 the one that is most like what is felt, pixels.
-        usual_percent: percentile of the depths within its strokes that is the usual one.
+        smooth_px: standard deviation of the smoothing, pixels; of 0.5 to 1.3 the value closest to felt depths.
+        usual_percent: percentile of the depths within the strokes that is scaled to 1.
 
     Raises:
         FontError: the font lacks the character.
-        StampError: dots of an outline.
+        StampError: a dotted face and a font without strokes.
     """
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)
@@ -66,13 +67,13 @@ def depth_template(
     tall_heights: float = 0.62,
     beside_heights: float = 0.12,
 ) -> Image:
-    """(rows, columns, 1) depth of a character, sized, with a little land about it; rows and columns are odd.
+    """Depth of a character at a given size, with a margin of land: (rows, columns, 1), both odd.
 
     Args:
-        font, char, face: as of `depth_glyph`.
-        size: factor.
-        tall_heights: half the height that is kept, character heights.
-        beside_heights: land that is kept beside its ink, character heights.
+        font, char, face: as in `depth_glyph`.
+        size: factor by which the character is enlarged.
+        tall_heights: half the height of the image, character heights.
+        beside_heights: width of the land beside the ink, character heights.
     """
     from glyphs.opencv import cv2
 

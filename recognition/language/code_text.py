@@ -1,13 +1,13 @@
-"""Fields of the text of a Data Matrix or QR code, and whether one of them is a serial.
+"""Split the text of a Data Matrix or QR code into fields, and compare its serial with the one that was read.
 
     (01)09501101530003(21)KB7402                      GS1 application identifiers
     [)>␞06␝17V0AB12␝1PABC␝SKB7402␞␄                   ISO/IEC 15434, format 06: data identifiers (ANS MH10.8.2)
     [)>␞12␝MFR 0AB12␝SER KB7402␞␄                     format 12 or DD: text elements (ATA Spec 2000, MIL-STD-130)
     MFR 0AB12/SER KB7402                              text elements without an envelope
-    https://id.gs1.org/01/09501101530003/21/KB7402    GS1 Digital Link; of other addresses the last step and the query
+    https://id.gs1.org/01/09501101530003/21/KB7402    GS1 Digital Link; other addresses: last path segment and query
     SN: KB7402; 4711                                  anything else, between separators
 
-Control characters are written as their pictures (U+2400 and on), as `recognition.views.codes` gives them.
+Control characters appear as their Unicode pictures (U+2400 and up), as `recognition.views.codes` returns them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from dataclasses import dataclass
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 SERIAL_KEYS = frozenset({"21", "S", "SER", "SEQ", "UCN", "SN"})
-"""Identifiers of a field that is a serial: of GS1, of MH10.8.2, of text elements, and a plain "SN"."""
+"""Identifiers of serial fields in GS1, MH10.8.2 and text elements, and a plain "SN"."""
 ENDING_KEYS = frozenset({"8003", "8004", "18S", "25S", "UID", "USN", "UST"})
 """Identifiers of a field that ends with a serial, after the issuer and the part number."""
 TEXT_ELEMENTS = SERIAL_KEYS | ENDING_KEYS | {
     "BAT", "BII", "CAG", "CNT", "DMF", "DUN", "EUC", "EXP", "LOT", "LTN", "MFR", "PML", "PNO", "PNR", "SPL",
 }  # fmt: skip
-"""Identifiers that are known for such where no envelope says that they are."""
+"""Identifiers of text elements that are recognised without an envelope."""
 URL_KEY = "url"
-"""Name of an unnamed piece of an address."""
+"""Key of a part of an address that has no name of its own."""
 _ENVELOPE = re.compile(r"\[\)>(?:␞|<RS>)?(?P<format>0[56]|12|DD)(?:␝|<GS>)(?P<fields>.*)", re.DOTALL)
 _SEPARATORS = re.compile(r"[␝␞␄]|<(?:GS|RS|EOT)>")
 _AI = re.compile(r"\((\d{2,4})\)")
@@ -39,21 +39,21 @@ _BETWEEN = re.compile(r"[;,|\t\r\n␝␞␄␉␊␍]|<(?:GS|RS|EOT|LF|CR|HT)>")
 
 @dataclass(frozen=True)
 class CodeField:
-    """One field: what it is ("SER", "21"; empty where nothing says so), and what it holds."""
+    """One field: its identifier ("SER", "21"; empty if it has none) and its value."""
 
     key: str
     value: str
 
 
 def fields_of(text: str) -> tuple[CodeField, ...]:
-    """The fields of a code's text, in their order; see above for the ways of writing them."""
+    """Split a code's text into its fields, in order; the module docstring lists the notations."""
     if (found := _ENVELOPE.match(text)) is not None:
         return _envelope_fields(found["format"], found["fields"])
     if _AI.match(text):
         pieces = _AI.split(text)
         return tuple(CodeField(k, v) for k, v in zip(pieces[1::2], pieces[2::2], strict=True))
     if re.match(r"https?://", text, re.IGNORECASE):
-        return _of_address(text)
+        return _address_fields(text)
     elements = [_ELEMENT.fullmatch(piece) for piece in _BETWEEN_ELEMENTS.split(text) if piece]
     if all(one is not None and one[1] in TEXT_ELEMENTS for one in elements):
         return tuple(CodeField(one[1], one[2]) for one in elements if one is not None)
@@ -65,28 +65,28 @@ def fields_of(text: str) -> tuple[CodeField, ...]:
 
 
 def holds(text: str, serial: str) -> bool | None:
-    """Whether a code holds a serial; blanks do not count.
+    """Whether a code contains a serial; blanks are ignored.
 
-    Where fields say that they are serials, these alone are asked; else any field may be it. None where all fields say
-    that they are something else: the code then speaks of the part, but not of its serial.
+    If some fields are marked as serials, only these are compared; otherwise every field is. None if all fields are
+    marked as something else: such a code describes the part, but not its serial.
 
     Args:
-        text: of the code.
-        serial: as read.
+        text: text of the code.
+        serial: serial as read.
     """
     if serial and _bare(text) == _bare(serial):
         return True
-    # a marking may say its fields, too: "SER KB7402" is the serial KB7402
+    # a marking may have identifiers, too: "SER KB7402" is the serial KB7402
     serial = _bare(next((field.value for field in fields_of(serial) if field.key in SERIAL_KEYS), serial))
     fields = fields_of(text)
     serials = [f for f in fields if f.key in SERIAL_KEYS | ENDING_KEYS]
-    if any(_is(f, serial) for f in serials or fields):
+    if any(_matches(f, serial) for f in serials or fields):
         return True
     return False if serials or any(not f.key for f in fields) else None
 
 
-def _is(field: CodeField, serial: str, *, least_ending: int = 3) -> bool:
-    # least_ending: characters of a serial that a longer field may end with by more than chance.
+def _matches(field: CodeField, serial: str, *, least_ending: int = 3) -> bool:
+    # least_ending: least length of a serial that is looked for at the end of a field; a shorter one matches by chance
     value = _bare(field.value)
     if field.key in ENDING_KEYS and len(serial) >= least_ending:
         return value.endswith(serial)
@@ -100,17 +100,17 @@ def _bare(text: str) -> str:
 def _envelope_fields(format: str, fields: str) -> tuple[CodeField, ...]:
     pieces = [piece for piece in _SEPARATORS.split(fields) if piece]
     if format == "05":
-        # application identifiers without brackets; that of a serial is all that matters here
+        # application identifiers without brackets; only the one of a serial matters here
         return tuple(CodeField(p[:2], p[2:]) if p[:2] == "21" else CodeField("AI", p) for p in pieces)
     pattern = _DI if format == "06" else _ELEMENT
     found = [(piece, pattern.fullmatch(piece)) for piece in pieces]
     return tuple(CodeField("", piece) if one is None else CodeField(one[1], one[2]) for piece, one in found)
 
 
-def _of_address(text: str) -> tuple[CodeField, ...]:
+def _address_fields(text: str) -> tuple[CodeField, ...]:
     try:
         address = urlsplit(text)
-    except ValueError:  # as urllib words it: no address that it knows
+    except ValueError:  # urllib cannot parse it
         return (CodeField("", text),)
     steps = [unquote(step) for step in address.path.split("/") if step]
     query = [

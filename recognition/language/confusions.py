@@ -1,7 +1,7 @@
-"""Characters that dies, dirt and eyes take for each other, declared; and what is known of one place.
+"""Sets of characters that are easily confused, and the state of each place.
 
-The sets change no belief: they name what a person should look at, and tell a place that is confused from one
-that was not read.
+The sets change no probability. They show a person what to look at, and separate confused places from places that were
+not read.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ SWAP_SETS = {
     "8B": "the left side of 8 is nearly straight in narrow fonts",
     "6G": "the bow of 6 stays open where it is struck shallow",
     "38": "3 closed by grime, or 8 with its left side filled",
-    "69": "turned by half a turn",
-    "MW": "turned by half a turn",
+    "69": "alike after half a turn",
+    "MW": "alike after half a turn",
     "UV": "the bottom of U is narrow",
     "VY": "a short stem is filled",
     "CG": "the bar of G is short",
@@ -32,11 +32,11 @@ SWAP_SETS = {
     "KX": "the upright of K is filled",
     "MN": "one diagonal of M is filled",
 }
-"""Characters that are taken for each other, and why."""
+"""Characters that are easily confused, and why."""
 
 
 def swap_reason(one: str, other: str) -> str:
-    """Reason why two characters are confused; empty if no set holds both."""
+    """Reason why two characters are easily confused; empty if no set has both."""
     return next(
         (why for chars, why in SWAP_SETS.items() if one != other and one in chars and other in chars), ""
     )
@@ -53,14 +53,15 @@ class CharacterState(StrEnum):
 
 @dataclass(frozen=True)
 class PlaceState:
-    """The state of one place and whom it names.
+    """The state of one place and its characters.
 
     Attributes:
         state: the state.
-        char: best character; empty when none has any belief.
-        probability: belief in it.
-        rival: the second, where it counts (CONFUSED), or the best in place of the known one (MISMATCH).
-        expected: the character known to stand there; empty when none is.
+        char: most probable character; empty if every probability is 0.
+        probability: probability of `char`.
+        rival: the character that `char` is confused with (CONFUSED), or the one that was read in place of the expected
+            one (MISMATCH); empty otherwise.
+        expected: the character that should stand there; empty if unknown, or if none should.
     """
 
     state: CharacterState
@@ -107,21 +108,24 @@ def state_of(
     """Return the state of a place.
 
     Args:
-        probabilities: belief in each character; what is missing to 1 is "no character". Ties go to the
-            character that comes first.
-        expected: the character known to stand there, if one is known; "" if none should.
-        read_belief, read_margin: belief in the first character, and its lead over the second, from which a place
-            counts as read. Whether the reading is accepted is another question, with thresholds of its own.
-        nothing_belief: belief in "no character" from which a place is not read.
-        share_of_first: share of the first character's probability from which a second one is confused with it.
-        mismatch_share: A known character with less than this share of the best one's belief is contradicted.
+        probabilities: probability of each character; the rest to 1 is "no character". In a tie the character that
+            comes first wins.
+        expected: the character that should stand there; "" if none should; None if unknown.
+        read_belief, read_margin: least probability of the best character, and its least lead over the second, for a
+            place to count as read. Acceptance of the reading has thresholds of its own.
+        nothing_belief: least probability of "no character" for a place to count as not read.
+        share_of_first: least probability of the second character, as a share of the best one's, to be confused with it.
+        mismatch_share: least probability of the expected character, as a share of the best one's; below it the place
+            is a mismatch.
 
     Raises:
-        ValueError: beliefs that are negative, not numbers, or more than 1 together.
+        ValueError: probabilities that are negative, not numbers, or more than 1 together.
     """
     total = math.fsum(probabilities.values())
     if not total <= 1.0 + 1e-6 or any(not p >= 0.0 for p in probabilities.values()):
-        raise ValueError(f"beliefs {dict(probabilities)} must not be negative, nor more than 1 together")
+        raise ValueError(
+            f"probabilities {dict(probabilities)} must not be negative, nor add up to more than 1"
+        )
     ranked = sorted(probabilities.items(), key=lambda item: -item[1])
     (char, first), (second_char, second) = (*ranked, ("", 0.0), ("", 0.0))[:2]
     state_is = partial(PlaceState, expected=expected or "")

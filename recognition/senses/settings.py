@@ -49,26 +49,25 @@ class ReaderSettings:
     """Settings of a reader.
 
     Attributes:
-        fonts: fonts, names of built-in fonts, paths of TTF/OTF files, if any is known: their templates have a say.
-        format: of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
-            grammar; None where nothing is known.
+        fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared.
+        format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
+            grammar; None if unknown.
         height_mm: character height, if known.
         fidelity: how the virtual array feels a height map.
-        accept_confidence: readings at least so sure are accepted, if no contract is broken; or
-        accept_risk: share of wrong ones among the accepted that is to be expected at most; each sense has its own
-            threshold for it (`recognition.decision.score.Score.threshold`).
-        depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
+        accept_confidence: least score at which a reading is accepted if no contract is broken; or
+        accept_risk: greatest expected share of wrong readings among those accepted; each sense has its own threshold
+            for it (`recognition.decision.score.Score.threshold`).
+        depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
         experts: names of `EXPERTS` that read; empty for all.
         region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned
             (default: anywhere).
-        lines: other lines that stand on the part, by name: their formats, and where they stand.
-        certified: what a certificate allows to accept; None where there is none.
-        orientation: which way up parts lie; where that is not known, a serial that reads otherwise upside down goes to
-            review.
+        lines: formats and regions of other lines on the part, by name.
+        certified: limits of a certificate; None without one.
+        orientation: which way up parts lie; if unknown, a serial that also reads upside down goes to review.
 
     Raises:
         FormatError: a format that no serial meets.
-        MarksError: a risk that no fit says anything about.
+        MarksError: a risk that the fits do not cover.
         ValueError: a number out of range.
     """
 
@@ -117,7 +116,7 @@ class ReaderSettings:
 
     @cached_property
     def asked(self) -> Mapping[str, LineFormat]:
-        """The other lines, understood."""
+        """The other lines, with their formats parsed."""
         return {
             name: LineFormat(Grammar.parse(one)) if isinstance(one, str) else one
             for name, one in dict(self.lines).items()
@@ -131,7 +130,7 @@ class ReaderSettings:
         if not self.format.strip():
             raise FormatError(
                 f"the format {self.format!r} is blank",
-                hint="write one character a position: A, 9, * or itself",
+                hint="write one character for each position: A, 9, * or the character itself",
             )
         return Grammar(format=self.format)
 
@@ -141,17 +140,17 @@ class Repertoire:
 
     Attributes:
         fonts: loaded; without named ones, a few that stand in.
-        strokes_of: fonts whose strokes may be a part's: those, and the ones that stand for others.
-        grammar: what serials may be.
-        places: characters at each place; None where their number is open.
-        chars: all that is looked for.
+        strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
+        grammar: format of the serial.
+        places: characters at each place; None if their number is not fixed.
+        chars: all characters that are searched for.
     """
 
     def __init__(self, settings: ReaderSettings) -> None:
         """Load the fonts.
 
         Raises:
-            FontError: a font that cannot be loaded, or that lacks what the format needs.
+            FontError: a font cannot be loaded, or lacks characters that the format needs.
         """
         named = settings.fonts or STAND_INS
         self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
@@ -160,7 +159,7 @@ class Repertoire:
         self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
         self.grammar = settings.grammar
         others = {char for line in settings.asked.values() for char in line.grammar.characters}
-        # characters that the format forbids are looked for as well: where one stands, it is not passed over
+        # characters that the format forbids are searched for as well, so that one on the part is noticed
         own = SIGNS if self.grammar is None else self.grammar.characters
         self.chars = "".join(sorted({*ALPHANUMERIC, *others, *own}))
         self.places = None if self.grammar is None else self.grammar.fixed_places

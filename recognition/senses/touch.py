@@ -1,7 +1,7 @@
-"""The reader by touch: how a scan becomes a reading.
+"""Read parts by touch: from a height map or a scan to a reading.
 
-height map --lines seen on it: their height--> scan
-scan --edge_map, relief--> felt view --LineReader--> line and beliefs --templates judge, format--> Reading
+height map --height of the lines on it--> scan
+scan --edge_map, relief--> felt view --LineReader--> line and posteriors --templates, format--> Reading
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class TactileReader:
         """Load the fonts.
 
         Raises:
-            FontError: a font that cannot be loaded, or that lacks what the format needs.
+            FontError: a font cannot be loaded, or lacks characters that the format needs.
         """
         self.settings = (settings if settings is not None else ReaderSettings()).of("tactile")
         repertoire = Repertoire(self.settings)
@@ -92,16 +92,16 @@ class TactileReader:
         part_id: str = "",
         feel: Feel | None = None,
     ) -> Reading:
-        """Mount, scan with the virtual array at the scale of the characters, and read.
+        """Mount a surface, scan it with the virtual array at the scale of the characters, and read the scan.
 
         Args:
-            height_map: the part's surface, the top of what lies on it.
+            height_map: surface of the part, with the top of any dirt on it.
             soil: dirt into which the tip sinks, and the part's friction, if known.
-            part_id: what the part is called.
-            feel: scans the surface in place of the default plan and ideal sensors.
+            part_id: name of the part.
+            feel: scans the surface (default: the default plan with ideal sensors).
 
         Raises:
-            MapError: a map that cannot be scanned, a soil on another grid.
+            MapError: the map cannot be scanned, or the soil is on another grid.
         """
         timer = StepTimer()
         with timer.step("mount"):
@@ -123,7 +123,7 @@ class TactileReader:
         return best if best is not None else _nothing(timer, height_map=levelled)
 
     def read_scan(self, scan: Scan) -> Reading:
-        """Read a recorded or simulated scan, without what faults of whiskers and bench make useless; they are named."""
+        """Read a recorded or simulated scan; report faults of whiskers and bench, and leave out what they spoil."""
         timer = StepTimer()
         with timer.step("faults"):
             faults = find_faults(scan)
@@ -151,15 +151,15 @@ class TactileReader:
         flags: ReadingFlag = ReadingFlag.NONE,
         about: TextLine | None = None,
     ) -> Reading:
-        """Read an edge map of the given touch.
+        """Read an edge map that was felt with the given touch.
 
         Args:
-            edges: as felt.
-            touch: how.
+            edges: the edge map.
+            touch: whisker, preload and friction with which it was felt.
             relief: heights and slopes; without them the reading has no depths.
-            timer: charged with the steps.
-            flags: known beforehand.
-            about: where the line lies, if that is known: no other is looked for.
+            timer: records the time of each step.
+            flags: flags that are known beforehand.
+            about: position of the line, if known; no other line is searched for.
         """
         timer = timer if timer is not None else StepTimer()
         view, felt = felt_view(edges, relief, touch), None
@@ -189,7 +189,7 @@ class TactileReader:
         """Send a reading to review if its marks can be read in another orientation (`which_way_up`).
 
         Args:
-            reading: with its edge map and line in the trace.
+            reading: a reading with its edge map and line in the trace.
             rows_known: whether the order of the map's rows is known.
         """
         edges = reading.trace.edge_map
@@ -203,7 +203,7 @@ class TactileReader:
         return weigh_orientation(fresh, view, self.lines, ways, accept_confidence=accept)
 
     def may_be_mirrored(self, reading: Reading) -> bool:
-        """Whether the rows may run the other way: little is read, or the line says about as much mirrored."""
+        """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""
         edges = reading.trace.edge_map
         if edges is None or reading.nats_read <= self.lines.search.limits.plain * len(reading.characters):
             return True
@@ -232,15 +232,15 @@ class TactileReader:
     def _template_set(
         self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT
     ) -> TemplateSet:
-        """The templates of a font's characters, felt as a view was."""
+        """Templates of a font's characters, predicted for the touch of a view."""
         chars = "".join(c for c in self.chars if c in font.glyphs)
-        # the height found differs from part to part, and each step of it takes 0.5 s to predict once on a machine
+        # the height found differs from part to part, and each new height takes 0.5 s to predict
         height_mm = self.settings.height_mm or height_mm
         key = template_key(font, _touch_of(view), height_mm=height_mm, raised=raised, face=face)
         return self.cache.get(font, chars, key)
 
     def _with_strokes(self, reading: Reading, main: ReadLine, felt: FeltLine) -> Reading:
-        """The reading with its text laid on the line, and what was felt of its strokes and of their rivals'."""
+        """Lay the text on the line and add evidence for its strokes and those of rival characters."""
         text = [c.char for c in reading.characters]
         laid = laid_text(felt, text, self.fonts, stand_ins=self.strokes_of[len(self.fonts) :])
         strokes = (
@@ -252,7 +252,7 @@ class TactileReader:
         return sized.with_trace(laid=laid, strokes=strokes)
 
     def _with_depths(self, reading: Reading, main: ReadLine, relief: Relief) -> Reading:
-        """The reading with what is measured along the strokes of the font that suits it."""
+        """Add depths and grades, measured along the strokes of the best-fitting font."""
         laid = reading.trace.laid
         if laid is not None and laid.font not in self.fonts:
             laid = laid_text(laid.felt, laid.text, self.fonts)
@@ -264,7 +264,7 @@ class TactileReader:
         edges = edges_of(laid, templates)
         known = self.named or edge_fit(edges) >= OWN_FIT
         grades, depths = grades_of(edges), mark_depths(relief, laid)
-        # a font that stands in for an unnamed one grades nothing: strokes that it alone has are not missing
+        # a stand-in font grades nothing: a stroke that only it has is not missing from the mark
         characters = tuple(
             replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
             for c, g, d in zip(reading.characters, grades, depths, strict=True)
@@ -275,18 +275,18 @@ class TactileReader:
         settled = replace(
             reading, font=laid.font.name, height_mm=laid.height_mm, rotation_deg=laid.rotation_deg
         )
-        # the recogniser knows characters by themselves; templates alone know those that were felt
+        # the network judges each character by itself; templates only compare characters that were felt
         alone = "network" not in main.belief.by_expert
         return doubted_guesses(settled, laid, self.places) if alone else settled
 
 
 def _touch_of(view: View) -> Touch:
-    assert view.touch is not None  # of what was felt
+    assert view.touch is not None  # a felt view has one
     return view.touch
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:
-    """Flags of the samples that are common enough (0.5 %) to matter."""
+    """Flags that more than 0.5 % of the samples have."""
     table = (
         (SampleFlag.CONTACT_LOST, ReadingFlag.CONTACT_LOST),
         (SampleFlag.JAMMED, ReadingFlag.JAMMED),
@@ -302,7 +302,7 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
 
 
 def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:
-    """Return the faults of whiskers and bench in a recording, as findings of its reading."""
+    """Return faults of whiskers and bench as findings of a reading."""
     return tuple(
         Finding(ReadingFlag.BENCH_FAULTY if f.whisker is None else ReadingFlag.WHISKER_FAULTY, f.text)
         for f in faults

@@ -1,8 +1,8 @@
 """Pixels and millimetres of a photograph.
 
-The *photo frame* is the plate frame as far as the camera knows it: x along the columns, y along the rows. Where
-the stage knows what lies under the middle of the picture, it is the plate's own; else pixel (0, 0) is its origin;
-and without a pitch a pixel of the photograph as taken counts as one "mm": everything in recognition is free of scale.
+The *photo frame* has x along the columns and y along the rows. If the photograph says where on the plate its middle
+lies, it is the plate frame; otherwise its origin is pixel (0, 0). Without a pitch, one pixel of the original photograph
+counts as one "mm": nothing in recognition depends on the scale.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from glyphs.camera.photo import Photo
 
 
 def photo_pitch_mm(photo: Photo) -> float:
-    """Size of a pixel; where it is not known, in pixels of the photograph as taken."""
+    """Size of a pixel, mm; if unknown, in pixels of the original photograph."""
     return photo.pitch_mm if photo.pitch_mm is not None else photo.shrunk
 
 

@@ -1,14 +1,15 @@
-"""Covariance of the numbers of a bench.
+"""Covariance of the identified parameters of a bench.
 
     C = (G - 1) / G sum over passes d d^T + H^-1 P H^-1
     d = (H - J_pass^T J_pass)^-1 g,     H = J^T J + P,   g = J_pass^T r_pass,   P = diag(1 / sd^2)
 
-is what a fit without one of its G passes differs by: the jackknife, passes being the clusters (CV3 of J. G. MacKinnon,
-M. O. Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023)), which does not come out too sure of
-few. What shakes the base reaches all whiskers of a pass, and drift goes on through it, so that neither needs a model of
-its own. sd is what was known before. In no direction is the scatter taken for less than that of independent samples.
+is the cluster jackknife: d is how far the fit moves if one of its G passes is left out (CV3 in J. G. MacKinnon, M. O.
+Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023)). It does not understate the error when there
+are few passes. All whiskers share the vibration of a pass, and drift continues through it, so that neither needs a
+model of its own. sd is the prior standard deviation. In no direction is the scatter less than that of independent
+samples.
 
-What the grid of the fit's maps does comes on top, and what the model leaves out (`LEFT_OUT`).
+Two terms are added: the error of the grid of the fit's maps, and errors that the model leaves out (`LEFT_OUT`).
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ from whisker_array.identification.traces import Trace
 
 LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-4}
 LAG_LEFT_OUT = 4e-4
-"""Errors of some numbers, mm, and of a lag that all passes share, so that they do not show as scatter.
-Measured on benches of seeds below 50 of `tests.benchmarks.identify_benches`, which are no proof of them."""
+"""Errors that all passes share, so that they do not show as scatter: of some lengths, mm, and of the lag.
+Measured with `tests.benchmarks.identify_benches` on seeds below 50; other seeds must test them."""
 COARSER = 2.0
-"""A grid so much wider shows what the fit's own does."""
+"""Factor of the coarser grid from which the error of the fit's own grid is found."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fitted(OneLine):
-    """A fit as it stands, in parts of each sample's sigma.
+    """One iteration of a fit; each sample is scaled by its sigma.
 
     Attributes:
-        traces: that were fitted.
-        jacobian: of each (samples, n), what each number does to the prediction.
-        left: of each (samples,), felt less predicted.
-        weight: of each (samples,), its loss's.
-        before: (n,) standard deviations of the numbers before.
-        free: (n,) which were to be found.
+        traces: the fitted traces.
+        jacobian: for each trace (samples, n), derivative of the prediction by each parameter.
+        left: for each trace (samples,), residual: measured minus predicted.
+        weight: for each trace (samples,), weight of the robust loss.
+        before: (n,) prior standard deviations of the parameters.
+        free: (n,) whether a parameter is fitted.
     """
 
     traces: tuple[Trace, ...]
@@ -52,7 +53,7 @@ class Fitted(OneLine):
 
     @property
     def data(self) -> NDArray[np.float64]:
-        """(n, n) J^T J: what the samples alone tell."""
+        """(n, n) J^T J: the information of the samples alone."""
         return np.asarray(
             sum(j.T @ (w[:, None] * j) for j, w in zip(self.jacobian, self.weight, strict=True))
         )
@@ -63,7 +64,7 @@ class Fitted(OneLine):
 
     @property
     def rms_left(self) -> float:
-        """Rms of what is left, those that count for less as they count."""
+        """Weighted rms of the residuals."""
         squares, weights = (
             sum(float(part.sum()) for part in parts)
             for parts in ((w * r**2 for w, r in zip(self.weight, self.left, strict=True)), self.weight)
@@ -71,7 +72,7 @@ class Fitted(OneLine):
         return float(np.sqrt(squares / weights))
 
     def scatter_covariance(self) -> NDArray[np.float64]:
-        """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
+        """(n, n) covariance C of the module's docstring; a parameter that is not fitted keeps its prior variance."""
         whole = self.data + self._prior
         of_pass: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         for trace, j, w, r in zip(self.traces, self.jacobian, self.weight, self.left, strict=True):
@@ -89,24 +90,29 @@ class Fitted(OneLine):
         return np.asarray(0.5 * (covariance + covariance.T))
 
     def grid_covariance(self, by_grid: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
-        """(n, n): what the maps' grid does to the numbers, its error being of first order at steep edges.
+        """(n, n) covariance from the grid of the maps, whose error is of first order at steep edges.
 
-        A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
+        A grid `COARSER` times as wide moves the solution by (COARSER - 1) times the error of this grid.
 
         Args:
-            by_grid: of each (samples,), predicted less what such a grid predicts.
+            by_grid: for each trace (samples,), the prediction minus that on the coarser grid.
         """
         moved = self.step(by_grid, np.zeros(self.before.size)) / (COARSER - 1.0)
         return np.outer(moved, moved)
 
     def step(self, missed: tuple[NDArray[np.float64], ...], away: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) to the least squares of what a bench missed, which is so far away from what was known before."""
+        """(n,) least-squares step of the parameters.
+
+        Args:
+            missed: for each trace (samples,), measured minus predicted.
+            away: (n,) present parameters minus their prior means.
+        """
         pull = sum(j.T @ (w * m) for j, w, m in zip(self.jacobian, self.weight, missed, strict=True))
         return np.where(self.free, np.linalg.solve(self.data + self._prior, pull - self._prior @ away), 0.0)
 
 
 def left_out_covariance(nominal: Bench) -> NDArray[np.float64]:
-    """(n, n) `LEFT_OUT`, in the order of `Bench.vector`."""
+    """(n, n) covariance of the errors in `LEFT_OUT`, in the order of `Bench.vector`."""
     sd = np.zeros_like(nominal.vector())
     for name, off in LEFT_OUT.items():
         sd[list(Unknown).index(name)] = off
@@ -116,7 +122,7 @@ def left_out_covariance(nominal: Bench) -> NDArray[np.float64]:
 
 
 def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The matrix, in no direction less than the other: with few clusters some would come out far too sure."""
+    """Raise a covariance to at least `least` in every direction: few clusters would understate some variances."""
     root = np.linalg.cholesky(least)
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ matrix @ inverse.T)

@@ -1,4 +1,4 @@
-"""Blows: metal moves and none goes. Peening over of edges, dimples of shot, knocks; sizes in `wear`."""
+"""Blows, which move metal and remove none: edges peened over, dimples of shot, knocks. `wear` gives the sizes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from glyphs.soiling.wear.bench import Bench, patches, rise
 from glyphs.surface.noise import Field
 
 MOST_HITS = 1.4
-"""Area of all dents over the part's at most: they cover 1 - exp(-1.4), three quarters of it."""
+"""Most dents: their areas add up to 1.4 times the part's, so that they cover 1 - exp(-1.4), three quarters of it."""
 
 
 def peen(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Close grooves from their edges and dimple all; the surface, and where (0 to 1) it was hit."""
+    """Close grooves from their edges and dimple the surface; return the surface and where it was hit (0 to 1)."""
     from glyphs.opencv import cv2
 
     coat, deep, size = bench.coat, bench.deep_mm, bench.coat.height_mm
@@ -31,7 +31,7 @@ def peen(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> 
 
 
 def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
-    """The surface with `gain` on it, sunk by as much where it stands out from what lies within `width` samples."""
+    """Add `gain` to the surface and take as much metal from nearby parts (`width` samples) that stand out."""
     rows, cols = z.shape
     step = max(1, int(width / 5.0))
 
@@ -42,7 +42,7 @@ def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
         return blur(values, width / step, mirror=True)
 
     stands = thin(z + gain)
-    # on the thinned grid, so that the land's edge and the lip on it go down together
+    # on the coarse grid, so that the edge of the land and its lip sink together
     proud = np.maximum(stands - smooth(stands), 0.0)
     least = np.float32(0.02 * float(proud.max()) + 1e-9)
     sunk = np.asarray(proud * smooth(thin(gain)) / np.maximum(smooth(proud), least), dtype=np.float32)
@@ -50,9 +50,9 @@ def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
 
 
 def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: float = 0.16) -> Field:
-    """Dents of shot so far, mm deep: caps at random, of all that hit one place the deepest.
+    """Depth of the dents of shot, mm: spherical caps at random places; where they overlap, the deepest counts.
 
-    `aspect` is the depth of a dent over its width, at most.
+    `aspect` is the greatest depth of a dent over its width.
     """
     rows, cols = coat.shape
     typical = rng.uniform(0.05, 0.14) * coat.height_mm / coat.pitch_mm
@@ -77,9 +77,9 @@ def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: floa
 
 
 def knock(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Dents and gouges by other parts' corners; the surface, and where (0 to 1) it was hit.
+    """Dent and gouge the surface with corners of other parts; return it and where it was hit (0 to 1).
 
-    A corner spans the grooves and the land between raised marks: it presses what stands higher than it reaches.
+    A corner bridges grooves, and the land between raised marks: it presses down only what stands above its own surface.
     """
     coat, deep, size = bench.coat, bench.deep_mm, bench.coat.height_mm
     rows, cols = coat.shape
