@@ -320,13 +320,15 @@ class SweepClock:
             self.trouble = (
                 f"nothing is deleted: by the clock the last sweep was {gap_s / 86_400.0:,.0f} days ago"
             )
-            _log.warning("%s; set the clock; if it is right, run: touch %s", self.trouble, self.file)
+            _log.warning(
+                "not swept: %s; set the clock; if it is right, run: touch %s", self.trouble, self.file
+            )
             return False
         if before is not None:
             leap_s = now_s - before[0] - (self._before[1] - before[1])
             if abs(leap_s) > MOST_DRIFT_S:
                 self.trouble = f"nothing is deleted this time: the clock has leapt by {leap_s:,.0f} s"
-                _log.warning(self.trouble)
+                _log.warning("not swept: %s", self.trouble)
                 return False
         if gap_s > 0.0:
             os.utime(self.file, (now_s, now_s))

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from pipeline.service.settings import OpcUaSettings
 
 IDLE, SCANNING, BUSY = 0, 2, 3
+ANSWER_S = 120.0
+"""Seconds for one scan; after them the status says so, and the part is read to its end all the same."""
 _LEAVE_S = 0.1
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
@@ -71,7 +73,6 @@ class OpcUaPort:
         trigger: Trigger,
         *,
         connections: int = 16,
-        answer_s: float = 120.0,
     ) -> None:
         """Make the server; nothing is opened yet.
 
@@ -79,11 +80,10 @@ class OpcUaPort:
             settings: of the server; port 0 takes any that is free, without users everybody may call.
             trigger: reads a part.
             connections: that have signed in, at once.
-            answer_s: for one scan; after it the status says so, and the part is read to its end all the same.
         """
         self.host, self.port = settings.host, settings.port or 0
         self._settings, self._trigger = settings, trigger
-        self._connections, self._answer_s = connections, answer_s
+        self._connections = connections
         self._server: Any = None
         self._nodes: dict[str, Any] = {}
         self._events: Any = None
@@ -174,8 +174,8 @@ class OpcUaPort:
         """Method Scan: one trigger, and its result."""
         if (refused := self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
             return refused
-        wait_s = arguments[0].Value.Duration / 1000.0 or self._answer_s
-        part, status = await self._wait(self._begin("", BUSY, answered=True), min(wait_s, self._answer_s))
+        wait_s = arguments[0].Value.Duration / 1000.0 or ANSWER_S
+        part, status = await self._wait(self._begin("", BUSY, answered=True), min(wait_s, ANSWER_S))
         results = [ocr_scan_result(part)] if part is not None else []
         return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
 
@@ -202,7 +202,7 @@ class OpcUaPort:
         if (refused := self._refusal(fits=fits)) is not None:
             return refused
         scan = self._begin(names[0], BUSY, job=names[1] if len(names) > 1 else "")
-        part, _ = await self._wait(scan, self._answer_s)
+        part, _ = await self._wait(scan, ANSWER_S)
         if part is None:
             return bad("BadDeviceFailure")
         reading = part.reading or NO_READING

@@ -1,96 +1,75 @@
-"""The Python client, against a real web server that plays the service."""
+"""The Python client, against a real web server and the service's own interface."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import uvicorn
-from starlette.applications import Starlette
-from starlette.datastructures import UploadFile
-from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
 
-from pipeline.common.reading_records import to_json
-from pipeline.common.records import (
-    EventRecord,
-    EvidenceKind,
-    EvidenceRecord,
-    PartState,
-    ReviewAction,
-    ReviewRecord,
-)
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction
+from pipeline.common.settings import ReadSettings
+from pipeline.reading.part_orders import RECORDING, PartOrder
+from pipeline.reading.part_pictures import Picture
+from pipeline.reading.triage import ReadPart
+from pipeline.service.app import Service
 from pipeline.service.client import Client, ServiceError
-from tests.support.line_fakes import NOW, part, reading, serving
+from tests.support.line_fakes import reading, serving
+from tests.support.service_fixtures import inline_service
+from tests.support.store_samples import PLAN
 from tests.support.waiting import free_port
 
-ID = "01KB0000000000000000000017"
-PART = part()
-LINKS = {"links": {"self": f"/v1/parts/{ID}"}, "something": "that later versions say"}
+READ = reading()
+EDGES = Picture(EvidenceKind.EDGES_PICTURE, "edges.png", b"\x89PNG edges", "image/png", {})
 
 
-HISTORY = {
-    "events": [to_json(EventRecord(NOW, "received", {"bytes": 7}))],
-    "readings": [to_json(reading())],
-    "reviews": [to_json(ReviewRecord(ReviewAction.CORRECT, "A", "B", "Anna", at=NOW))],
-    "evidence": [to_json(EvidenceRecord(EvidenceKind.PHOTO, "ab" * 32, 7, at=NOW))],
-}
+def read(order: PartOrder, *_: object) -> ReadPart:
+    """A reading, whatever the files hold; one named so is unsure until it is felt."""
+    if order.part.name == "unsure" and not order.earlier:
+        return ReadPart((replace(READ, source="vision", decision="review"),), plan=PLAN)
+    (order.folder / RECORDING).write_bytes(b"felt")
+    return ReadPart((READ,), (EDGES,))
 
 
-class Service:
-    """The service's interface, without a service; `refuse` answers instead, once each."""
+class Door:
+    """Before a service; notes the heads of requests, and answers with `refuse` instead, once each."""
 
-    def __init__(self) -> None:
-        self.requests: list[dict[str, Any]] = []
+    def __init__(self, app: Any) -> None:
+        self._app = app
+        self.heads: list[dict[str, str]] = []
         self.refuse: list[Response] = []
-        self.made: dict[str, str] = {}
-        self.app = Starlette(routes=[Route("/{path:path}", self._take, methods=["GET", "POST"])])
 
-    async def _take(self, request: Request) -> Response:
-        note: dict[str, Any] = {"headers": dict(request.headers), "query": dict(request.query_params)}
-        self.requests.append(note)
-        kind, body = request.headers.get("content-type", ""), await request.body()
-        if self.refuse:
-            return self.refuse.pop(0)
-        if kind.startswith("multipart"):
-            form = await request.form()
-            sent = [(key, one) for key, one in form.multi_items() if isinstance(one, UploadFile)]
-            keys = [key if not n else f"{key}-{n}" for n, (key, _) in enumerate(sent) if key == "photo"]
-            keys += [key for key, _ in sent if key != "photo"]
-            pairs = zip(keys, sent, strict=True)
-            note["files"] = {key: (one.filename, await one.read()) for key, (_, one) in pairs}
-            note["fields"] = {key: one for key, one in form.items() if isinstance(one, str)}
-        elif kind == "application/json":
-            note["json"] = json.loads(body)
-        return self._answer(request.method, request.url.path.removeprefix("/v1/parts"), note)
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        self.heads.append({key.decode(): value.decode() for key, value in scope["headers"]})
+        if not self.refuse:
+            return await self._app(scope, receive, send)
+        while (await receive()).get("more_body"):
+            pass
+        return await self.refuse.pop(0)(scope, receive, send)
 
-    def _answer(self, method: str, path: str, note: dict[str, Any]) -> Response:
-        if (method, path) == ("POST", ""):
-            key = note["headers"]["idempotency-key"]
-            status = 200 if key in self.made else 201
-            self.made[key] = ID
-            fields = note["fields"]
-            return JSONResponse(
-                to_json(part(fields.get("name", ""), expected=fields.get("expected", ""))) | LINKS, status
-            )
-        if path.startswith(f"/{ID}/pictures/"):
-            return Response(b"\x89PNG " + path.rpartition("/")[2].encode(), media_type="image/png")
-        reviewed = part(text="KX407252", state=PartState.REVIEWED)
-        answers: dict[str, Any] = {
-            "": [to_json(PART) | LINKS],
-            **{f"/{ID}{way}": to_json(PART) | LINKS for way in ("", "/scan", "/touch")},
-            f"/{ID}/review": to_json(reviewed) | LINKS,
-            f"/{ID}/history": HISTORY,
-        }
-        return JSONResponse(answers[path]) if path in answers else problem(404, f"there is no part {path!r}")
+
+@dataclass(frozen=True)
+class Doors:
+    """A service that is called through a door."""
+
+    service: Service
+    door: Door
+    url: str
+
+    @property
+    def made(self) -> tuple[PartRecord, ...]:
+        """Parts of the service, newest first."""
+        return self.service.store.parts()
 
 
 def problem(status: int, detail: str, **headers: str) -> Response:
@@ -99,91 +78,84 @@ def problem(status: int, detail: str, **headers: str) -> Response:
 
 
 @pytest.fixture(scope="module")
-def service() -> Iterator[tuple[Service, str]]:
-    made = Service()
-    with serving(made.app) as url:
-        yield made, url
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Doors]:
+    folder = tmp_path_factory.mktemp("service")
+    settings = {"stage": {"folder": folder}, "reading": ReadSettings()}
+    with inline_service(folder / "s", instead=read, **settings) as (service, client):
+        door = Door(client.app)
+        with serving(door) as url:
+            yield Doors(service, door, url)
 
 
 @pytest.fixture
-def fresh(service: tuple[Service, str]) -> tuple[Service, str]:
-    service[0].requests.clear()
-    service[0].refuse.clear()
-    return service
+def doors(opened: Doors) -> Doors:
+    opened.door.heads.clear()
+    opened.door.refuse.clear()
+    return opened
 
 
 @pytest.fixture
 def photo(tmp_path: Path) -> Path:
     path = tmp_path / "part-ä.png"
-    path.write_bytes(b"a photograph")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n a photograph")
     return path
 
 
-def test_a_part_is_read_from_files(fresh: tuple[Service, str], photo: Path, tmp_path: Path) -> None:
-    service, url = fresh
+def test_a_part_is_read_from_files(doors: Doors, photo: Path, tmp_path: Path) -> None:
+    (tmp_path / "jobs").mkdir()
+    doors.service.jobs.save("housing-left", {"format": "AA999999"})
     scan = tmp_path / "part.h5"
-    scan.write_bytes(b"a scan")
-    with Client(url, token="tm_secret") as client:
+    scan.write_bytes(b"\x89HDF\r\n\x1a\n a scan")
+    with Client(doors.url, token="tm_secret") as client:
         made = client.read(
             photo=photo, scan=str(scan), name="P17", expected="KX407251", job="housing-left", touch="stage"
         )
-    assert made == part("P17", expected="KX407251")
-    (request,) = service.requests
-    assert request["files"] == {"photo": ("part-ä.png", b"a photograph"), "scan": ("part.h5", b"a scan")}
-    fields = {"name": "P17", "expected": "KX407251", "job": "housing-left", "touch": "stage"}
-    assert request["fields"] == fields
-    assert request["headers"]["authorization"] == "Bearer tm_secret"
-    assert len(request["headers"]["idempotency-key"]) >= 32
+        assert client.part(made.id) == made == doors.made[0]
+        assert client.parts(state=PartState.ACCEPTED, text="KX", name="P17", limit=7) == (made,)
+        assert client.parts(before=made.id, name="P17") == ()
+        assert client.picture(made.id, "edges") == EDGES.content
+    assert (made.name, made.expected, made.job, made.text) == ("P17", "KX407251", "housing-left", READ.text)
+    photographed, scanned, _ = doors.service.store.evidence(made.id)
+    assert (photographed.kind, photographed.name) == (EvidenceKind.PHOTO, "part-ä.png")
+    assert (scanned.kind, scanned.name) == (EvidenceKind.SCAN, "part.h5")
+    assert doors.door.heads[0]["authorization"] == "Bearer tm_secret"
+    assert len(doors.door.heads[0]["idempotency-key"]) >= 32
 
 
 def test_several_photographs_are_sent_as_one_part_and_bytes_without_a_token(
-    fresh: tuple[Service, str], photo: Path
+    doors: Doors, photo: Path
 ) -> None:
-    service, url = fresh
-    with Client(url) as client:
-        client.read(photo=[photo, b"another lamp"], database="plant", idempotency_key="mine-1")
-    (request,) = service.requests
-    photos = {"photo": ("part-ä.png", b"a photograph"), "photo-1": ("photo", b"another lamp")}
-    assert (request["files"], request["fields"]) == (photos, {"database": "plant", "touch": "asked"})
-    assert request["headers"]["idempotency-key"] == "mine-1"
-    assert "authorization" not in request["headers"]
+    with Client(doors.url) as client:
+        made = client.read(photo=[photo, photo.read_bytes()], idempotency_key="mine-1")
+    names = [kept.name for kept in doors.service.store.evidence(made.id) if kept.kind is EvidenceKind.PHOTO]
+    assert names == ["part-ä.png", "photo"]
+    (head,) = doors.door.heads
+    assert (head["idempotency-key"], "authorization" in head) == ("mine-1", False)
 
 
-def test_every_call_gives_records(fresh: tuple[Service, str], photo: Path) -> None:
-    service, url = fresh
-    with Client(url) as client:
-        assert client.part(ID) == PART
-        assert client.add_scan(ID, photo) == PART
-        assert client.touch(ID) == PART
-        assert client.read(photo, expected="KX407251").expected == "KX407251"
-        assert client.parts(state=PartState.ACCEPTED, text="KX", before=ID, limit=7) == (PART,)
-        assert client.picture(ID, "edges") == b"\x89PNG edges"
-        reviewed = client.review(
-            ID, action=ReviewAction.CORRECT, text="KX407252", who="Anna", before="KX407251"
-        )
+def test_a_part_is_felt_scanned_and_reviewed(doors: Doors, photo: Path) -> None:
+    with Client(doors.url) as client:
+        assert client.read(photo, name="unsure").state is PartState.TOUCH_NEEDED
+        felt = client.touch(doors.made[0].id)
+        assert (felt.state, felt.text) == (PartState.ACCEPTED, READ.text)
+        assert client.add_scan(felt.id, b"\x89HDF\r\n\x1a\n a scan").text == READ.text
+        said = {"action": ReviewAction.CORRECT, "text": "KX407252", "who": "Anna", "note": "worn"}
+        reviewed = client.review(felt.id, before=READ.text, **said)
         assert (reviewed.text, reviewed.state) == ("KX407252", PartState.REVIEWED)
-        history = client.history(ID)
-    assert history.events[0].data == {"bytes": 7}
-    assert history.readings == (reading(),)
-    assert history.reviews[0].who == "Anna"
-    assert history.evidence[0].kind is EvidenceKind.PHOTO
-    assert service.requests[4]["query"] == {"state": "accepted", "text": "KX", "before": ID, "limit": "7"}
-    assert service.requests[6]["json"] == {
-        "action": "correct",
-        "text": "KX407252",
-        "who": "Anna",
-        "note": "",
-        "before": "KX407251",
-    }
+        with pytest.raises(ServiceError, match="409: "):
+            client.review(felt.id, before=READ.text, **said)
+        history = client.history(felt.id)
+    assert [one.source for one in history.readings] == ["vision", "fused", "fused"]
+    assert (history.reviews[0].who, history.reviews[0].note) == ("Anna", "worn")
 
 
-def test_a_refusal_says_why(fresh: tuple[Service, str], photo: Path) -> None:
-    service, url = fresh
+def test_a_refusal_says_why(doors: Doors, photo: Path) -> None:
+    door, url = doors.door, doors.url
     with Client(url) as client:
         with pytest.raises(ServiceError, match="404: there is no part") as caught:
             client.part("01KB0000000000000000000099")
         assert caught.value.status == 404
-        assert caught.value.problem["title"] == "Refused"
+        assert caught.value.problem["title"] == "Not Found"
         for answer, words in (
             (problem(401, "a token is needed"), "401: a token is needed"),
             (problem(422, "photo.png: is damaged"), "422: photo.png: is damaged"),
@@ -196,14 +168,14 @@ def test_a_refusal_says_why(fresh: tuple[Service, str], photo: Path) -> None:
             (Response("<html>hello", 200), "not understood"),
             (JSONResponse({"hello": 1}, 200), "not understood"),
         ):
-            service.refuse.append(answer)
+            door.refuse.append(answer)
             with pytest.raises(ServiceError, match=words):
                 client.read(photo)
-    assert len(service.requests) == 8  # nothing of this is tried again
+    assert len(door.heads) == 8  # nothing of this is tried again
 
 
-def test_what_cannot_be_sent_is_said_before(fresh: tuple[Service, str], tmp_path: Path) -> None:
-    service, url = fresh
+def test_what_cannot_be_sent_is_said_before(doors: Doors, tmp_path: Path) -> None:
+    door, url = doors.door, doors.url
     with Client(url) as client:
         with pytest.raises(ValueError, match="photograph"):
             client.read()
@@ -212,46 +184,45 @@ def test_what_cannot_be_sent_is_said_before(fresh: tuple[Service, str], tmp_path
         for wrong in ("", "../tokens", "a/b", "a?b", "ä"):
             with pytest.raises(ServiceError, match="not a part's id"):
                 client.part(wrong)
-    assert not service.requests
+    assert not door.heads
 
 
 def test_a_busy_service_is_asked_again_after_the_time_it_tells(
-    fresh: tuple[Service, str], photo: Path, monkeypatch: pytest.MonkeyPatch
+    doors: Doors, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service, url = fresh
+    door, url = doors.door, doors.url
     slept: list[float] = []
     monkeypatch.setattr(time, "sleep", slept.append)
     busy = problem(503, "as many parts wait as may", retry_after="3")
-    service.refuse = [busy, busy, Response(status_code=502)]
+    door.refuse = [busy, busy, Response(status_code=502)]
     with Client(url) as client:
         client.read(photo)
-        keys = {request["headers"]["idempotency-key"] for request in service.requests}
-        assert len(keys) == 1
-        assert len(service.requests) == 4
-        assert service.requests[-1]["files"]["photo"][1] == b"a photograph"  # from its beginning again
+        assert len({head["idempotency-key"] for head in door.heads}) == 1
+        assert len(door.heads) == 4
         slept_for_read = list(slept)
         # what is done once only is asked again where it was refused, not where nobody knows
-        service.refuse = [busy]
-        client.touch(ID)
-        service.refuse = [Response(status_code=502)]
+        unsure = client.read(photo, name="unsure")
+        door.refuse = [busy]
+        client.touch(unsure.id)
+        door.refuse = [Response(status_code=502)]
         with pytest.raises(ServiceError, match="502"):
-            client.touch(ID)
+            client.touch(unsure.id)
     assert len(slept_for_read) == 3
     assert all(3.0 <= s <= 3.75 for s in slept_for_read[:2])  # as told, and up to a quarter more
     assert 1.0 <= slept_for_read[2] <= 1.25
 
 
-def test_patience_has_an_end(fresh: tuple[Service, str], photo: Path) -> None:
-    service, url = fresh
-    service.refuse = [problem(503, "as many parts wait as may", retry_after="100")] * 3
+def test_patience_has_an_end(doors: Doors, photo: Path) -> None:
+    door, url = doors.door, doors.url
+    door.refuse = [problem(503, "as many parts wait as may", retry_after="100")] * 3
     begun = time.monotonic()
     with Client(url, patience_s=5.0) as client, pytest.raises(ServiceError, match="503: as many parts wait"):
         client.read(photo)
     assert time.monotonic() - begun < 5.0  # it would not be over in time, so it is not waited for
-    assert len(service.requests) == 1
+    assert len(door.heads) == 1
     with Client(f"http://127.0.0.1:{free_port()}", patience_s=0.0) as client:
         with pytest.raises(ServiceError, match="not reached") as caught:
-            client.part(ID)
+            client.part(new_part_id())
         assert caught.value.status == 0
 
 
@@ -293,73 +264,61 @@ def losing(target: str, losses: Callable[[int], bool]) -> Iterator[str]:
         door.close()
 
 
-def test_a_lost_answer_makes_no_second_part(fresh: tuple[Service, str], photo: Path) -> None:
-    service, url = fresh
-    service.made.clear()
-    with losing(url, lambda count: count <= 2) as door, Client(door) as client:
-        assert client.read(photo, name="P17") == part("P17")
-    assert len(service.requests) == 3
-    assert len(service.made) == 1
+def test_a_lost_answer_makes_no_second_part(doors: Doors, photo: Path) -> None:
+    before = len(doors.made)
+    with losing(doors.url, lambda count: count <= 2) as lost, Client(lost) as client:
+        assert client.read(photo, name="P17").text == READ.text
+    assert len(doors.door.heads) == 3
+    assert len(doors.made) == before + 1
 
 
-def test_what_is_done_once_only_is_not_sent_again_when_its_answer_is_lost(fresh: tuple[Service, str]) -> None:
-    service, url = fresh
-    with losing(url, lambda count: count == 1) as door, Client(door) as client:
+def test_what_is_done_once_only_is_not_sent_again_when_its_answer_is_lost(doors: Doors, photo: Path) -> None:
+    with Client(doors.url) as client:
+        part = client.read(photo)
+    with losing(doors.url, lambda count: count == 1) as lost, Client(lost) as client:
         with pytest.raises(ServiceError, match="not reached"):
-            client.review(ID, action=ReviewAction.CONFIRM, text="KX407251", who="Anna")
-        assert len(service.requests) == 1
-        assert client.part(ID) == PART  # and it goes on
+            client.review(part.id, action=ReviewAction.CONFIRM, text=part.text, who="Anna")
+        assert len(doors.door.heads) == 2
+        assert client.part(part.id).state is PartState.REVIEWED  # and it goes on
 
 
-def test_a_service_that_is_started_anew_is_waited_for(photo: Path) -> None:
+def test_a_service_that_is_started_anew_is_waited_for(doors: Doors, photo: Path) -> None:
     port = free_port()
-    door = f"http://127.0.0.1:{port}"
     made: list[Any] = []
 
     def ask() -> None:
-        with Client(door, patience_s=20.0) as client:
+        with Client(f"http://127.0.0.1:{port}", patience_s=20.0) as client:
             made.append(client.read(photo))
-            made.append(client.touch(ID))
 
     asking = threading.Thread(target=ask)
     asking.start()
     time.sleep(0.3)
-    server = uvicorn.Server(uvicorn.Config(Service().app, host="127.0.0.1", port=port, log_level="error"))
+    server = uvicorn.Server(
+        uvicorn.Config(doors.door, host="127.0.0.1", port=port, log_level="error", lifespan="off")
+    )
     running = threading.Thread(target=server.run)
     running.start()
     asking.join(30.0)
     server.should_exit = True
     running.join(10.0)
-    assert len(made) == 2
+    assert len(made) == 1
 
 
-def test_neither_redirects_nor_proxies_get_the_token(
-    fresh: tuple[Service, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    service, url = fresh
+def test_neither_redirects_nor_proxies_get_the_token(doors: Doors, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{free_port()}")
     monkeypatch.delenv("NO_PROXY", raising=False)
-    service.refuse.append(Response(status_code=307, headers={"location": f"{url}/v1/parts/{ID}"}))
-    with Client(url, token="tm_secret") as client:
+    doors.door.refuse.append(Response(status_code=307, headers={"location": f"{doors.url}/v1/parts"}))
+    with Client(doors.url, token="tm_secret") as client:
         with pytest.raises(ServiceError, match="moved"):
-            client.part(ID)
-        assert len(service.requests) == 1
-        assert client.part(ID) == PART
+            client.parts()
+        assert len(doors.door.heads) == 1
+        client.parts()
 
 
-def test_threads_may_share_a_client(fresh: tuple[Service, str]) -> None:
-    _, url = fresh
-    made: list[Any] = []
-    with Client(url) as client:
-        threads = [
-            threading.Thread(target=lambda n=n: made.append(client.read(b"x", name=f"P{n}")))  # type: ignore[misc]
-            for n in range(8)
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(30.0)
-    assert sorted(record.name for record in made) == [f"P{n}" for n in range(8)]
+def test_threads_may_share_a_client(doors: Doors, photo: Path) -> None:
+    with Client(doors.url) as client, ThreadPoolExecutor(8) as pool:
+        made = list(pool.map(lambda n: client.read(photo, name=f"P{n}").name, range(8)))
+    assert made == [f"P{n}" for n in range(8)]
 
 
 def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
