@@ -28,7 +28,7 @@ SECTIONS = (
 
 
 class Page(HTMLParser):
-    """What a page refers to, and whether its tags close."""
+    """What a page refers to; its tags close, its references are found, and it needs nothing beside it."""
 
     VOID = frozenset({"meta", "img", "br", "link"})
 
@@ -36,10 +36,12 @@ class Page(HTMLParser):
         super().__init__()
         self.refers: list[str] = []
         self.ids: list[str] = []
-        self.headings = 0
         self.open: list[str] = []
         self.text = ""
         self.feed(text)
+        assert self.open == []
+        assert all(r.startswith(("data:image/", "#")) for r in self.refers)
+        assert {r[1:] for r in self.refers if r.startswith("#")} <= set(self.ids)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag not in self.VOID:
@@ -95,10 +97,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_page_is_whole_and_needs_nothing_beside_it(written: Path) -> None:
     text = (written / report.PAGE).read_text(encoding="utf-8")
     page = Page(text)
-    assert page.open == []
     assert set(SECTIONS) <= set(page.ids)
-    assert all(r.startswith(("data:image/", "#")) for r in page.refers)
-    assert {r[1:] for r in page.refers if r.startswith("#")} <= set(page.ids)
     assert not re.search(r"https?://|@import|<script|url\(", text)
     assert "tactile-marks benchmark run --seed 1" in page.text
     assert "<b>it & broke</b>" in page.text  # shown, not obeyed
@@ -202,9 +201,7 @@ def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) ->
     assert {c["given"] for c in told["cells"]} == {"format", "font,format"}
     text = (tmp_path / report.PAGE).read_text(encoding="utf-8")
     page = Page(text)
-    assert page.open == []
     assert page.ids.index("factors") < page.ids.index("summary")
-    assert {r[1:] for r in page.refers if r.startswith("#")} <= set(page.ids)
     assert text.index("balanced in every cell") < text.index('id="factors"')
     assert "Where a level has under 20 parts they are too narrow" in page.text
 
