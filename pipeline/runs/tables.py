@@ -97,14 +97,7 @@ def csv_cells(record: ReadingRecord) -> list[Any]:
     Raises:
         ValueError: a number that is not finite, or a text that is too long.
     """
-    cells = list(row_of(record).values())
-    finite = all(math.isfinite(cell) for cell in cells if isinstance(cell, float))
-    plain = finite and _is_plain("".join(cell for cell in cells if isinstance(cell, str)))
-    return cells if plain else list(_fitting(cells, record.part))
-
-
-def _is_plain(texts: str) -> bool:
-    return len(texts) <= MOST_TEXT and not _ODD.search(texts)
+    return list(_fitting(list(row_of(record).values()), record.part))
 
 
 def _fitting(value: Any, part: str) -> Any:
@@ -137,7 +130,7 @@ def _json_line(record: ReadingRecord) -> bytes:
     values = {name: whole[name] for name in COLUMNS}
     values["characters"] = [_flat(place) for place in values["characters"]]
     line = _dumps(values)
-    if not _is_plain(line):
+    if len(line) > MOST_TEXT or _ODD.search(line):
         line = _dumps(_fitting(values, record.part))
     return f"{line.translate(_LINE_BREAKS)}\n".encode()
 

@@ -201,11 +201,8 @@ class WorkPool(Executor):
     @property
     def trouble(self) -> str:
         """Reason why no worker is ready, where one has failed to start; empty otherwise."""
-        if self._failed == 0 or any(slot.warm for slot in self._slots):
-            return ""
-        if not self._hopeless:
-            return f"no worker is ready; the last one did not start: {self._why_failed}"
-        return f"no worker can start: {self._why_failed}"
+        failed = self._failed > 0 and not any(slot.warm for slot in self._slots)
+        return f"no worker can start: {self._why_failed}" if failed else ""
 
     def close(self, grace_s: float) -> None:
         """Refuse new jobs, wait for those at work, and stop the workers; jobs that are not done then are lost."""
@@ -226,10 +223,6 @@ class WorkPool(Executor):
             slot.thread.join()
         for job in self._waiting:
             job.future.set_exception(WorkerLostError(_STOPPING))
-
-    @property
-    def _hopeless(self) -> bool:
-        return self._failed >= _STARTS_TRIED * len(self._slots)
 
     def _ahead(self) -> int:
         return _AHEAD * self.workers
@@ -330,7 +323,8 @@ class WorkPool(Executor):
                 if not self._waiting:
                     return
                 job = self._waiting[0]
-                if not self._hopeless and time.monotonic() - job.queued_s < job.timeout_s:
+                hopeless = self._failed >= _STARTS_TRIED * len(self._slots)
+                if not hopeless and time.monotonic() - job.queued_s < job.timeout_s:
                     return
                 self._waiting.popleft()
             job.future.set_exception(WorkerLostError(self.trouble or "no worker is ready", unstarted=True))
