@@ -47,11 +47,6 @@ def test_soil_turns_with_its_map(tmp_path: Path) -> None:
         assert read.height_map.z_mm[0, 0] == pytest.approx(0.01 * first)
 
 
-def test_a_map_alone_tells_of_no_soil(tmp_path: Path) -> None:
-    write_npz(tmp_path / "a.npz", MAP)
-    assert read_part_map(tmp_path / "a.npz").soil is None
-
-
 @pytest.mark.parametrize("given", ["friction", "soft_mm", "hardness_mpa"])
 @pytest.mark.parametrize(("shape", "dtype"), [(Z.shape, np.float16), ((), np.float64), ((1,), np.float32)])
 def test_members_that_are_missing_are_filled_in(

@@ -47,16 +47,6 @@ def test_a_file_that_was_changed_is_refused(change: dict[str, Any], says: str, t
     assert "tactile-marks certify" in caught.value.hint
 
 
-@pytest.mark.parametrize("content", ["", "no JSON", "[]", '{"risk": 0.1}'])
-def test_what_is_no_certificate_is_refused(content: str, tmp_path: Path) -> None:
-    path = tmp_path / "c.json"
-    path.write_text(content, encoding="utf-8")
-    with pytest.raises(FileError):
-        load_certificate(path)
-    with pytest.raises(FileError, match="not there"):
-        load_certificate(tmp_path / "none.json")
-
-
 def test_it_holds_for_the_settings_that_it_was_made_with(tmp_path: Path) -> None:
     path = written(tmp_path / "c.json", SETTINGS)
     # senses stand in the certificate itself, and the unit is the file's

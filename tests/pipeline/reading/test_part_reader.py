@@ -176,13 +176,6 @@ def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Pat
         PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"))
 
 
-def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
-    (folder / "both.jpg").write_bytes(b"x")
-    assert PartReader(FakeReader()).read(part(folder, "both")).text == "A1"
-    with pytest.raises(FileError, match="which is the part's is unclear"):
-        PartReader(FakeReader(), ReadSettings(mode="vision")).read(part(folder, "both"))
-
-
 def verdict_of(found: Reading) -> Verdict:
     assert found.trace.verification is not None
     return found.trace.verification.verdict
