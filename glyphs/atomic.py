@@ -18,8 +18,8 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
     When it has become `path` it survives a loss of power.
 
     Args:
-        path: to be written.
-        private: for its owner alone; else for whom the folder is for.
+        path: path to be written.
+        private: whether only the owner may read the file; otherwise whoever may read the folder.
 
     Raises:
         FileError: the folder is missing or not writable, or the disk is full.

@@ -16,9 +16,9 @@ class MarksError(Exception):
     derived from it has a default.
 
     Attributes:
-        what: what is wrong.
+        what: the problem.
         where: file, setting or place that it is wrong with; empty where the message says it.
-        hint: what to do about it; empty where nothing can be said.
+        hint: remedy; empty if there is none.
     """
 
     def __init__(self, what: str, *, where: str = "", hint: str = "") -> None:

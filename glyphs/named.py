@@ -15,8 +15,8 @@ def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) ->
 
     Args:
         name: module and object, `module:function`.
-        what: what it is, for the message: "soil".
-        error: what is raised.
+        what: name of the kind for the message, such as "soil".
+        error: exception to raise.
 
     Raises:
         MarksError: (as `error`) not such a name, or no such module or object.

@@ -44,8 +44,8 @@ class Part:
 
     Attributes:
         stamped: the part when it was clean.
-        soiling: what lies on it.
-        seed: of everything random; dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout
+        soiling: dirt on it.
+        seed: seed of all random draws; dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout
             from (*seed, 3).
     """
 
@@ -98,10 +98,10 @@ class Part:
         """Take a picture of the part; by default light and camera are drawn, the same whatever lies on the part.
 
         Args:
-            light: how it is lit.
+            light: lighting.
             camera: where it stands and what it does.
             light_azimuth_deg: where the lamp stands, if the light is drawn.
-            light_elevation_deg: how high it stands, likewise.
+            light_elevation_deg: elevation of the lamp, likewise.
             pixel_mm: size of a pixel on the part, if the camera is drawn.
             lights: photographs, each with the lamp on another side, evenly all round; those after the first are the
                 others of the first.
@@ -156,9 +156,9 @@ def stamp(
         face: face of the die.
         bevel_deg: slope of its walls.
         raised: raised marks.
-        line_rotation_deg: of the line on the plate, clockwise as the picture shows it.
+        line_rotation_deg: rotation of the line on the plate, clockwise as the picture shows it.
         pitch_mm: sample pitch; default: a hundredth of the height.
-        variation: how blows and plate differ; `StampingVariation.none()` for an ideal part; or
+        variation: variation of blows and plate; `StampingVariation.none()` for an ideal part; or
         practice: stamping practice, a name of `PRACTICES`.
         die: a name of `DIES`, in place of a face.
         plate: a name of `PLATES`, or a plate, in place of the variation's.

@@ -36,12 +36,12 @@ class Sketch(OneLine):
     """A sketched line.
 
     Attributes:
-        text: what stands there.
+        text: text on it.
         boxes: (x0, y0, x1, y1) around the ink of each character, pixels; a space has its empty cell.
         surface: (ROWS, columns) heights, character heights.
         ink: (ROWS, columns) 0 on the land to 1 in the marks.
         soil: (ROWS, columns) thickness of the dirt on it, character heights.
-        severity: of the dirt, 0 to 1.
+        severity: severity of the dirt, 0 to 1.
     """
 
     text: str

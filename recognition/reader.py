@@ -33,14 +33,14 @@ class Reader:
         reading = Reader(fonts=["gothic"], format="AA999999").read(part.height_map)
 
     Attributes:
-        settings: how it reads.
+        settings: settings of the reader.
     """
 
     def __init__(self, settings: ReaderSettings | None = None, /, **options: Unpack[ReaderOptions]) -> None:
         """Check the settings and load the fonts; templates are made when a sense first needs them.
 
         Args:
-            settings: how to read.
+            settings: settings of the reader.
             options: fields of `ReaderSettings`, in place of those of `settings`.
 
         Raises:
@@ -97,7 +97,7 @@ class Reader:
             part: its height map, scan or photograph.
             more: others of the same part, one of a kind; any number of photographs.
             soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
-            part_id: what the part is called.
+            part_id: name of the part.
 
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid, photographs of different sizes.
@@ -148,7 +148,7 @@ class Reader:
         """The reading with the verdict on an expected text: `reading.trace.verification`.
 
         Args:
-            reading: as read.
+            reading: the reading.
             expected: text that the part should read.
 
         Raises:

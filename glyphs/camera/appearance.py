@@ -38,9 +38,9 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
 
     Args:
         soiled: the part.
-        light: how it is lit.
+        light: lighting.
         camera: where the camera stands and what it does.
-        rng: of the noise.
+        rng: random generator of the noise.
 
     Returns:
         Colours; `pitch_mm` and `centre_mm` are the nominal ones, as a stage knows them.

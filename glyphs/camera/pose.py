@@ -27,7 +27,7 @@ class Camera(OneLine, Validated, error=MapError):
     Attributes:
         pitch_mm: size of a pixel on the plate, nominally.
         shift_mm: (x, y) of the part from where it ought to lie.
-        rotation_deg: of the part, from +x towards +y (clockwise as seen), about the middle.
+        rotation_deg: rotation of the part, from +x towards +y (clockwise as seen), about the middle.
         perspective_per_mm: (x, y) relative change of scale a mm, from a tilted part.
         defocus_mm: radius (one standard deviation) of the blur, on the plate.
         exposure_ev: over-exposure, powers of two; 0 brings the mean of the picture to a medium grey.

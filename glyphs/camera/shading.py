@@ -32,7 +32,7 @@ class Light(OneLine, Validated, error=MapError):
 
     Attributes:
         azimuth_deg: where the lamp stands, plate frame: 0 at the right (+x), 90 below (+y), 270 above.
-        elevation_deg: of the lamp over the plate, above 0 to 90.
+        elevation_deg: elevation of the lamp over the plate, above 0 to 90.
         ambient: light from all round, as a share of all light that falls on a flat plate, 0..1.
         size_deg: angular radius of the lamp, > 0: a large one gives soft glints and soft shadows.
         gradient: unevenness of the ambient light: brighter towards the lamp by that share, 0..1.

@@ -31,7 +31,7 @@ def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
 
     Args:
         font: has them all.
-        text: what will be written.
+        text: text that will be written.
         rng: the only source of randomness.
 
     Raises:

@@ -65,7 +65,7 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
     Args:
         file: an open `fontTools.ttLib.TTFont`.
         characters: the characters wanted.
-        flatness: how far a chord may stray from its curve, cap heights.
+        flatness: greatest distance of a chord from its curve, cap heights.
 
     Returns:
         The font's full name (may be empty) and {character: (polygons (n, 2) each, advance)}, cap heights.

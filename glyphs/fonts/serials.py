@@ -76,11 +76,11 @@ def random_text(format: str, *, rng: np.random.Generator, exclude: str = "") -> 
     """A serial drawn evenly from all that obey the format.
 
     Args:
-        format: as `allowed_characters`.
+        format: as in `allowed_characters`.
         rng: the only source of randomness.
-        exclude: as `allowed_characters`.
+        exclude: as in `allowed_characters`.
 
     Raises:
-        FormatError: as `allowed_characters`.
+        FormatError: as in `allowed_characters`.
     """
     return "".join(c[int(rng.integers(len(c)))] for c in allowed_characters(format, exclude=exclude))

@@ -54,8 +54,8 @@ class Coat(OneLine):
     """The surface so far; all arrays (rows, cols) float32 unless said otherwise.
 
     Attributes:
-        pitch_mm: of the grid.
-        height_mm: of the characters.
+        pitch_mm: pitch of the grid.
+        height_mm: height of the characters.
         clean_mm: the stamped surface, before any dirt.
         brim_mm: the height to which a hollow can be filled: the land of sunk marks.
         z_mm: top of the surface.

@@ -36,7 +36,7 @@ class Soiling(OneLine, Validated, error=StampError):
     Attributes:
         soils: names of soils, the first lies lowest; each is there as much as it would be alone.
         severity: 0 (clean) to 1, the same loss for every soil (`glyphs.soiling.severity`).
-        mixture: of the workshop's seven kinds, in place of the usual one of a severity.
+        mixture: mixture of the workshop's seven kinds; default: the usual one of a severity.
 
     Raises:
         StampError: a severity outside 0..1, a soil unknown or named twice, or a mixture of another soil.
@@ -71,8 +71,8 @@ class SoiledPart(OneLine):
     Attributes:
         part: the part when it was clean.
         height_map: the top of its surface now.
-        soil: what of it yields, and its friction.
-        look: how it throws light back.
+        soil: the part of it that yields, and its friction.
+        look: reflection of its surface.
 
     Raises:
         ValueError: grids that do not agree.
@@ -96,7 +96,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
     Args:
         part: the stamped part.
-        soiling: how much of what.
+        soiling: soils and their severity.
         rng: the only source of randomness; the same state gives the same dirt.
 
     Raises:

@@ -36,7 +36,7 @@ def drop(grid: NDArray[np.float32], points: Points, values: NDArray[np.float64],
         grid: (rows, cols).
         points: (..., 2) x, y in mm; those beside the grid are lost.
         values: (...) one a point.
-        pitch_mm: of the grid.
+        pitch_mm: pitch of the grid.
     """
     at = np.rint(points.reshape(-1, 2) / pitch_mm).astype(np.int64)
     v = values.reshape(-1).astype(np.float32)

@@ -112,7 +112,7 @@ def ideal_relief(
         A map with an odd number of rows and columns whose middle pixel is the reference point.
 
     Raises:
-        StampError: as `die_glyph`, or a number out of range.
+        StampError: as in `die_glyph`, or a number out of range.
         MapError: pitch not positive, or too fine for the size.
     """
     require_not_negative(StampError, margin_mm=margin_mm)

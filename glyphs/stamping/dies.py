@@ -21,7 +21,7 @@ class DieKind:
         face: shape of its edge.
         tip: width of the flat on the edge of a blunt V of face FLAT, share of the usual stroke; 0: no V. In
             outlined fonts the widths are the outlines' own and the flat shows where they are wide enough.
-        changes: what of `StampingVariation` is its own, by field name.
+        changes: fields of `StampingVariation` that differ, by name.
     """
 
     face: Face

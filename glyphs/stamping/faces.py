@@ -151,7 +151,7 @@ def relief_mm(
         die: the die.
         half_width_mm: half the stroke, where the ink is a stroke; the root of a V is then rounded, which
             takes root_radius (1/cos bevel - 1) off its tip. None for outlines: a V runs to the medial axis.
-        extra_depth_mm: how much deeper (or, negative, shallower) than its depth the die went in, mm,
+        extra_depth_mm: depth beyond the nominal one to which the die went in (negative: less), mm,
             broadcast against the distance. A deeper blow widens the groove along its walls; where
             nothing is left of the depth there is no mark.
 

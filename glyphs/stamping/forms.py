@@ -33,9 +33,9 @@ class PlateForm(OneLine):
     """Radii of a plate about its two axes; default: flat.
 
     Attributes:
-        radius_x_mm: of the arc that the plate follows along x (a line around a shaft), mm, not zero; infinite: none.
-        radius_y_mm: of the arc along y (a line along a shaft), likewise. Both with one sign make a bow or a dish, with
-            two signs a saddle.
+        radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: none.
+        radius_y_mm: radius of the arc along y (a line along a shaft), likewise. Both with one sign make a bow or a
+            dish, with two signs a saddle.
 
     Raises:
         StampError: a radius of zero or not a number.

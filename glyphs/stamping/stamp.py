@@ -29,16 +29,16 @@ class StampedPart(OneLine):
 
     Attributes:
         height_map: the surface.
-        text: what was stamped; of two lines the requested one.
+        text: text that was stamped; with two lines the requested one.
         height_mm: character height.
         boxes_mm: (x0, y0, x1, y1) around the ink of each character, plate frame; a space has its empty cell.
         font_name: the font's name.
-        other_text: what was stamped beside it, on a line of its own.
+        other_text: text of the second line, if any.
         other_boxes_mm: around its characters.
-        form: what the plate is bent to.
+        form: form to which the plate is bent.
 
     Raises:
-        ValueError: as many boxes as characters are needed.
+        ValueError: the number of boxes is not that of the characters.
     """
 
     height_map: HeightMap
@@ -84,9 +84,9 @@ def stamp_line(
         height_mm: character height, ink to ink.
         pitch_mm: sample pitch; a hundredth of the height if not given.
         margin_mm: land around the line, 0.8 of the height if not given.
-        line_rotation_deg: of the whole line, from +x towards +y of the plate frame (clockwise as seen).
+        line_rotation_deg: rotation of the whole line, from +x towards +y of the plate frame (clockwise as seen).
         layout: an arc, or another line; default: straight and alone.
-        variation: how the blows differ; the defaults of `StampingVariation` if not given.
+        variation: variation of the blows (default: that of `StampingVariation`).
         raised: characters stand out of the plate (no burr).
         rng: the only source of randomness; the same state gives the same part.
 

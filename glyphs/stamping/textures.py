@@ -32,9 +32,9 @@ class Milling(Validated, error=StampError):
     """Arcs that the teeth of a face mill leave, deeper and shallower where the tool chatters.
 
     Attributes:
-        depth_um: from crest to bottom of a feed mark.
-        feed_mm: from one arc to the next, > 0.
-        radius_mm: of the mill, > 0.
+        depth_um: depth from crest to bottom of a feed mark.
+        feed_mm: distance from one arc to the next, > 0.
+        radius_mm: radius of the mill, > 0.
         chatter: share by which the depth swings, 0..1.
         chatter_mm: wavelength of the swing along the arcs, > 0.
 
@@ -65,10 +65,10 @@ class Turning(Validated, error=StampError):
     """Grooves of a lathe's tool: parallel on a turned shaft, parts of rings on a faced end.
 
     Attributes:
-        depth_um: from crest to bottom.
-        feed_mm: from one groove to the next, > 0.
+        depth_um: depth from crest to bottom.
+        feed_mm: distance from one groove to the next, > 0.
         ring_radius_mm: distance of the axis below the plate's middle; 0 gives parallel grooves, along y.
-        unevenness: by how much depths differ from groove to groove, share, 0..1.
+        unevenness: variation of the depth from groove to groove, share, 0..1.
 
     Raises:
         StampError: a value out of range.

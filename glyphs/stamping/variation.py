@@ -71,11 +71,11 @@ class StampingVariation(OneLine, Validated, error=StampError):
         double_strike_fraction: distance of that blow, fraction of the height.
         burr_fraction: mean height of the burr raised beyond the die's own, fraction of the depth.
         plate: the plate.
-        pile_up_lean: how lopsided the burr is, 0..1: higher by that share on the side to which a blow leans, lower on
+        pile_up_lean: asymmetry of the burr, 0..1: higher by that share on the side to which a blow leans, lower on
             the other.
-        flank_loss: how much of the depth is missing at the wall to which a blow leans, 0..1; at 1 that wall is gone.
+        flank_loss: share of the depth that is missing at the wall to which a blow leans, 0..1; at 1 that wall is gone.
         jump_probability: probability that the baseline jumps ahead of a character, and stays there.
-        jump_fraction: by how much, fraction of the height.
+        jump_fraction: size of the jump, fraction of the height.
 
     Raises:
         StampError: a value out of range.

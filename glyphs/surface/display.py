@@ -101,7 +101,7 @@ def picture_html(value: object, grey: NDArray[Any]) -> str:
     """The line of a value over a small picture of its array, for notebooks.
 
     Args:
-        value: what is shown.
+        value: value to show.
         grey: (rows, cols) numbers, NaN where there are none; the middle 98 % of them fill the range from black to
             white.
     """

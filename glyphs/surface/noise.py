@@ -18,7 +18,7 @@ def smooth_noise(
 
     Args:
         shape: (rows, cols).
-        pitch_mm: of the grid.
+        pitch_mm: pitch of the grid.
         length_mm: the correlation length; 0 gives white noise.
         rng: one draw a sample.
 

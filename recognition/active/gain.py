@@ -39,10 +39,10 @@ class Gain:
     """Expected gains of steps.
 
     Attributes:
-        ways: by way.
-        sure: of s.
-        surer: of s squared.
-        looks: of the binary logarithm of the number of looks.
+        ways: factor of each way.
+        sure: factor of s.
+        surer: factor of s squared.
+        looks: factor of the binary logarithm of the number of looks.
     """
 
     ways: Mapping[Way, WayGain]
@@ -54,9 +54,9 @@ class Gain:
         """Probability that the serial is sure within `LOOKS_AHEAD` looks if the next step goes this way.
 
         Args:
-            way: of the next step.
-            lines: of every way so far.
-            confidences: of all looks so far, one at least.
+            way: way of the next step.
+            lines: number of lines of every way so far.
+            confidences: confidences of all looks so far, at least one.
         """
         own = self.ways[way]
         has = lines.get(way, 0)

@@ -32,7 +32,7 @@ class LackingLines:
     """A place whose rivals are not excluded by the lines felt.
 
     Attributes:
-        place: from 0.
+        place: index of the place, from 0.
         ways: any of which lays the lines that are missing.
     """
 

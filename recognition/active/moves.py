@@ -37,8 +37,9 @@ class Way(StrEnum):
 
     Attributes:
         direction: the way the whiskers are dragged.
-        shift: of its lines, spacings of eight to half a height: those on the way back lie between the first eight.
-        purpose: of the step, in words.
+        shift: shift of its lines, in spacings of eight per half character height: lines on the way back lie between the
+            first eight.
+        purpose: purpose of the step, in words.
     """
 
     direction: TraceDirection
@@ -69,7 +70,7 @@ class Step:
 
     Attributes:
         way: their direction.
-        lines: to half a character's height, in this direction, once they are felt.
+        lines: lines per half character height in this direction after the step.
         passes: in order.
     """
 
@@ -92,9 +93,9 @@ def next_step(
 
     Args:
         fitting: whiskers, and the field that can be felt.
-        region_mm: to be felt.
+        region_mm: region to be felt.
         way: direction.
-        lines: to half a character's height that this direction has already.
+        lines: lines per half character height that this direction has already.
         joins: another direction was felt before.
     """
     if lines >= MOST:

@@ -26,12 +26,12 @@ class Progress:
     """Steps and confidences so far.
 
     Attributes:
-        fitting: of the stage.
-        lines: of each way that was felt, to half a character's height.
+        fitting: fitting of the stage.
+        lines: lines per half character height of each way that was felt.
         stage_s: spent.
-        text: of the last look.
-        confidence: of the last look; 0 without one.
-        confidences: of all looks.
+        text: text of the last look.
+        confidence: confidence of the last look; 0 without one.
+        confidences: confidences of all looks.
         steady: looks before the last one that said the same and believed it more likely than not.
         steps: way of each step, its lines after it.
     """
@@ -95,7 +95,7 @@ class Policy(Protocol):
         Args:
             progress: so far.
             region_mm: where the line lies.
-            left_s: of the budget, stage seconds.
+            left_s: stage seconds left of the budget.
         """
 
 
@@ -122,7 +122,7 @@ class Drawn:
     """Steps drawn at random, each way as likely; the first as `Greedy` has it.
 
     Attributes:
-        seed: of the draws; a part's steps depend on how many there were.
+        seed: seed of the draws; the steps of a part depend on the number of draws.
     """
 
     seed: int
@@ -146,7 +146,7 @@ class Greedy:
     What a step brings is the chance that the serial is sure within the next looks (`recognition.active.gain`).
 
     Attributes:
-        gain: what steps bring.
+        gain: predicted gain of the steps.
         worth_s: stage seconds that one more serial read without a person is worth.
 
     Raises:

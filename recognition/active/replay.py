@@ -22,7 +22,7 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
     """Feel and read a part; the scan has its log, so that a recording of it can be replayed. The session stays open.
 
     Args:
-        reader: by touch.
+        reader: reader by touch.
         session: with the part mounted.
         budget_s: most stage seconds.
     """
@@ -51,7 +51,7 @@ def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
     A reader of other settings or of another version may choose otherwise: it is then given all passes at once.
 
     Args:
-        reader: by touch.
+        reader: reader by touch.
         scan: with a log of passes.
 
     Raises:

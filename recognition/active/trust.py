@@ -21,7 +21,7 @@ class Trust:
         """Begin with a part.
 
         Args:
-            accept_confidence: of a reading that is accepted, where no other text was believed.
+            accept_confidence: least confidence of an accepted reading if no look preferred another text.
         """
         self._accept = accept_confidence
         self._believed: set[str] = set()

@@ -26,7 +26,7 @@ class Look:
 
     Attributes:
         read: the line and the beliefs of all experts, a look each.
-        choice: what the format makes of them.
+        choice: their texts in the format.
         others: there may be lines beside it; few lines of samples do not show whether they can be read.
     """
 
@@ -72,8 +72,8 @@ class LineWatch:
         """Go on at the line of a full reading that is surer of it than not.
 
         Args:
-            line: of the reading, if there is one.
-            confidence: of it.
+            line: line of the reading, if there is one.
+            confidence: confidence of the reading.
             followed: confidence of a reading from which its line is followed: it is seldom another by then.
         """
         if line is not None and confidence > followed:

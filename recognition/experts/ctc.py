@@ -31,7 +31,7 @@ class PlaceBelief:
 
     Attributes:
         log_belief: (places, C) natural logarithms; each row sums to 1 in probability.
-        log_evidence: of all texts allowed together.
+        log_evidence: log probability of all texts allowed together.
         frame: (places,) where each place stands, in frames, mean of its posterior.
         spread: (places,) standard deviation of that, frames.
     """

@@ -81,7 +81,7 @@ def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "", skip_colum
 
     Args:
         strips: (LAYERS, ROWS, columns) each.
-        chars: what is looked for.
+        chars: characters to look for.
         rare: characters that seldom stand on parts.
         skip_columns: at the start of each strip; steps begin after them, so a second look can fall between the steps
             of the first.

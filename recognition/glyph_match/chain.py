@@ -32,7 +32,7 @@ class Spacing:
 
     Attributes:
         before, after: (T,) of each template.
-        cost: of a distance off by n pixels, times n^2.
+        cost: cost of a distance that is off by n pixels, divided by n^2.
         limit: at most.
         free_after: places followed by a word gap, after which any distance goes.
     """
@@ -130,8 +130,8 @@ def best_chain(
         overlap: columns by which neighbours may intrude on each other.
         reach: columns of land allowed between neighbours.
         gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
-        spacing: how far apart neighbours usually stand, if known.
-        most_characters: of a chain whose number of places is open.
+        spacing: usual distance of neighbours, if known.
+        most_characters: greatest number of characters if the number of places is open.
 
     Returns:
         What it earned and the characters, left to right; (0, ()) when nothing earns anything, or when a fixed

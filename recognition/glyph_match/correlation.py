@@ -42,7 +42,7 @@ class GlyphImages:
         chars: (T,) characters.
         images: (T,) of (rows, columns, layers), odd, the glyph's reference point in the middle.
         half_cols: (T,) half the ink's width, pixels.
-        pixels: to a character height.
+        pixels: pixels per character height.
     """
 
     chars: tuple[str, ...]
@@ -61,11 +61,11 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
     """(rows, columns, layers) of the edges felt along a line, straightened.
 
     Args:
-        view: to be read.
-        line: of it.
+        view: view to be read.
+        line: line to be read.
         rows: shown, of which HEIGHT_ROWS are a character height.
         margin: before and after the line, character heights.
-        pixels: to a character height.
+        pixels: pixels per character height.
     """
     from glyphs.opencv import cv2
 
@@ -78,8 +78,8 @@ def glyph_images(templates: TemplateSet, *, pixels: int, margin_heights: float =
     """The templates on a grid of so many pixels; kept in the set's work space.
 
     Args:
-        templates: of a font, of all four directions.
-        pixels: to a character height.
+        templates: templates of a font, of all four directions.
+        pixels: pixels per character height.
         margin_heights: land beside a template's ink that belongs to its window, character heights.
     """
     made: GlyphImages = templates.derive(
@@ -113,7 +113,7 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
     Args:
         image: (rows, columns, layers); land, which is zero, lies beyond it.
         glyphs: the templates.
-        rows: of the image.
+        rows: rows of the image.
     """
     up, side = (max(one.shape[k] // 2 for one in glyphs.images) for k in (0, 1))
     padded = np.pad(image, ((up, up), (side, side), (0, 0)))[rows.start : rows.stop + 2 * up]
@@ -193,10 +193,10 @@ def chain_of(
         places: characters that a format allows at each place; None where their number is open.
         gaps: places of the format before a word gap.
         chance: correlation up to which a template explains nothing: what any strokes reach.
-        overlap_heights: by which neighbours may intrude on each other, character heights.
+        overlap_heights: overlap that is allowed between neighbours, character heights.
         gap_heights: most land between neighbours, character heights.
         free_gap_heights: land between neighbours that costs nothing, character heights.
-        gap_cost: of each height of land beyond, in characters of usual width that are explained whole.
+        gap_cost: cost of each height of land beyond, in characters of usual width that are explained whole.
     """
     pixels = glyphs.pixels
     share = np.clip(response, 0.0, 1.0) ** 2 - chance**2
@@ -258,10 +258,10 @@ def cell_correlations(
     Args:
         image: (rows, columns, layers).
         glyphs: the templates.
-        row, column: of the image, where the character stands.
+        row, column: position of the character in the image.
         bounds: columns of the cell: the first one, and the one after the last.
-        shift_heights: by which a template is moved up and down in its cell to fit best, character heights.
-        across_heights: by which it is moved to the left and right, character heights.
+        shift_heights: greatest shift of a template up and down in its cell, character heights.
+        across_heights: greatest shift to the left and right, character heights.
     """
     shift = round(shift_heights * glyphs.pixels)
     high = max(one.shape[0] // 2 for one in glyphs.images)

@@ -85,7 +85,7 @@ class DepthStrip:
         """The samples about a place, up to its neighbours: every second one, as neighbours are alike.
 
         Args:
-            place: from 0.
+            place: index of the place, from 0.
             tall_heights: above and below its middle, character heights.
         """
         left, right = self.reaches[place]
@@ -113,7 +113,7 @@ class LaidCharacter:
 
     Attributes:
         pose: (NUMBERS,) from the middle of the place (`recognition.glyph_match.pose`).
-        log_likelihood: of the depths about the place.
+        log_likelihood: log likelihood of the depths about the place.
         fit: correlation of those depths with the character's, at most 1.
     """
 
@@ -127,7 +127,7 @@ class FeltLine:
     """A felt line, on which characters are laid.
 
     Attributes:
-        view: as felt, with heights.
+        view: felt view, with heights.
         line: position of the text.
         columns: (places,) of the places in the line's strip.
         raised: whether the marks are raised.
@@ -190,7 +190,7 @@ class FeltLine:
         Args:
             text: one character for each place.
             font: in which.
-            face: of its die.
+            face: face of its die.
         """
         fits = [self._start(k, c, font, face)[0] for k, c in enumerate(text) if c in font.glyphs]
         return sum(fits) / max(len(text), 1)
@@ -209,7 +209,7 @@ class FeltLine:
         """Correlation of a character about a place, and the pose in which it correlates best.
 
         Args:
-            place, char, font, face: as of `lay`.
+            place, char, font, face: as in `lay`.
             about: pose about which it is looked for.
             shift_heights: search radius to the right and down, character heights.
             shift_cost: correlation that a shift costs, of its square.
@@ -240,10 +240,10 @@ class FeltLine:
         """Lay a character about a place; once, where no pose is expected.
 
         Args:
-            place: from 0.
+            place: index of the place, from 0.
             char: the character.
-            font: which has it.
-            face: of its die.
+            font: a font that has the character.
+            face: face of its die.
             about: the pose that is expected; default: USUAL.
             spread: standard deviations about it.
         """
@@ -317,11 +317,11 @@ def felt_line(
     Dies normally strike grooves, and under dirt a badly read text fits neither way.
 
     Args:
-        view: as felt, with heights.
+        view: felt view, with heights.
         line: where the text was found.
         columns: (places,) of the line's strip.
         text: one character for each place.
-        fonts: to compare with.
+        fonts: fonts to compare with.
         good_fit: mean correlation from which the line keeps the height at which it was found.
         least_gain: least gain in it over the height found.
         factors: factors of the height found that are tried instead.

@@ -34,8 +34,8 @@ def with_depths(
     """A font's lattice with what its depths say at doubtful places; as it is where there are none.
 
     Args:
-        lattice: of the font.
-        together: of all experts.
+        lattice: lattice of the font.
+        together: lattice of all experts.
         felt: the line.
         font: whose depths.
         doubtful: probability of the surest character below which a place is doubtful.
@@ -44,9 +44,9 @@ def with_depths(
             to 113 (1). One half set the numbers of this module, but for the next two; the other half gained as much.
         least_suits: correlation of the text as read with the line, from which the font's depths count: of 23 dotted
             lines, which undotted templates fit badly, the best has 0.35.
-        most_nats: by which depths can favour a character over another: a stroke that dirt fills is one event, however
-            many samples it has. Without a limit 4 of 73 accepted parts of two more fonts were wrong, with 3 nats 1 of
-            68.
+        most_nats: greatest advantage of one character over another by depths: a stroke that dirt fills is one event,
+            however many samples it has. Without a limit 4 of 73 accepted parts of two more fonts were wrong, with 3
+            nats 1 of 68.
     """
     belief = np.exp(together.log_belief)
     places = np.flatnonzero((belief.max(axis=1) < doubtful) & (belief.sum(axis=1) > 0.0))

@@ -157,7 +157,7 @@ class PlaceSamples:
             about: the pose that is expected.
             spread: standard deviations about it.
             starts: poses, of which the likeliest is fitted.
-            most_steps: of the fit.
+            most_steps: greatest number of steps of the fit.
         """
         from scipy.optimize import least_squares
 

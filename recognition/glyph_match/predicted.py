@@ -93,11 +93,11 @@ def template_key(
     """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set.
 
     Args:
-        font: of the characters.
+        font: font of the characters.
         touch: with which they are felt.
-        height_mm: of the characters.
+        height_mm: height of the characters.
         raised: whether they stand out.
-        face: of the die.
+        face: face of the die.
         step: relative step of preload and depth between two sets; twice that of the tip's radius.
     """
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
@@ -127,9 +127,9 @@ class TemplateSet:
     Attributes:
         font: name of the font.
         chars: (T,) characters.
-        view: of the whole plate.
+        view: view of the whole plate.
         middles_mm: (T, 2) x, y of the glyphs' reference points.
-        height_mm: of the characters.
+        height_mm: height of the characters.
         patches: (T, directions, rows, cols) float32 edges, PIXELS to the height, the glyph's reference point in the
             middle pixel; rows and cols odd.
         half_width: (T,) half the ink's width, character heights.
@@ -166,7 +166,7 @@ class IdealPlate:
         middles_mm: (T, 2) x, y of the glyphs' reference points.
         half_width: (T,) half the ink's width, character heights.
         shape: (rows, cols) of a character's part of the plate, PIXELS to the height, both odd.
-        rows: of them that its cell has.
+        rows: those of its rows that its cell has.
     """
 
     surface: HeightMap
@@ -194,9 +194,9 @@ def ideal_plate(
     """Strike the plate, at the canonical height and half the templates' pitch.
 
     Args:
-        font: of the characters.
-        chars: to strike.
-        die: that strikes them.
+        font: font of the characters.
+        chars: characters to strike.
+        die: die that strikes them.
         raised: whether they stand out.
         cell_margin_heights: land kept around a glyph in its cell, character heights.
         land_heights: land that the plate has above and below all glyphs, character heights.
@@ -239,11 +239,11 @@ def lit_views(
     """Photographs of an ideal plate of matt metal, one under each light.
 
     Args:
-        plate: to be seen.
+        plate: plate to be seen.
         lights: under which.
         albedo: share of the light that it throws back.
-        roughness: of brushed metal, 0 to 1.
-        reflectance: of brushed metal, 0 to 1.
+        roughness: roughness of brushed metal, 0 to 1.
+        reflectance: reflectance of brushed metal, 0 to 1.
         middle_grey: mean of a well exposed photograph, linear.
     """
     shape = plate.surface.shape

@@ -111,11 +111,11 @@ def cut_out(
     """Cut the values of `Prototypes`, by their names, out of a plate that is seen.
 
     Args:
-        view: of the plate.
+        view: view of the plate.
         middles_mm: (T, 2) x, y of their middles.
         half_width: (T,) half the ink's width, character heights.
-        height_mm: of the characters.
-        half_steps: of features on either side of a character's middle: as wide as a W.
+        height_mm: height of the characters.
+        half_steps: steps of features on either side of a character's middle: as wide as a W.
         beside_steps: steps beside a character's ink that count as its own.
         least_spread: added to the spread of each feature, which may be 0.
     """
@@ -141,11 +141,11 @@ def belief_of(
     """Match the font that suits a line best to its places: its lattice, and which it is; None without fonts.
 
     Args:
-        views: of one part, in one frame.
+        views: views of one part, in one frame.
         line: where the characters stand.
         columns: (places,) of its strip.
-        fonts: of each its prototypes, as touched or under several lights; what suits a view best speaks for it.
-        lattice: what others believe of the places.
+        fonts: prototypes of each font, for each touch or light; for each view those that fit best count.
+        lattice: posteriors of the other experts.
     """
     seen = [features_of(view.strip(line)) for view in views]
     tried = []
@@ -174,10 +174,10 @@ def cosines(
     """(places, T) greatest cosine of every prototype with every place, moved a little.
 
     Args:
-        features: of a strip.
+        features: features of a strip.
         columns: (places,) of the strip, where characters stand.
-        prototypes: of a font.
-        moved_steps: by which a place may lie off.
+        prototypes: prototypes of a font.
+        moved_steps: greatest error of a place, steps.
         move_cost: cosine that a step costs.
     """
     seen = (features - prototypes.mean) / prototypes.spread
@@ -207,7 +207,7 @@ def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice, *, sharpn
     Args:
         cosine: (places, T).
         chars: (T,) of the prototypes.
-        lattice: what others believe of the places.
+        lattice: posteriors of the other experts.
         sharpness: belief, as a logarithm, of a unit of cosine. Of 16 to 36, on 40 parts drawn like the exam's, less
             what it keeps out (320 characters): log loss of templates alone 0.080 (0.091 at 20), of the mean with the
             recogniser 0.071 (alone 0.075).

@@ -34,8 +34,8 @@ def usual_spacing(
         font: whose they are.
         full: (T,) what each template earns where its character stands clean.
         gaps: places before a word gap.
-        pixels: to a character height.
-        step_cost: of a distance that is off by a character height, in units of `full`.
+        pixels: pixels per character height.
+        step_cost: cost of a distance that is off by a character height, in units of `full`.
         step_limit: greatest such cost.
         stands_out: share of `full` that both neighbours must earn.
     """
@@ -71,8 +71,8 @@ def place_bounds(
     Args:
         placed: the characters.
         half_cols: (T,) half the ink's width of each template, pixels.
-        width: of the image.
-        pixels: to a character height.
+        width: width of the image.
+        pixels: pixels per character height.
         side_heights: land beside a character's ink that its place takes in at most, character heights.
     """
     middles, half = np.array([p.column for p in placed]), half_cols[[p.template for p in placed]]

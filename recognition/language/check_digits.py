@@ -71,7 +71,7 @@ class CheckDigit:
         """From a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`.
 
         Raises:
-            FormatError: as the class.
+            FormatError: as in the class.
         """
         match = _FORM.fullmatch(text.strip())
         if match is None:

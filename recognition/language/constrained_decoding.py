@@ -89,7 +89,7 @@ def choose(
     Args:
         lattice: beliefs of places.
         grammar: None allows every string of the lattice's characters.
-        k: how many strings to name, the best among them.
+        k: number of strings to name, the best among them.
         most_tests: bounds the work with an opaque check digit; `Choice.exhausted` tells when it ended there.
 
     Raises:
@@ -207,7 +207,7 @@ def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WAR
     """Warn, by place, of each character that no check digit distinguishes from a probable other one.
 
     Args:
-        choice: what was chosen.
+        choice: the result.
         grammar: it was chosen under; without check digits there is nothing to warn of.
         least: belief in the other character from which it is named.
     """

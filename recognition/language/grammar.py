@@ -28,7 +28,7 @@ class Grammar:
     """All that is known of a serial before it is read; what is None or empty limits nothing.
 
     Attributes:
-        format: as `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
+        format: as in `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
         expression: regular expression that the serial without blanks must match as a whole.
         sets: characters at each place.
         lexicon: the serials that there are; blanks in them do not count.

@@ -92,7 +92,7 @@ def images_of(char: str, way: Way, *, exact: bool) -> str:
     """Characters that a character may be read as the other way, sorted.
 
     Args:
-        char: as it is meant.
+        char: character the right way up.
         way: in which it is shown.
         exact: only those of the same shape; the likely ones, too, unless set.
     """
@@ -128,7 +128,7 @@ def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = Fals
         text: without blanks.
         way: in which the marks may be meant.
         grammar: the format; None allows every text.
-        exact: by images of the same shape only.
+        exact: whether only images of the same shape count.
     """
     images = [images_of(char, way, exact=exact) for char in (text[::-1] if way.reverses else text)]
     return bool(text) and all(images) and bool(_likeliest_allowed(images, way, grammar))

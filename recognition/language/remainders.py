@@ -40,7 +40,7 @@ class Remainder:
         first: the remainder before the first character.
         good: the remainder of a good text.
         least_places: length of the shortest text with a check digit.
-        length: of every text; None where it may be any.
+        length: length of every text; None where it may be any.
     """
 
     alphabet: str
@@ -59,10 +59,10 @@ def pure_system(
 
     Args:
         modulus: M.
-        radix: of the system.
+        radix: radix of the system.
         alphabet: characters in the order of their values.
         supplementary: character of the alphabet that only a check character may be.
-        check_figures: how many figures at the end are check characters (mod 97-10), 0 for one of the alphabet.
+        check_figures: number of check characters at the end (mod 97-10); 0 for one of the alphabet.
     """
 
     def step(char: str, place: int, n_places: int) -> Remainders | None:

@@ -132,7 +132,7 @@ def edges_of(pile: Tensor, *, preload: float = 0.2) -> Tensor:
 
     Args:
         pile: heights.
-        preload: of the default touch: lift by it doubles the moment.
+        preload: preload of the default touch: a lift by it doubles the moment.
     """
     dx = f.pad(pile[..., 2:] - pile[..., :-2], (1, 1)) * HEIGHT_ROWS / 2
     dy = f.pad(pile[:, :, 2:] - pile[:, :, :-2], (0, 0, 1, 1)) * HEIGHT_ROWS / 2

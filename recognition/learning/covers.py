@@ -50,10 +50,10 @@ def cover_rivals(
 
     Args:
         tall: (n, LAYERS, rows, columns), characters in the middle rows; changed in place.
-        texts: what stands on each.
+        texts: text of each.
         places: first and last column of each character; a strip without them is left as it is.
         rng: the only source of randomness.
-        share: of the characters that have a rival: so many are covered.
+        share: share of the characters with a rival that are covered.
     """
     for strip, text, where in zip(tall, texts, places, strict=True):
         for char, (first, last) in zip(text, where, strict=False):

@@ -38,11 +38,11 @@ def draw_file(
     """Draw a file of strips, and for parts one of views, unless the last of them is there.
 
     Args:
-        fonts: to choose from.
+        fonts: fonts to choose from.
         out: folder of the data.
         kind: "seen" or "held" of parts, "sketched" of lines without physics.
-        seed: of the whole set.
-        number: of the file.
+        seed: seed of the whole set.
+        number: number of the file.
         fonts_of_a_file: fonts whose outlines are drawn for a file: each costs more than a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
@@ -85,10 +85,10 @@ def draw_data(
     Args:
         fonts: folders of TrueType or OpenType files.
         out: folder of the data.
-        parts: of fonts to learn from.
+        parts: parts of fonts to learn from.
         sketches: lines without physics.
         held_out: parts of fonts that are never learned from.
-        seed: of the whole set.
+        seed: seed of the whole set.
         jobs: processes.
     """
     from joblib import Parallel, delayed

@@ -52,14 +52,14 @@ class Cut:
     """One character as it was felt.
 
     Attributes:
-        char: what it is, as the reviewer says.
+        char: the character, as the reviewer named it.
         relief: (rows, cols) float32 height over the land in character heights, a mark is negative however it was
             stamped; NaN where not known or where a neighbour stands.
         height_mm: character height of its line.
-        rotation_deg: of its line.
+        rotation_deg: rotation of its line.
         raised: whether the marks stand out.
         score: posterior of a character, mean of the text.
-        place: of the character in the text, from 1.
+        place: place of the character in the text, from 1.
     """
 
     char: str
@@ -82,13 +82,13 @@ def cut_height_map(
     """The characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
 
     Args:
-        height_map: of the part.
-        text, height_mm: as of `cut_scan`.
+        height_map: height map of the part.
+        text, height_mm: as in `cut_scan`.
         soil: dirt into which the tip sinks, if known.
         good_score: belief a character from which no other scale is tried.
 
     Raises:
-        ExemplarError: as `cut_scan`, or no characters to be seen.
+        ExemplarError: as in `cut_scan`, or no characters to be seen.
         MapError: a map that cannot be scanned, a soil on another grid.
     """
     levelled, feel = level(height_map), virtual_feel(soil=soil)
@@ -119,8 +119,8 @@ def cut_scan(
     """The characters of a recorded scan.
 
     Args:
-        scan: of the part.
-        text: what stands there; blanks do not count.
+        scan: scan of the part.
+        text: text of the part; blanks are ignored.
         height_mm: character height, if known.
         least_likely: posterior of a character, mean of the text, below which it does not fit the marks.
 
@@ -180,8 +180,8 @@ def _fit_size(
     """The line with the height of its own ink, whatever font found it, and the middle of every character.
 
     Args:
-        relief: as felt.
-        line: as found.
+        relief: felt relief.
+        line: the line that was found.
         places: (n, 2) of its characters, along the line from its start and down from it, mm.
         raised: whether its marks stand out.
         tolerance: share of the line's height by which a character of full height may differ; others are placed by
@@ -212,7 +212,7 @@ def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap
     """(n, 2) reach of each character's cell to its left and right, mm: to the least ink between two.
 
     Args:
-        relief, line, places, raised: as of `_fit_size`.
+        relief, line, places, raised: as in `_fit_size`.
         gap_pull: ink, as a share of the fullest column's, that a gap may have rather than lie a whole spacing off the
             middle.
     """
@@ -264,8 +264,8 @@ def _over_land(
 
     Args:
         felt: cell.
-        land_share: of a mark's depth down to which a sample is land.
-        rounds: of separation.
+        land_share: share of a mark's depth down to which a sample is land.
+        rounds: rounds of separation.
         least_land: samples of land needed.
     """
     known = np.isfinite(felt)
@@ -290,8 +290,8 @@ def _ink_box(felt: Floats, bounds: Floats, height_mm: float, *, ink_share: float
     Args:
         felt: cell.
         bounds: reach of the cell to its left and right, mm.
-        height_mm: of the characters.
-        ink_share: of a character's depth from which a sample is ink.
+        height_mm: height of the characters.
+        ink_share: share of a character's depth from which a sample is ink.
     """
     u, v = ACROSS * height_mm, DOWN * height_mm
     depth = np.where((u > -bounds[0]) & (u < bounds[1]), -np.nan_to_num(felt), 0.0)

@@ -56,10 +56,10 @@ class Hand:
         width: its characters are widened by this.
         grow: its outlines are moved outwards by this, character heights.
         soften: standard deviation of the Gaussian that rounds it, character heights.
-        depth: of its marks, character heights.
+        depth: depth of its marks, character heights.
         likeness: median correlation with the characters that were felt: some of them are broken or badly struck;
             one that the font lacks counts as 0.
-        gain: what its relief is multiplied by, so that softening does not make it shallower than what was felt.
+        gain: factor of its relief, so that softening does not make it shallower than the felt one.
     """
 
     font: Font
@@ -86,7 +86,7 @@ class Learned:
 
     Attributes:
         font: the learned font.
-        used: by character, indices of the exemplars that its shape is made of.
+        used: for each character the indices of the exemplars from which its shape is made.
         set_aside: indices of those that disagree with their siblings, or with what the character looks like.
         hand: the known font that stands for characters never felt.
     """
@@ -198,9 +198,9 @@ def _is_credible(
     It must be about as like the nearest font's character as others are, and not more like another one.
 
     Args:
-        other_character: by how much an exemplar without siblings may be more like another character of the nearest
+        other_character: margin by which an exemplar without siblings may be more like another character of the nearest
             font than like its own.
-        worn_fall, foreign_fall: by how much its likeness to the nearest font's may fall short of the usual: where
+        worn_fall, foreign_fall: greatest shortfall of its likeness to the nearest font's from the usual one: where
             that is the die's own font, a single faint blow teaches nothing, and a broken corner is believed of three.
     """
     guess = hand.relief(char, patch.shape)
@@ -370,8 +370,8 @@ def common_relief(
 
     Args:
         patches: reliefs.
-        which: of them.
-        rounds: of setting aside.
+        which: their indices.
+        rounds: rounds of rejecting outliers.
         most_leaders: siblings, at most, among which the one most like the others is sought.
     """
     first = (patches[which[0]], (which[0],))

@@ -52,7 +52,7 @@ def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
     Those that were accepted, surest first, as long as each brings a character of which there are few.
 
     Args:
-        readings: of the lot, in any order.
+        readings: readings of the lot, in any order.
     """
     sure = (one for one in readings if one.decision == "accept" and not one.error)
     chosen: dict[str, str] = {}
@@ -86,8 +86,8 @@ def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
     """Share of the exemplars that agree with their siblings; 1 where none has enough of them.
 
     Args:
-        chars: what each exemplar is.
-        used: by character, indices of those that agree (`recognition.learning.learned_font.Learned.used`).
+        chars: character of each exemplar.
+        used: for each character the indices of those that agree (`recognition.learning.learned_font.Learned.used`).
     """
     from recognition.learning.learned_font import FEWEST_SIBLINGS  # slow to import
 

@@ -30,7 +30,7 @@ class PublicStart:
     """A network that reads print.
 
     Attributes:
-        body: from a picture to features.
+        body: network from a picture to features.
         rows: (FEATURES,) weights and a bias of the head by character; "" is the blank.
     """
 

@@ -32,7 +32,7 @@ def vary_surroundings(
     """Strips with other surroundings, some of them the wrong way up, which then say nothing.
 
     Args:
-        strips: to learn from; those without places keep their surroundings.
+        strips: strips to learn from; those without places keep their surroundings.
         rng: the only source of randomness.
         longer: share of ends beyond which more land is shown.
         edge: share of ends at which the part ends.

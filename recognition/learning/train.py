@@ -39,7 +39,7 @@ def train(
         out: ONNX file, the recogniser's in eight bits; the same in floating point and the weights as torch has them lie
             beside it.
         log: a line of JSON a report is added to it.
-        threads: of the processor.
+        threads: threads of the processor.
 
     Raises:
         MarksError: the public network to start from is not there.

@@ -197,9 +197,9 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     """The finder and what it learns (default: 24 windows to a step and a rate of 2e-3).
 
     Args:
-        folders: of views to learn from.
+        folders: folders of views to learn from.
         held_out: folder of views to measure on.
-        how: as asked.
+        how: options.
     """
     network = Finder()
     if how.start is not None:

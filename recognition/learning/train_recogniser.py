@@ -56,9 +56,9 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     1.5e-4, destroyed what the public network knows.
 
     Args:
-        folders: of strips to learn from.
+        folders: folders of strips to learn from.
         held_out: folder of strips to measure on.
-        how: as asked.
+        how: options.
 
     Raises:
         MarksError: the public network to start from is not there.
@@ -215,7 +215,7 @@ class Batch:
     Attributes:
         tall: (n, LAYERS, TALL_ROWS, columns) float16, each filled from the left.
         columns: (n,) how many of them are its own.
-        classes: of all texts, one after the other.
+        classes: classes of all texts, one after the other.
         lengths: (n,) of the texts.
     """
 
@@ -229,10 +229,10 @@ class Batches(IterableDataset[Batch]):
     """Batches for ever; each worker process draws its own.
 
     Args:
-        folders: of files of strips.
+        folders: folders of files of strips.
         size: strips to a batch.
         covers: lay covers over the strokes that tell characters apart.
-        seed: of order, surroundings and covers.
+        seed: seed of order, surroundings and covers.
     """
 
     def __init__(self, folders: Sequence[Path], *, size: int, covers: bool, seed: int) -> None:

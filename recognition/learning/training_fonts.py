@@ -33,8 +33,8 @@ class TrainingFonts:
     """Fonts, divided by family.
 
     Attributes:
-        seen: to learn from.
-        held_out: to be measured on.
+        seen: fonts to learn from.
+        held_out: fonts to measure on.
     """
 
     seen: tuple[Path, ...]

@@ -25,16 +25,16 @@ class Training:
     """Settings of a training.
 
     Attributes:
-        minutes: by the clock.
-        seed: of weights, batches and what happens to samples.
+        minutes: minutes of wall-clock time.
+        seed: seed of weights, batches and augmentation.
         batch: samples to a step (default: the network's own).
-        rate: of learning, at most (default: the network's own).
-        frozen_share: of the time in which early layers stay as they were: a step costs a third less then.
+        rate: greatest learning rate (default: the network's own).
+        frozen_share: share of the time in which early layers stay as they were: a step costs a third less then.
         start: weights to go on from.
         noise: begin the recogniser from noise instead of public weights.
         covers: lay covers over the strokes that tell characters apart.
         workers: processes that make batches ready.
-        times: that a batch is learned from, changed anew each time.
+        times: number of times that a batch is used, augmented anew each time.
     """
 
     minutes: float
@@ -54,10 +54,10 @@ class Task:
     """A network and what it learns.
 
     Attributes:
-        network: to be trained.
-        optimiser: of its weights; the rate of each group is the most that it reaches.
-        batches: to learn from, without end.
-        loss: of a batch; the generator, on the network's device, is the only source of randomness.
+        network: network to be trained.
+        optimiser: optimiser of its weights; the rate of each group is its greatest one.
+        batches: batches to learn from, without end.
+        loss: loss of a batch; the generator, on the network's device, is the only source of randomness.
         measure: on samples held out, a figure that is the lower the better, and the result in words.
         write: the network as ONNX, into a file.
         early: weights that stay as they are in the first share of the time.
@@ -93,7 +93,7 @@ def fit(
     """Train until the time is over, and write the better of the last weights and their running mean.
 
     Args:
-        task: what is learned.
+        task: task of the network.
         how: for how long, from which seed.
         out: ONNX file; the weights as torch has them lie beside it.
         log: a line of JSON a report is added to it.
@@ -163,11 +163,11 @@ def export(
     """Write ONNX.
 
     Args:
-        network: to be written.
-        example: of what it is given.
+        network: network to be written.
+        example: example of its input.
         out: file.
         names: of input and output.
-        axes: of each, those that may differ in length.
+        axes: for each of them, the axes that may differ in length.
     """
     network.eval().to("cpu", memory_format=torch.contiguous_format)
     torch.onnx.export(

@@ -44,9 +44,9 @@ class TrainingPart:
     """A part, felt and photographed.
 
     Attributes:
-        part: what was stamped, and what lies on it.
-        layout: how its lines lie.
-        scan: by a plan drawn at random, for a character height that may be mistaken.
+        part: stamped part with its soil.
+        layout: layout of its lines.
+        scan: scan by a plan drawn at random, for a character height that may be mistaken.
         photos: each under a light and by a camera drawn at random.
     """
 
@@ -86,7 +86,7 @@ def draw_part(
         wider: spread of the logarithm of how much wider than drawn a font is.
 
     Raises:
-        MarksError: what was drawn cannot be; draw again.
+        MarksError: the drawn part is impossible; draw again.
     """
     dotted = rng.random() < _DOTTED
     builtin = rng.random() < (0.5 if dotted else _BUILTIN)

@@ -49,9 +49,9 @@ class TrainingStrip:
 
     Attributes:
         layers: (LAYERS, TALL_ROWS, columns) float16, as `recognition.views.view` has them.
-        text: what stands there.
+        text: text on it.
         source: "felt", "photo" or "heights".
-        severity: of the soil.
+        severity: severity of the soil.
         places: where each character of the text begins and ends, columns; empty where that is not known.
     """
 
@@ -68,7 +68,7 @@ class TrainingView:
 
     Attributes:
         layers: (LAYERS, rows, columns) float16, heights in character heights.
-        lines: of each, x and y in pixels of points along its middle.
+        lines: for each line x and y of points along its middle, pixels.
     """
 
     layers: NDArray[np.float16]

@@ -63,8 +63,8 @@ def find_lines(
     """The lines of a view, most promising first.
 
     Args:
-        view: as it lies; lines that run within some 30 degrees of level are found.
-        height_mm: of the characters, if known.
+        view: the view; lines within some 30 degrees of level are found.
+        height_mm: height of the characters, if known.
         faint: take less for a line.
         turned_deg: look for lines that are turned by about as much, clockwise as seen, instead.
     """
@@ -165,7 +165,7 @@ def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, lea
 
     Args:
         found: (FINDINGS, rows, columns) of the cells.
-        pitch_mm: of the pixels, CELL of which are a cell.
+        pitch_mm: size of a pixel; a cell is CELL pixels.
         view: whose cells they are.
         least: belief from which a cell lies in the middle of a line.
     """
@@ -221,7 +221,7 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
 
     Args:
         one: a line.
-        other: that has the band.
+        other: line that has the band.
         band_mm: either side of its middle (default: 0.6 of the greater height).
     """
     band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm

@@ -38,20 +38,20 @@ def on_ink(
     """The line moved, turned and bent onto the ink of its places: as high as it was, and as high as its ink is.
 
     Args:
-        view: that was read.
-        line: as it was found.
+        view: view that was read.
+        line: the line that was found.
         columns: (places,) of its strip.
         height_known: the line is as high as it should be.
-        rows: of the strip that is looked at; a line may lie half a height off.
+        rows: rows of the strip that is examined; a line may lie half a height off.
         half_place: either side of a place, where its ink is looked for, heights.
         usual_spread: standard deviation of ink down a character, heights: clean characters of three fonts, where
             they were stamped.
-        least_off: of the ink from the line, heights: a line that lies closer is as well as it is.
-        least_change: of the logarithm of the height, that is more than fonts differ in.
+        least_off: least distance of the ink from the line, heights, for which the line is moved.
+        least_change: least change of the logarithm of the height; fonts differ by less.
         most_size: ratio of heights that is believed.
-        land_percent, edge_percent: of slopes, what is land, and the most that counts.
-        scatter: of the middles of characters about their line, heights; what lies further off counts less.
-        least_sag: of a bend that is more than scatter, heights.
+        land_percent, edge_percent: percentiles of the slopes that are land, and the most that counts.
+        scatter: scatter of the middles of characters about their line, heights; outliers count less.
+        least_sag: least sag that counts as a bend, heights.
 
     Returns:
         No line where no ink is seen or it lies on the line as it is, one where the height suits, else two.

@@ -54,7 +54,7 @@ def anywhere(
 
     Args:
         view: where nothing was found.
-        height_mm: of the characters, if known.
+        height_mm: height of the characters, if known.
         blind_step, most_blind: spacing of such lines, in heights where the height is known, and how many are tried.
     """
     if height_mm is None:

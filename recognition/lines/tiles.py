@@ -38,8 +38,8 @@ def find_in_tiles(
     """The small lines of a view, most promising first; they run within some 30 degrees of level.
 
     Args:
-        view: as it lies.
-        height_mm: of the characters, if known.
+        view: the view.
+        height_mm: height of the characters, if known.
         fine: look for the smallest characters too, which takes most of the time.
         most_tiles: most tiles of a view, at all scales: some two seconds. Finer scales beyond are left out.
     """

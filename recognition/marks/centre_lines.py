@@ -26,7 +26,7 @@ class CentreLine:
         points: (n, 2) offsets (u to the right, v down) from the reference point, the middle of the ink's width
             at half the height; character heights.
         normals: (n, 2) unit vectors across the stroke.
-        half_width: of the strokes, character heights.
+        half_width: half width of the strokes, character heights.
     """
 
     points: NDArray[np.float64]
@@ -52,7 +52,7 @@ def centre_line(
     Args:
         font: its letters.
         char: one of them.
-        face: of the die; a dotted one has points for lines.
+        face: face of the die; a dotted one has points for lines.
         step_heights: distance of points along a stroke, character heights: that of the samples, 40 to the height.
         ridge_pitch_heights: distance of points along the skeleton of an outline, character heights.
         ridge_share: share of the median half width that a limb of an outline must reach: thinner are corners, and

@@ -109,7 +109,7 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
     Args:
         relief: the surface as felt; a margin of one sample is reckoned with.
         laid: the text.
-        place: of the character.
+        place: place of the character.
         ahead_heights: distance along a normal by which its direction is told, character heights.
     """
     line = centre_line(laid.font, laid.text[place], face=laid.face)
@@ -146,9 +146,9 @@ def _depth(
 
     Args:
         mark: the character where its strokes are deepest.
-        depth: of the field.
+        depth: depth of the field.
         land: samples that are land.
-        height: of the characters, samples.
+        height: height of the characters, samples.
         shallow_percent: quantile of the depths along the centre line that counts as the least, percent: a shallow leg
             of a character is a quarter or more of its line and shows in full, a tenth is as short as a crossing, a
             stroke's end or a bad sample.
@@ -224,9 +224,9 @@ def _plane(
 
     Args:
         mark: the character.
-        depth: of the field.
+        depth: depth of the field.
         land: samples that are land.
-        height: of the characters, samples.
+        height: height of the characters, samples.
         reach_heights: search radius for land about the character, character heights.
         most_samples: most samples of land that the plane is fitted to.
         least_samples: samples of land that must have been felt.

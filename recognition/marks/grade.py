@@ -71,7 +71,7 @@ class MarkGrade:
 
     Attributes:
         parameters: contrast, completeness and contamination.
-        action: what to do.
+        action: action to take.
     """
 
     parameters: tuple[Parameter, ...]
@@ -111,7 +111,7 @@ def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.
 
     Args:
         laid: the text.
-        templates: of its font, felt as the part was.
+        templates: templates of its font, predicted for the touch of the part.
         tall_heights: rows about a character's middle that are compared with it, character heights either way.
     """
     glyphs, tall = glyph_images(templates, pixels=PIXELS), round(tall_heights * PIXELS)
@@ -134,7 +134,7 @@ def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tupl
     """The grade of every character of a text; None where its edges are not known.
 
     Args:
-        edges: of the text.
+        edges: edges of the text.
         least_felt: share of the strongest edge that one of a direction reaches if it was felt at all.
     """
     known = [np.abs(one[0]).max(axis=(0, 1)) for one in edges if one is not None]
@@ -186,7 +186,7 @@ def grade_character(
         felt: (channels, rows, cols) edge map of its cell, in the template's units: 1 times the template where
             the mark is as it should be.
         predicted: the same, of the template in its place.
-        tolerance_px: how far an edge may lie from where it is predicted.
+        tolerance_px: greatest distance of an edge from its predicted position.
         stroke_share: share of the strongest predicted edge that counts as a stroke's edge.
         felt_share: share of the contrast from which an edge counts as felt.
         least_felt: share of the predicted edge that it must reach as well.

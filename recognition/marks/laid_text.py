@@ -26,7 +26,7 @@ class LaidText:
         felt: the line that it is laid on.
         text: a character a place.
         font: whose templates.
-        face: of its die.
+        face: face of its die.
     """
 
     felt: FeltLine
@@ -90,7 +90,7 @@ def laid_text(
     Args:
         felt: the line.
         text: a character a place.
-        fonts: to choose from.
+        fonts: fonts to choose from.
         stand_ins: further fonts, one of which is taken where it suits clearly better.
         clearly: correlation by which. Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another
             one better by less than this, and 2 by 0.08.

@@ -77,7 +77,7 @@ class PlaceStrokes:
 
     Attributes:
         felt: share of its strokes that was felt, in the best-fitting font; None if no font has the character.
-        score: how well its strokes match the deepest parts of the place, at most 1.
+        score: match of its strokes with the deepest parts of the place, at most 1.
         font: name of the best-fitting font.
         rivals: characters that the format allows and that are probable, or listed as easily confused with this one.
         whole: whether the surface was felt from edge to edge of the character.
@@ -155,7 +155,7 @@ class _Surface:
         """The strokes of a character in a pose.
 
         Args:
-            place, char, font: of it.
+            place, char, font: place, character and font of the laid character.
             at: its pose.
             felt_share: share of the character's usual depth from which a stroke is felt.
             felt_noise: multiple of the land's spread that a felt stroke must reach as well.
@@ -254,7 +254,7 @@ def _compare(
     Args:
         read: the character that was read, laid over its place.
         rival: the other one, laid over the same place.
-        char: what that is.
+        char: that other character.
         belief: probability of the rival.
         filled: probability that a piece of a stroke is filled.
         alike_heights: distance between strokes of two characters below which they are the same stroke.

@@ -46,10 +46,10 @@ class VisionReader:
         """Prepare the reader.
 
         Args:
-            settings: as for the reader by touch; `fidelity` and `depth_rules` are ignored.
+            settings: as in the reader by touch; `fidelity` and `depth_rules` are ignored.
 
         Raises:
-            FontError: as for the reader by touch.
+            FontError: as in the reader by touch.
             MarksError: `experts` lacks the network, without which no photograph is read.
         """
         self.settings = (settings if settings is not None else ReaderSettings()).of("vision")

@@ -53,7 +53,7 @@ class ReaderSettings:
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
         height_mm: character height, if known.
-        fidelity: how the virtual array feels a height map.
+        fidelity: fidelity with which the virtual array feels a height map.
         accept_confidence: least score at which a reading is accepted if no contract is broken; or
         accept_risk: greatest expected share of wrong readings among those accepted; each sense has its own threshold
             for it (`recognition.decision.score.Score.threshold`).
@@ -63,7 +63,7 @@ class ReaderSettings:
             (default: anywhere).
         lines: formats and regions of other lines on the part, by name.
         certified: limits of a certificate; None without one.
-        orientation: which way up parts lie; if unknown, a serial that also reads upside down goes to review.
+        orientation: possible ways up of a part; if unknown, a serial that also reads upside down goes to review.
 
     Raises:
         FormatError: a format that no serial meets.

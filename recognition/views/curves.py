@@ -15,7 +15,7 @@ def straight_through(points: Points, *, before: float, after: float) -> Points:
 
     Args:
         points: (n, 2) middles of characters or of parts of the line, in the order of reading, one at least.
-        before: how far the line goes on before the first point.
+        before: length of the line before the first point.
         after: and after the last.
     """
     points = np.asarray(points, dtype=np.float64)
@@ -30,8 +30,8 @@ def arc_through(points: Points, *, height: float, before: float, after: float) -
     """(n, 2) along the arc of a circle that fits best; None where it hardly bends, or the points are too few.
 
     Args:
-        points, before, after: as of `straight_through`.
-        height: of the characters, in the same unit.
+        points, before, after: as in `straight_through`.
+        height: height of the characters, in the same unit.
     """
     points = np.asarray(points, dtype=np.float64)
     if len(points) < 4:

@@ -35,9 +35,9 @@ def virtual_feel(
     """The virtual array with ideal sensors, made for the height of the characters, by the default plan.
 
     Args:
-        fidelity: of the contact.
+        fidelity: fidelity of the contact.
         soil: dirt into which the tip sinks, and the part's friction, if known.
-        part_id: what the part is called.
+        part_id: name of the part.
     """
 
     def feel(surface: HeightMap, height_mm: float) -> Scan:
@@ -72,7 +72,7 @@ def felt_heights_mm(
     Args:
         search: looks for lines in what was felt.
         surface: the part, level.
-        fidelity: of the contact.
+        fidelity: fidelity of the contact.
         soil: dirt into which the tip sinks, and the part's friction, if known.
         feel: scans the surface in place of the default plan and ideal sensors.
 

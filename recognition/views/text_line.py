@@ -31,7 +31,7 @@ class TextLine:
     Attributes:
         centre_mm: (n, 2) points x, y of the frame of the view, two at least, from the first character's left edge to
             the last one's right.
-        height_mm: of the characters.
+        height_mm: height of the characters.
 
     Raises:
         ValueError: fewer than two points, points that are not finite, a curve or height of no length.
@@ -99,8 +99,8 @@ class TextLine:
         Args:
             columns: (columns,) along the line; a curve goes on straight beyond its ends.
             rows: (rows,) down.
-            margin: of the strip, character heights.
-            of_rows: that the strip has.
+            margin: margin of the strip, character heights.
+            of_rows: number of rows of the strip.
         """
         on, down = self._frames(columns, margin)
         far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)

@@ -65,9 +65,9 @@ class View:
     Attributes:
         kind: where it comes from.
         layers: (LAYERS, rows, columns) float32, read-only, finite.
-        pitch_mm: of the grid; of a photograph of unknown scale 1, and millimetres are pixels.
+        pitch_mm: pitch of the grid; 1 for a photograph of unknown scale, whose millimetres are pixels.
         origin_mm: x, y of the first pixel.
-        touch: how it was felt, if it was and that is known.
+        touch: touch with which it was felt, if known.
 
     Raises:
         ValueError: another number of layers, values not finite, a pitch that is not positive.
@@ -151,7 +151,7 @@ class View:
         Args:
             line: where it lies.
             rows: shown, of which the line's middle is the middle.
-            margin: of land before and after it, character heights.
+            margin: margin of land before and after it, character heights.
             zoom: pixels for one of a usual strip.
 
         Returns:
@@ -171,7 +171,7 @@ class View:
 
         Args:
             places_mm: (rows, columns, 2) x, y.
-            turned_deg: of their rows, clockwise as seen.
+            turned_deg: rotation of their rows, clockwise as seen.
         """
         from glyphs.opencv import cv2
 
@@ -190,7 +190,8 @@ def turned_edges(edges: Layers, turned_deg: float) -> Layers:
 
     Args:
         edges: (4, ...) of the directions.
-        turned_deg: of the axes, clockwise as seen: forward along an axis that runs down is the plate's forward y.
+        turned_deg: rotation of the axes, clockwise as seen: forward along an axis that runs down is the plate's forward
+            y.
     """
     if not edges.any():
         return edges

@@ -43,10 +43,10 @@ class ArrayRequest(Validated, error=DesignError):
     """Use of an array: characters, accuracy and dirt.
 
     Attributes:
-        character_height_mm: of the serials.
+        character_height_mm: character height of the serials.
         accuracy: share of characters to be read right.
-        severity: of the dirt that this is wanted at; one that was measured.
-        length_mm: of the line; default: that of eight characters.
+        severity: severity of the dirt to design for; one that was measured.
+        length_mm: length of the line; default: that of eight characters.
         speed_error: error of the edge map that speed may make.
 
     Raises:
@@ -72,9 +72,9 @@ class ArrayChoice(OneLine):
     """An array, its plan, and what they give.
 
     Attributes:
-        whisker: of the comb.
+        whisker: whisker of the comb.
         plan: the array and its passes over the line.
-        measured: what was read by such a plan.
+        measured: measured readings with such a plan.
     """
 
     whisker: LShaped
@@ -171,7 +171,7 @@ def design_arrays(
     """The quickest array and plan for each number of whiskers.
 
     Args:
-        request: what it is for.
+        request: purpose of the array.
         sizes: numbers of whiskers.
         counts: measured accuracy of plans; default: those that come with the program.
 

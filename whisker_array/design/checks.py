@@ -37,7 +37,7 @@ class Checked(OneLine):
     Attributes:
         contrast: steps at the edges over the land moment, any shape; NaN where it jams.
         values: for each bound all its values (corners of the ranges of slope and friction).
-        limits: for each bound its limit and whether values must stay below it.
+        limits: for each bound its limit, and whether values must stay below it.
     """
 
     contrast: Values
@@ -195,8 +195,8 @@ def check(
 
     Args:
         whisker: with a constant section.
-        request: what it is for.
-        limits: what is allowed.
+        request: purpose of the whisker.
+        limits: limits to keep.
         preload_mm: d0.
         linear_error: the elastica's word on the linear beam; the first order times error_scale if None.
         error_scale: see linear_error.

@@ -101,8 +101,8 @@ class Design(OneLine):
     """A whisker, its use, and how it stands to every limit.
 
     Attributes:
-        request: what was asked; ball, lines and samples follow from it.
-        limits: what was allowed.
+        request: the request; ball, lines and samples follow from it.
+        limits: limits that were kept.
         whisker: the whisker.
         preload_mm: d0.
         speed_mm_s: the fastest quasi-static scan; at least the one asked for.
@@ -176,10 +176,10 @@ def design_whisker(
     """The whisker with the largest worst-case edge contrast; see the head of the module.
 
     Args:
-        request: what it is for.
-        limits: what can be made and is allowed.
+        request: purpose of the whisker.
+        limits: limits of manufacture and use.
         section: kind of section; auto takes the better of the two.
-        seed: of the starts of the search.
+        seed: seed of the starts of the search.
 
     Raises:
         NoWhiskerError: no whisker keeps all limits.

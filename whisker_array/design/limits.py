@@ -67,7 +67,7 @@ class Request(OneLine, Validated, error=DesignError):
         depth_mm: deepest mark.
         character_height_mm: sets lines, samples and the room that a whisker has.
         speed_mm_s: scan speed to be reached; the house speed for the height if None.
-        material: what whiskers are made of.
+        material: material of the whiskers.
 
     Raises:
         DesignError: a number out of range.
@@ -148,7 +148,7 @@ class Limits(OneLine):
         slide_lines: greatest sideways slide in line pitches.
         strain: least strain at the base on the land, for a gauge.
         clearance_depths: least room over the land under clamp and elbow, in depths of the marks.
-        axis_raise: how far the sensor's axis may stand above the clamp, in l1. 0 is the paper's range, where it
+        axis_raise: greatest height of the sensor's axis above the clamp, in l1. 0 is the paper's range, where it
             is only ever lowered.
     """
 
@@ -174,9 +174,9 @@ class Constraint:
 
     Attributes:
         bound: which.
-        value: what the whisker has.
-        limit: what it must not exceed, or fall below.
-        at_most: which of the two.
+        value: value of the whisker.
+        limit: value that it must not exceed, or not fall below.
+        at_most: whether the limit is an upper one.
     """
 
     bound: Bound

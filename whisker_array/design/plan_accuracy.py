@@ -21,13 +21,13 @@ class PlanCounts(OneLine):
 
     Attributes:
         lines: traced lines a character height.
-        directions: of the traces, degrees.
-        severity: of the dirt, 0 to 1.
+        directions: directions of the traces, degrees.
+        severity: severity of the dirt, 0 to 1.
         parts: read.
         characters: stamped on them.
-        right: of these, read right.
+        right: number of these that were read right.
         accepted: parts.
-        accepted_wrong: of these, read wrong.
+        accepted_wrong: number of these that were read wrong.
     """
 
     lines: int

@@ -59,11 +59,11 @@ class Problem(OneLine):
     """A search: use, limits, kind of section and objective.
 
     Attributes:
-        request: what the whisker is for.
-        limits: what is allowed.
+        request: purpose of the whisker.
+        limits: limits to keep.
         section: kind of section.
         error_scale: elastica's error over its first order, see `design_checks.check`.
-        objective: what is to be large; the worst-case contrast if None.
+        objective: quantity to maximise; the worst-case contrast if None.
         axis_lean_rad: the moment vanishes under a force that leans so much (see `design_tuned`): the axis height
             is then no variable.
     """

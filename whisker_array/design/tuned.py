@@ -52,7 +52,7 @@ class Tuned(OneLine):
     """A whisker for one inclination.
 
     Attributes:
-        kind: how it is sensitive.
+        kind: kind of sensitivity.
         alpha_rad: the inclination.
         design: the whisker and its use.
         selectivity: least change of F when the wall is ten degrees gentler or steeper (a threshold and a null
@@ -129,12 +129,12 @@ def tune(
 
     Args:
         alpha_rad: the inclination of falling walls.
-        request: as for a design; walls of the request must not jam a null, steeper ones than alpha_rad may jam
+        request: as in a design; walls of the request must not jam a null, steeper ones than alpha_rad may jam
             a threshold.
-        limits: what can be made; a null may have its axis up to AXIS_RAISE above the clamp.
+        limits: limits to keep; a null may have its axis up to AXIS_RAISE above the clamp.
         kind: null or threshold. None: a null where steeper walls are to be met, else the more selective.
         section: kind of section; auto is a ribbon.
-        seed: of the starts of the search.
+        seed: seed of the starts of the search.
 
     Raises:
         DesignError: an inclination out of range, or no whisker within the limits.

@@ -37,9 +37,9 @@ def fill_from_crossing(
     Args:
         layers: (rows, cols) enhancement of each direction.
         known: where.
-        directions: of the layers.
+        directions: directions of the layers.
         touch: with which they were felt; a profiler's passes are filled from the height alone.
-        pitch_mm: of the grid.
+        pitch_mm: pitch of the grid.
     """
     layers, known = list(layers), list(known)
     at = {direction: k for k, direction in enumerate(directions)}

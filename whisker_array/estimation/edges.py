@@ -66,7 +66,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, lead-in and lead-out left off.
 
     Args:
-        scan: of one kind of whisker.
+        scan: scan of one kind of whisker.
         sweep: one of its sweeps.
         ideal: the land's moment is the nominal one of the touch; nothing is estimated.
 
@@ -155,7 +155,7 @@ def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
     """Plate shift (dx, dy) of each dragged direction that takes off the stage's play; empty without play.
 
     Raises:
-        MapError: as edge_map.
+        MapError: as in `edge_map`.
     """
     scan = only(remove_memory(scan))
     swept = [land_ratio(scan, sweep) for sweep in scan.sweeps]

@@ -35,7 +35,7 @@ class SweepShares(OneLine):
     """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
 
     Attributes:
-        plan: of the passes, in their order across the plate.
+        plan: plan of the passes, in their order across the plate.
         share: (passes, whiskers, samples).
         air: (passes, whiskers, air samples), each pass about its median.
         across: (passes,) which of the recorded ones each is.
@@ -134,9 +134,9 @@ def sharpness(
     rounds their edges. All borders are reconciled by least squares, as gains are.
 
     Args:
-        shares: of all sweeps.
-        line_pitch_mm: of the grid: lines more than two of it apart, as in a part felt by a few passes, run over
-            different marks and do not compare the tips.
+        shares: shares of all sweeps.
+        line_pitch_mm: line pitch of the grid: lines more than two of it apart, as in a part felt by a few passes, run
+            over different marks and do not compare the tips.
         beside: lines on either side of a border between whiskers.
         least_steps: root sum of squares of the steps along such lines, share of the land: less is no mark.
         least_depth: share of the land: a line that is less deep runs beside the strokes that the other meets.
@@ -224,8 +224,8 @@ def strongest_tone(
     they share.
 
     Args:
-        shares: of all sweeps.
-        sample_rate_hz: of the converter.
+        shares: shares of all sweeps.
+        sample_rate_hz: sample rate of the converter.
         least_hz: lowest frequency that counts.
         locked: agreement of phases from pass to pass, above which a wave stands on the plate.
     """
@@ -274,8 +274,8 @@ def spikes(f: SweepShares, *, least: float) -> Mask:
     """(passes, whiskers, samples) single samples that stand out alone: neither their neighbours nor the pass beside do.
 
     Args:
-        f: of one direction.
-        least: how far they stand out, share of the land.
+        f: F of one direction.
+        least: least height of a spike, share of the land.
     """
     from scipy.ndimage import maximum_filter1d
 
@@ -295,7 +295,7 @@ def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> 
     """Spikes in lead-ins and lead-outs, and in the air, where there is nothing to be felt.
 
     Args:
-        shares: of all sweeps.
+        shares: shares of all sweeps.
         least: see `spikes`.
         reach: samples beyond a stretch on which its spikes depend.
     """

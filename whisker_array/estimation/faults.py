@@ -106,10 +106,10 @@ class FaultLimits(OneLine):
         alike: spread of the others on a test piece with grooves across all whiskers.
         alike_blunt: the share that is enough there.
         fewest_others: whiskers that are needed to compare marks.
-        height_margin: of the land's moment, beyond what friction may make of it.
+        height_margin: margin beyond the effect of friction, share of the land's moment.
         frictions: least and greatest friction of land.
-        rise: of a tilted plate over its length, preloads.
-        sag: of a bowed plate over its length, preloads.
+        rise: rise of a tilted plate over its length, preloads.
+        sag: sag of a bowed plate over its length, preloads.
         tone: amplitude of a vibration, share of the land's moment.
         tone_ratio: power of a vibration over that of frequencies beside it.
         spike: height of a spike, share of the land's moment.
@@ -165,7 +165,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
 
     Args:
         scan: raw or calibrated.
-        limits: of sound recordings.
+        limits: limits that sound recordings keep.
     """
     columns = np.flatnonzero(np.asarray(scan.kind) == 0)
     if all(s.plan.pushed for s in scan.sweeps):
@@ -275,9 +275,9 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
     """Flag unusable samples as `SampleFlag.FAULTY`: dead and noisy whiskers, and spikes.
 
     Args:
-        scan: as recorded.
+        scan: the recording.
         faults: found in it.
-        limits: that they were found with.
+        limits: limits with which they were found.
 
     Returns:
         The scan with the flags; the scan itself where there is nothing to flag.

@@ -39,7 +39,7 @@ class LandFriction:
     Attributes:
         mu: Coulomb coefficient.
         sd: standard error, from the spread over whiskers and sweeps.
-        route: how it was found.
+        route: method by which it was found.
     """
 
     mu: float
@@ -112,7 +112,7 @@ def _mean_friction(
     Args:
         pairs: lines of each sweep, felt in two ways.
         solve: friction from the land's moments in both ways.
-        route: that is taken.
+        route: method to use.
         fewest: samples of land that a line must have.
     """
     found: dict[int, list[float]] = {}

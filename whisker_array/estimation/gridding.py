@@ -76,7 +76,7 @@ class SweptLines(OneLine):
         values: (lines, samples) float64, NaN where unknown.
         place_mm: (lines,) plate coordinate across the trace, ascending.
         along_mm: (samples,) plate coordinate along the trace.
-        direction: of the trace.
+        direction: direction of the trace.
     """
 
     values: Lines

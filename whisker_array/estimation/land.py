@@ -25,7 +25,7 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
 
     Args:
         values: (rows, samples).
-        share: of the samples; less than a full line of text leaves free.
+        share: share of the samples; less than a full line of text leaves free.
 
     Returns:
         (rows,); NaN for a row without any sample.
@@ -55,9 +55,9 @@ def land_coefficients(
 
     Args:
         moment: (lines, samples); NaN are left out.
-        share: of the samples that must agree on a level, see `shorth`.
+        share: share of the samples that must agree on a level, see `shorth`.
         cut: relative distance from the land beyond which samples have no weight: marks are 10 % and more.
-        damping: of the normal equations, as a share of their trace: terms without samples stay zero.
+        damping: damping of the normal equations, as a share of their trace: terms without samples stay zero.
 
     Returns:
         (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero where most samples feel nothing at all.

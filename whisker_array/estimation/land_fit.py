@@ -53,7 +53,7 @@ def fit_quadratic(
         target: (rows, cols), v runs along the rows, u along the columns.
         u, v: coordinates.
         start: (6,) coefficients to begin with.
-        level: what a fit without enough samples falls back to.
+        level: value for a fit without enough samples.
         cuts: distance from the last fit at which samples lose all weight, one a round.
         damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
 

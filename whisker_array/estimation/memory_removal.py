@@ -32,7 +32,7 @@ def remove_memory(scan: Scan) -> Scan:
     Passes are taken in the order in which they stand: the last load before a pass is what hysteresis remembers.
 
     Args:
-        scan: of gains known from a bench.
+        scan: scan whose gains are known from a bench.
 
     Returns:
         The scan with a calibration that has no memory any more.

@@ -49,7 +49,7 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
     """Height and slopes of the surface by the best route that the scan allows.
 
     Args:
-        scan: of one kind of whisker or of several.
+        scan: scan of one kind of whisker or of several.
         edges: its edge map, if there is one already.
 
     Raises:

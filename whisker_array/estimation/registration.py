@@ -42,9 +42,9 @@ def registration_mm(
 
     Args:
         layers: enhancement of each direction on one grid, (rows, cols).
-        directions: of the layers.
-        touch: how they were felt.
-        pitch_mm: of the grid.
+        directions: directions of the layers.
+        touch: touch with which they were felt.
+        pitch_mm: pitch of the grid.
 
     Back-and-forth partners share their play equally; the crossed pair is laid on the first by its profile.
     Directions without a partner are left where they are: their edges and their play cannot be separated.
@@ -78,8 +78,8 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
 
     Args:
         ahead, behind: (lines, samples) enhancement of the forward and the backward trace.
-        touch: how they were felt.
-        pitch_mm: of the samples.
+        touch: touch with which they were felt.
+        pitch_mm: pitch of the samples.
 
     Returns:
         Play, positive when the forward map must move to larger coordinates; 0 where nothing decides.
@@ -107,7 +107,7 @@ def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, r
         per_pixel: preload over pitch: slopes of heights in preloads a pixel.
         steepest: slopes are cut here.
         mu: friction.
-        row, arm: of the tip, (3,) each, as in eq. (16).
+        row, arm: row and arm of the tip, (3,) each, as in eq. (16).
         per_land: lift over turn on the land.
         rim: samples at both ends that do not count.
         room: (5, samples) to work in.

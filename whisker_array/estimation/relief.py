@@ -49,11 +49,11 @@ class Relief(OneLine, Validated, error=MapError):
         height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where not known.
         slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
         slope_y: (rows, cols) float32 dh/dy, likewise.
-        pitch_mm: of the grid.
+        pitch_mm: pitch of the grid.
         origin_mm: (x, y) of its first sample.
         friction: mu of the land used for walls.
         friction_sd: its standard error; None where mu was only assumed.
-        route: how height and slope were separated.
+        route: method by which height and slope were separated.
         friction_map: (rows, cols) float32 mu at every place, or None: it needs a profiler and two ways.
     """
 
@@ -130,9 +130,9 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
     Floors and land come out right whatever the friction, walls at the friction given.
 
     Args:
-        edges: of one kind of whisker, dragged.
-        touch: how they were felt.
-        friction: of the surface; default: the nominal one of the touch.
+        edges: edge map of one kind of whisker, dragged.
+        touch: touch with which it was felt.
+        friction: friction of the surface; default: the nominal one of the touch.
 
     Raises:
         MapError: friction at which the whisker jams on the land.

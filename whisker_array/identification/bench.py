@@ -76,7 +76,7 @@ class Bench(OneLine):
     """A whisker and its bench, in numbers.
 
     Attributes:
-        values: of every `Unknown`.
+        values: value of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
         memory: (2, whiskers) creep within seconds and lag, as shares of a load (`remembered`).
         screw: (2, 1 + 2 leads) how far the stage's screws, along x and along y, are ahead: a share of the travel,

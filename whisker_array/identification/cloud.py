@@ -38,9 +38,9 @@ class Plane(OneLine):
     """The plane through the moments of a cloud of benches.
 
     Attributes:
-        moment: of each trace (samples,), in the middle, N mm.
-        jacobian: of each (samples, n), what each number does to that.
-        sigma: of each (samples,), uncertainty, roughness and all, N mm; inf where it is not used.
+        moment: for each trace (samples,), moment in the middle of the cloud, N mm.
+        jacobian: for each trace (samples, n), derivative of the moment by each parameter.
+        sigma: for each trace (samples,), uncertainty with that of roughness, N mm; inf where it is not used.
     """
 
     moment: tuple[NDArray[np.float64], ...]
@@ -66,11 +66,11 @@ def plane_through(
         at: the bench in the middle.
         covariance: (n, n) of the cloud.
         free: (n,) numbers that are to be found.
-        scatter_n_mm: of a sample.
+        scatter_n_mm: scatter of a sample.
         turns: so many cubatures, each turned by chance.
         cautious: slopes along a way are trusted only as far as they stand out of what roughness does to them; far from
             the answer that would leave nothing to go by.
-        seed: of how they are turned.
+        seed: seed of the random rotations.
     """
     ways = _Ways.of(at, np.sqrt(np.diag(covariance)), free, forward.nominal)
     root, inverse = _roots(ways.by @ covariance @ ways.by.T)

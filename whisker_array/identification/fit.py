@@ -53,9 +53,9 @@ class Round:
     """Settings of one round of the fit.
 
     Attributes:
-        coarser: how much than asked the map is.
+        coarser: factor by which the map is coarser than requested.
         lines: so many at most.
-        turns, cautious: of the cloud (`cloud.plane_through`).
+        turns, cautious: arguments of the cloud (`cloud.plane_through`).
     """
 
     coarser: float
@@ -88,14 +88,14 @@ class Identified(OneLine):
 
     Attributes:
         bench: the numbers.
-        nominal: as drawn.
+        nominal: parameters of the drawing.
         before: (n,) standard deviations of the numbers before, in the order of `Bench.vector`.
         covariance: (n, n) of the numbers after.
         repeated: (n, n) the same of a bench that is compared with itself: what the fit's own grid does is in both.
         whiskers: those that were felt; the gains of others are as before.
-        traces: that were fitted.
-        predicted: of each trace, (samples,), N mm.
-        scatter_n_mm: of a sample.
+        traces: traces that were fitted.
+        predicted: for each trace (samples,), predicted moment, N mm.
+        scatter_n_mm: scatter of a sample.
         settled: whether the fit has come to rest.
         drawn: the whisker as drawn, if it was given.
     """
@@ -166,13 +166,13 @@ def identify(
     Args:
         scan: the recording; its touch is the nominal one. Gains that a bench has shown are taken off and known well,
             those from land are not used: they hold the friction that is to be found.
-        heights: of the piece.
-        whisker: as drawn; a touch, where there is no drawing: lengths and angle are not found then.
+        heights: heights of the test piece.
+        whisker: the drawn whisker; a touch, if there is no drawing: lengths and angle are not fitted then.
         only: numbers to be found; the others stay as drawn.
-        grid_mm: of the maps; those of large tips are coarser (`finest`).
-        tip_sd: how well the tip's radius is known before, in parts of itself.
+        grid_mm: pitch of the maps; those of large tips are coarser (`finest`).
+        tip_sd: prior standard deviation of the tip's radius, as a share of the radius.
         seed: turns the clouds.
-        fewest_clusters: of passes over the piece.
+        fewest_clusters: least number of passes over the piece.
         finest: grid, share of a tip's radius: a finer one adds no detail.
         wide: width of the cloud in standard deviations, as `MOST_TRACES` lines would leave them, however many there
             are: one that is narrower than contact is rough rests anywhere.

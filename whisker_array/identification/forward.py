@@ -47,13 +47,13 @@ class Forward:
         """Lay the map.
 
         Args:
-            heights: of the piece.
-            traces: to be predicted; those of a sweep one after the other.
+            heights: heights of the test piece.
+            traces: traces to be predicted; those of a sweep one after the other.
             nominal: the whisker as drawn.
             about: the bench, near which it is asked: the map is for its tip.
             setup_friction: at which the stage was set up, so that the tip is over the commanded place.
             largest_n_mm: largest load of a gauge's life.
-            grid_mm: of the map.
+            grid_mm: pitch of the map.
         """
         self.traces = tuple(traces)
         self.nominal = nominal

@@ -62,7 +62,7 @@ def innovations(
     Args:
         values: (samples,) or (samples, n), N mm.
         sigma: (samples,) uncertainty of each, inf where it is not used.
-        scatter: of a sample, of which a level walks a part.
+        scatter: scatter of a sample; the walk of the level is a part of it.
     """
     given = np.ascontiguousarray(values.reshape(sigma.size, -1), dtype=np.float64)
     found = np.empty_like(given)

@@ -67,10 +67,10 @@ class PieceMap:
         """Lay the map.
 
         Args:
-            heights: of the piece.
+            heights: heights of the test piece.
             plans: whose lines run over it.
             about: the bench, whose tip the map is for, and near whose pose it is looked at.
-            grid_mm: of the map.
+            grid_mm: pitch of the map.
         """
         corners = np.array([corner for plan in plans for corner in _corners_mm(plan)])
         askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)

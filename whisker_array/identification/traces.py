@@ -26,7 +26,7 @@ class Trace(OneLine):
     """One line of one whisker, as it was recorded.
 
     Attributes:
-        plan: of its sweep.
+        plan: plan of its sweep.
         cluster: number of its pass: what shakes the base is shared within it, and drift ends with it.
         whisker: number of the whisker.
         line_mm: plate coordinate across the trace.
@@ -53,7 +53,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
         scan: the recording.
         about: the bench as known so far.
         largest_n_mm: largest load of a gauge's life.
-        most: of the lines.
+        most: greatest number of lines.
 
     Raises:
         MapError: none can be used.

@@ -48,7 +48,7 @@ def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> ND
 
     Args:
         raw: (..., whiskers, samples), N mm as measured.
-        calibration: for as many whiskers.
+        calibration: calibration for as many whiskers.
 
     Returns:
         float32 of the same shape.
@@ -75,7 +75,7 @@ def calibrate_lead_in(
     Args:
         air: (whiskers, samples) raw signal without contact, N mm.
         land: (whiskers, samples) raw signal on undisturbed land, N mm.
-        expected_land_moment_n_mm: what the whisker model says of the land, N mm, negative in its frame. An
+        expected_land_moment_n_mm: land moment by the whisker model, N mm, negative in its frame. An
             error in it, by an unknown friction for instance, goes into every gain alike and leaves
             m / m_land - 1 as it is.
         max_gain_uncertainty: largest standard error of a gain as a share of it.

@@ -61,8 +61,8 @@ class CheckedFile:
         """Find a dataset of numbers, stored in this file.
 
         Args:
-            name: of the dataset.
-            shape: that it must have; None: any length.
+            name: name of the dataset.
+            shape: shape that it must have; None: any length.
             kinds: numpy's kinds of numbers that are allowed.
             most: largest number of values.
 
@@ -97,7 +97,7 @@ class CheckedFile:
         """Read a dataset as finite numbers; a missing one is filled with the default, if there is one.
 
         Raises:
-            FileError: as `dataset`, or a number that is not finite where the default is.
+            FileError: as in `dataset`, or a number that is not finite where the default is.
         """
         if default is not None and name not in self.file:
             return np.full([n or 0 for n in shape], default, dtype=np.float64)
@@ -110,7 +110,7 @@ class CheckedFile:
         """Read a dataset as whole numbers, one for each row; a missing one is filled with the default.
 
         Raises:
-            FileError: as `dataset`.
+            FileError: as in `dataset`.
         """
         if default is not None and name not in self.file:
             return np.full(n_rows, default)

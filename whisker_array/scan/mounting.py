@@ -47,15 +47,15 @@ class Mounted(OneLine):
     """A part's surface as tips feel it, in the plate frame, and the bench that it is felt on.
 
     Attributes:
-        surfaces: by radius of the tip, mm.
+        surfaces: surfaces by radius of the tip, mm.
         origin_mm: plate coordinate of the padded surfaces' first sample, both axes.
-        size_mm: of the part itself, along x and y.
+        size_mm: size of the part itself, along x and y.
         touches: one a kind of whisker.
         fidelity: pointwise formula or frictional contact.
         sensor: gains, noise, converter; None: ideal.
         stage: its errors of place; None: none.
         rng: needed with a sensor or a stage.
-        state: of the gauges, moved on by each pass.
+        state: state of the gauges; each pass updates it.
     """
 
     surfaces: dict[float, TouchSurface]
@@ -83,8 +83,8 @@ class Mounted(OneLine):
         Args:
             sweep: where the whiskers run; those of the first touch come first.
             air_samples: taken before each pass.
-            sample_rate_hz: of the converter.
-            pause_s: how long the array hangs in air before each pass, beside the air samples.
+            sample_rate_hz: sample rate of the converter.
+            pause_s: time for which the array hangs in air before each pass, beside the air samples.
             preload_mm: default: that of the touches.
         """
         stage, sensor, rng, touches = self.stage, self.sensor, self.rng, self.touches
@@ -159,9 +159,9 @@ def mount(
     Args:
         height_map: the surface; its land should lie about level at zero, as a stage would mount the part. Of a
             soiled part it is the top of the dirt.
-        touches: that it will be felt with.
-        sample_pitch_mm: of the samples that will be taken.
-        beyond_mm: how far whiskers may run beyond the part, on its replicated rim.
+        touches: touches with which it will be felt.
+        sample_pitch_mm: pitch of the samples.
+        beyond_mm: greatest distance that whiskers run beyond the part, on its replicated rim.
         friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, or else
             the nominal one.
         soil: dirt that yields; default: none.

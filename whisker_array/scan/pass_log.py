@@ -23,9 +23,9 @@ class LoggedPass(OneLine):
     Attributes:
         order: where the whiskers ran, how fast and how hard they were pressed on.
         sweep: its raw moments.
-        why: what it was chosen for, in words; may be empty.
-        text: what was believed to stand there after it.
-        confidence: that all of it is right, 0 to 1.
+        why: reason for this pass, in words; may be empty.
+        text: most probable text after it.
+        confidence: probability that the whole text is right, 0 to 1.
     """
 
     order: Pass
@@ -45,7 +45,7 @@ class PassLog(OneLine, Validated, error=WhiskerError):
         height_mm: character height that the whiskers are built for.
         field_mm: (x0, y0, x1, y1) that could be felt, plate frame.
         stopped: why no more were felt; may be empty.
-        problem: what the stage said where it failed; empty otherwise.
+        problem: message of the stage if it failed; otherwise empty.
         budget_s: most stage seconds that could be spent; None: no limit.
 
     Raises:

@@ -45,7 +45,7 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
 
     Args:
         file: with the group.
-        sweeps: of single passes, in order.
+        sweeps: sweeps of single passes, in order.
 
     Raises:
         FileError: a log that is not according to the layout, or does not fit the passes.

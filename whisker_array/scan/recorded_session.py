@@ -53,7 +53,7 @@ class RecordedSession:
     Where the stage failed after the last one, it fails again, with the same words.
 
     Attributes:
-        fitting: of the recording; its calibration as it is now.
+        fitting: fitting of the recording, with its present calibration.
     """
 
     def __init__(self, scan: Scan) -> None:

@@ -68,7 +68,7 @@ def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
     """Write a scan; the file appears whole or not at all.
 
     Args:
-        scan: to be written.
+        scan: scan to be written.
         path: where.
         volts: its moments are the converter's volts, yet to be calibrated.
 

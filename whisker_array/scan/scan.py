@@ -28,7 +28,7 @@ class Scan(OneLine, Validated, error=MapError):
         line_pitch_mm: distance of neighbouring lines once the passes are interlaced.
         sample_rate_hz: converter rate.
         calibration: gain and offset of each whisker, as far as known; `None` is unit gain and no offset.
-        part_id: what the part is called.
+        part_id: name of the part.
         start_time: ISO 8601 with zone, or empty.
         fidelity: "pointwise", "contact" or "measured".
         others: touches of the array's other kinds of whisker.
@@ -104,11 +104,11 @@ def trace_scan(
             soiled part it is the top of the dirt.
         touch: whisker, preload, tip.
         plan: passes and directions.
-        part_id: what the part is called.
+        part_id: name of the part.
         others: touches of the further kinds of the plan's array.
-        bench: as `mount`: fidelity (pointwise formula or frictional contact), friction (true one, a number or a (rows,
-            cols) map; default: that of the soil, and the nominal one without soil), soil (friction of the part, and
-            dirt that yields; default: none), sensor (gains, noise, converter, creep; default: ideal), stage (play
+        bench: as in `mount`: fidelity (pointwise formula or frictional contact), friction (true one, a number or a
+            (rows, cols) map; default: that of the soil, and the nominal one without soil), soil (friction of the part,
+            and dirt that yields; default: none), sensor (gains, noise, converter, creep; default: ideal), stage (play
             and errors of its place; default: ideal), rng (needed with a sensor or a stage).
 
     Raises:

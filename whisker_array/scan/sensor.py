@@ -90,7 +90,7 @@ class SensorChain(Gauges):
         adc_bits: resolution, 2 to 32 bits for the whole range from - to +; None: no conversion.
 
     Raises:
-        SensorError: as `Gauges`, negative rms values, a converter that cannot be.
+        SensorError: as in `Gauges`, negative rms values, an impossible converter.
     """
 
     noise_n_mm: NotNegative = 0.0
@@ -130,7 +130,7 @@ def draw_sensor_chain(
     """A chain as it comes from the bench: every whisker a little different, by the generator.
 
     Args:
-        n_whiskers: how many.
+        n_whiskers: number of whiskers.
         rng: draws the gains and offsets.
         full_scale_n_mm: converter range to either side, N mm. About three times the land moment leaves room
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
@@ -207,8 +207,8 @@ def measure(
         chain: the sensor chain, as many whiskers.
         sample_rate_hz: samples per second: sets how far the zero drifts between two samples.
         rng: draws vibration, noise and drift; the same seed gives the same raw signal.
-        state: of the gauges before, moved on; default: at rest.
-        pause_s: how long the whiskers hang in air before each pass, beside the samples given of it; 0: not at all.
+        state: state of the gauges before, which is updated; default: at rest.
+        pause_s: time that the whiskers hang in air before each pass, beside the air samples; 0: none.
 
     Returns:
         raw (float32, same shape, N mm as if gain were 1) and saturated (bool, same shape): clipped

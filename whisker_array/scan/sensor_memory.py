@@ -131,7 +131,7 @@ def read_gauges(
 
     Args:
         load_n_mm: (whiskers, samples), N mm; NaN (no contact) stays NaN and loads nothing.
-        memory: of as many whiskers.
+        memory: memory of the same number of whiskers.
         state: where they stand before the first sample; moved on.
         step_s: between two samples; the load of a sample stands for the step that leads to it.
 
@@ -221,7 +221,7 @@ def draw_memory(n_whiskers: int, *, rng: np.random.Generator, largest_n_mm: floa
     """Creep and hysteresis of whiskers as recorded: evenly between the least and the most of the figures.
 
     Args:
-        n_whiskers: how many.
+        n_whiskers: number of whiskers.
         rng: draws the figures of each.
         largest_n_mm: largest load, N mm.
     """

@@ -36,8 +36,8 @@ class Fitting(OneLine):
         height_mm: character height that the whiskers are built for.
         field_mm: (x0, y0, x1, y1) that can be felt, plate frame.
         calibration: gain and offset of each whisker; None where they are not known.
-        fidelity: of the samples: "measured", or how they are simulated.
-        part_id: what the part is called.
+        fidelity: fidelity of the samples: "measured", or how they are simulated.
+        part_id: name of the part.
     """
 
     touch: Touch

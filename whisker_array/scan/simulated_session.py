@@ -102,8 +102,8 @@ class SimulatedSession:
             array: the comb, of one row.
             height_mm: character height that the whiskers are built for.
             sample_pitch_mm: the finest that will be asked for.
-            calibration: of the sensor, if it is known; ideal sensors are.
-            part_id: what the part is called.
+            calibration: calibration of the sensor, if known; that of ideal sensors is.
+            part_id: name of the part.
             bench: fidelity, friction, soil, sensor, stage and rng, as `trace_scan`.
 
         Raises:

@@ -34,7 +34,7 @@ class StagePlay(Validated):
         rate: travel gained or lost, of the travel, from the plate's origin.
         wave_mm: amplitude of the error that comes again with each turn of the screw.
         lead_mm: travel of one turn.
-        phase_rad: of the wave at the plate's origin.
+        phase_rad: phase of the wave at the plate's origin.
         return_mm: rms across the trace with which a pass finds its line.
 
     Raises:
@@ -60,8 +60,8 @@ def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator
     """The plan as the stage runs it, but for the screw's wave, which is not even along a line.
 
     Args:
-        plan: as asked.
-        stage: how far it is off.
+        plan: the requested plan.
+        stage: errors of the stage.
         rng: draws how each pass finds its line.
     """
     way = -1.0 if plan.direction.backward else 1.0
@@ -82,7 +82,7 @@ def apply_screw_wave(
     Args:
         moment: (..., samples).
         flags: same shape; those of both neighbours are kept.
-        plan: as asked.
+        plan: the requested plan.
         stage: its wave; a small part of a step.
     """
     if stage.wave_mm == 0.0:

@@ -53,7 +53,7 @@ class Laid(OneLine):
         column_mm: where a place of the trace frame lies along the grid's columns.
         row_mm: and along its rows.
         tilt: (rise_mm, along, across), added to the heights.
-        share: of D that is added.
+        share: share of D that is added.
         friction: Coulomb coefficient.
     """
 

@@ -145,12 +145,12 @@ def trace_dynamic(
 
     Args:
         height_mm: dilated heights over the land under each sample, float32.
-        modes: of the whisker.
+        modes: modes of the whisker.
         step_mm: distance of neighbouring samples; between them surface and slope are straight.
-        speed_mm_s: of the stage.
+        speed_mm_s: speed of the stage.
         preload_mm: d0, how far below the land the force-free tip would run.
         friction: Coulomb coefficient.
-        contact_mm_per_n: what ball and plate give, see `dynamic_modes.contact_mm_per_n`.
+        contact_mm_per_n: compliance of ball and plate, see `dynamic_modes.contact_mm_per_n`.
         steps_a_period: time steps in the shortest period.
 
     Raises:

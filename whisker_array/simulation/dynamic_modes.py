@@ -61,7 +61,7 @@ def whisker_modes(whisker: Whisker, *, held: int = 3, damping: float = 0.01, par
 
     Args:
         whisker: clamped at its base, planar.
-        held: how many modes with the tip held; one more mode comes of the lift. Against finite elements over a groove
+        held: number of modes with the tip held; the lift adds one more. Against finite elements over a groove
             at 120 mm/s the moment is wrong by 0.4 % of the land's with two, 0.1 % with three.
         damping: share of critical damping: clamped steel springs without dampers have 0.2 to 2 %; an assumption.
         parts: pieces that a segment is lumped in.

@@ -47,12 +47,12 @@ class SpeedCost(OneLine):
     """One speed over the groove: moments over the land's, and errors.
 
     Attributes:
-        speed_mm_s: of the stage.
+        speed_mm_s: speed of the stage.
         place_mm: (samples,) along the trace.
         fast: (samples,) moment at that speed.
         slow: (samples,) moment on a stage so slow that nothing rings. (The pointwise one has no slip of the tip at the
             groove's foot.)
-        error: of the edge map, as a share of the signal.
+        error: error of the edge map, as a share of the signal.
         ringing: greatest error a stroke behind the last edge and further.
         in_air_mm: length of surface that was not touched all the while.
     """
@@ -115,11 +115,11 @@ def speed_cost(
     """Simulate the errors of a speed over one stamped groove.
 
     Args:
-        whisker: of the touch.
+        whisker: whisker of the touch.
         touch: preload, ball and friction.
-        speed_mm_s: of the stage.
-        character_height_mm: that the groove is in proportion to.
-        bevel_rad: of its walls.
+        speed_mm_s: speed of the stage.
+        character_height_mm: character height to which the groove is in proportion.
+        bevel_rad: bevel of its walls.
 
     Raises:
         WhiskerError: a speed or height that is not positive, or a touch without a ball.
@@ -154,11 +154,11 @@ def fastest_mm_s(
     """Find the fastest stage whose edge map is within the allowed error.
 
     Args:
-        whisker: of the touch.
+        whisker: whisker of the touch.
         touch: preload, ball and friction.
-        character_height_mm: of the marks.
+        character_height_mm: character height of the marks.
         allowed_error: share of the signal, see `SpeedCost.error`.
-        bevel_rad: of the walls.
+        bevel_rad: bevel of the walls.
 
     Raises:
         WhiskerError: an error that is not positive.

@@ -33,10 +33,10 @@ def trace_sweep(
     Args:
         oriented: in the trace frame of the sweep's direction (`orient`).
         sweep: where the whiskers run.
-        touch: of these whiskers.
+        touch: touch of these whiskers.
         fidelity: pointwise formula or frictional contact.
         origin_mm: plate coordinate of the padded surface's first sample, both axes.
-        size_mm: of the part itself, along x and y.
+        size_mm: size of the part itself, along x and y.
         asked: where the whiskers were meant to run, which decides what is OUTSIDE; default: as they run.
 
     Returns:

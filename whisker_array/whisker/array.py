@@ -53,7 +53,7 @@ class WhiskerArray(Comb):
     """A comb of equal whiskers, or several such combs one behind the other; its places are those of `Comb`.
 
     Attributes:
-        body: what of a whisker takes room; none: whiskers are points, as in a prediction.
+        body: space that a whisker takes; None: whiskers are points, as in a prediction.
 
     Raises:
         WhiskerError: a number that cannot be; whiskers that would touch.

@@ -60,7 +60,7 @@ class Segment(OneLine):
         start_mm: (3,) float64, the end nearer the base, world frame, mm.
         end_mm: (3,) float64, the end nearer the tip, mm.
         section: constant section, or a Taper from start to end.
-        material: what it is made of.
+        material: material of the beam.
 
     Raises:
         WhiskerError: points that are not finite 3-vectors, or a length of zero.

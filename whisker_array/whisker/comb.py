@@ -46,10 +46,10 @@ class Body(OneLine, Validated, error=WhiskerError):
     Attributes:
         width_mm: across the trace, the widest section.
         thickness_mm: in the plane of tracing.
-        aside_mm: how far it may bend sideways in use.
+        aside_mm: greatest sideways bend in use.
         shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and bent the most.
         clamp_mm: (length ahead of the base, half height).
-        mass_g: of the whisker and its clamp.
+        mass_g: mass of the whisker and its clamp.
 
     Raises:
         WhiskerError: a size not positive.
@@ -256,7 +256,7 @@ def collisions(body: Body, comb: Comb) -> str:
     """The first two whiskers that would touch, in words; empty where none do.
 
     Args:
-        body: of every whisker.
+        body: space that every whisker takes.
         comb: where they stand.
     """
     in_row, several = comb.rows * comb.pitch_mm, comb.n_whiskers > comb.rows
@@ -284,7 +284,7 @@ def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
     """Least distance of neighbouring rows, a whole number of steps, at which none touch; 0 for one row.
 
     Args:
-        body: of every whisker.
+        body: space that every whisker takes.
         comb: where they stand, whatever its stagger.
         step_mm: between the distances tried.
 

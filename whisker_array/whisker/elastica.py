@@ -76,7 +76,7 @@ class LinearError:
     """Errors of the linear beam at one lift: positive where it overestimates.
 
     Attributes:
-        lift_mm: how far the tip is held above its free place, mm.
+        lift_mm: height of the tip above its free position, mm.
         force: (linear - exact) / exact of the contact force.
         moment: (linear - exact) / exact of the moment at the sensor. The linear one has the arm to the
             force-free tip, as (13) has it; the errors of force and arm cancel in part.

@@ -64,9 +64,9 @@ class SweepPlan(OneLine):
         step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
             backward.
         n_samples: samples that touch, lead-in and lead-out included.
-        n_lead: of these, how many run in on land before the region, and as many out behind it.
+        n_lead: number of these that run in on land before the region, and of as many that run out behind it.
         pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
-        offset_mm: how far behind the foremost row each whisker stands along the trace; empty where all are level.
+        offset_mm: distance of each whisker behind the foremost row, along the trace; empty if all are level.
     """
 
     direction: TraceDirection
@@ -109,7 +109,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
         air_samples: samples taken with the array lifted before the pass, for the offsets.
         turnaround_s: time to lift, move and set down for the next one.
         pushed: the base follows the tip.
-        preload_mm: how far below the land the force-free tip runs; default: that of the touch.
+        preload_mm: depth below the land at which the force-free tip runs; default: that of the touch.
         offset_mm: see `SweepPlan`; of a comb, `WhiskerArray.offset_mm`.
 
     Raises:

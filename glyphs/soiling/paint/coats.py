@@ -105,8 +105,8 @@ def level_film(
 
     Args:
         top: the ground, mm.
-        wet: what is laid on, mm; its mean sets how far it levels.
-        pitch_mm: of the grid.
+        wet: thickness laid on, mm; its mean sets how far it levels.
+        pitch_mm: pitch of the grid.
         seconds_per_pa_s: time that it is fluid over its viscosity.
         pinned: least share of the paint laid on that stays on an edge.
 

@@ -24,11 +24,11 @@ class Can(OneLine):
     """The paint of one part and how it was put on.
 
     Attributes:
-        wet_mm: of one coat.
-        solids: what stays when it dries, 0 to 1.
+        wet_mm: wet thickness of one coat.
+        solids: share that stays when it dries, 0 to 1.
         rubber: 0 enamel, 1 chassis paint.
         brushed: 0 sprayed, 1 brushed.
-        seconds_per_pa_s: how long it stays fluid over how viscous it is.
+        seconds_per_pa_s: time that it stays fluid, divided by its viscosity.
         downhill: unit vector x, y.
     """
 

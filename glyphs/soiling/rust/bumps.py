@@ -40,7 +40,7 @@ def scatter_bumps(
 
     Args:
         coat: the plate.
-        density: how many on a square as high as a character.
+        density: number on a square as high as a character.
         rng: draws the same whatever the amount.
         width: median, in character heights.
         spread: deviation of the width's logarithm.

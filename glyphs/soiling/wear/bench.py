@@ -17,9 +17,9 @@ class Bench(OneLine):
     """A surface under the tools.
 
     Attributes:
-        coat: as it came.
+        coat: surface before wear.
         level_mm: (rows, cols) where a stiff tool that spans the strokes lies on the surface.
-        deep_mm: how deep the marks lie below it (raised ones: how high they stand).
+        deep_mm: depth of the marks below it (height of raised ones).
     """
 
     coat: Coat

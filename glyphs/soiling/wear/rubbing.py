@@ -45,11 +45,11 @@ class _Life:
     """Shares of each kind of wear on one part, whatever the amount: 0 to 1 each, the leading one 1.
 
     Attributes:
-        rubbed: by file, belt or sliding; every worn part is, at least a little.
-        peened: by shot or hammer; knocks close edges too.
-        knocked: by other parts.
-        soft: of the rubbing tool: 0 a file, 1 a buff or loose grains.
-        crossed: how far rubbing directions differ: 0 one belt, 1 a hand with emery.
+        rubbed: wear by file, belt or sliding; every worn part has at least a little.
+        peened: wear by shot or hammer; knocks close edges too.
+        knocked: wear by other parts.
+        soft: softness of the rubbing tool: 0 a file, 1 a buff or loose grains.
+        crossed: spread of the rubbing directions: 0 one belt, 1 a hand with emery.
     """
 
     rubbed: float

@@ -40,9 +40,9 @@ def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Gene
     Args:
         coat: the plate before.
         z: its top by now.
-        level: what a disc rides on.
+        level: surface on which the disc rides.
         amount: 0 to 1.
-        rng: of the hand.
+        rng: random generator of the hand's movement.
     """
     depth_mm = float(np.quantile((level - coat.clean_mm)[::3, ::3], 0.97))
     turn = rng.choice([-1.0, 1.0]) * rng.uniform(50.0, 120.0)

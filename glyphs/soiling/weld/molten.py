@@ -32,7 +32,7 @@ class Seam(OneLine):
 
     Attributes:
         away: unit vector (x, y) from it across the plate.
-        start_mm: how far along that vector the plate begins.
+        start_mm: position along that vector at which the plate begins.
         reach_mm: distance over which its drops and its heat fall by e.
     """
 
@@ -67,8 +67,8 @@ def add_spatter(
         z: its top by now.
         seam: where they come from.
         amount: 0 to 1.
-        share: how much of a plate they would cover at 1, were all of it as near as the seam.
-        rng: of the drops.
+        share: share of a plate that they cover at 1 if all of it is as near as the seam.
+        rng: random generator of the drops.
     """
     median = 0.45 * np.sqrt(coat.height_mm / 5.0)
     n = int(np.ceil(share * coat.area_mm2 / (0.25 * np.pi * median**2 * np.exp(2 * _DROP_SPREAD**2))))
