@@ -138,7 +138,7 @@ def _frame(part: FeltPart, n: int) -> Image.Image:
     title = f"{looks[-1].text}: {looks[-1].confidence:.3f}" if looks else "nothing to be read yet"
     if last := n + 1 == len(passes):
         reading = part.found.reading
-        title = f"{reading.text}: {reading.confidence:.3f}. Stopped: {part.found.stop.describe()}"
+        title = f"{reading.text}: {reading.confidence:.3f}. Stopped: {part.found.stop.message}"
     below.set_title(title, weight="bold" if last else "normal")
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=_DPI)

@@ -104,7 +104,7 @@ def _loss(reader: RapidOcr, picture: NDArray[np.uint8], text: str) -> tuple[floa
     places = place_belief(logs[:, 0], logs[:, columns], allowed)
     true = [SERIAL_CHARACTERS.index(char) for char in text]
     belief = 0.0 if places is None else np.exp(places.log_belief[np.arange(len(true)), true]).mean()
-    read = "".join(char for char, _ in reader.read_line(picture))
+    read = "".join(char for char, _ in reader.read_line(picture, ()))
     return float(1.0 - belief), min(1.0, Levenshtein.distance(text, read) / len(text))
 
 
