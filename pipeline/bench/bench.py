@@ -132,7 +132,7 @@ class Bench:
         """Gains, V per N mm as if `volt_per_n_mm` were 1, and offsets in V, from a pass over bare land.
 
         Raises:
-            StageError: as `run`.
+            StageError: as in `run`.
             SensorError: too few samples, or a whisker that does not feel the land.
         """
         touch = self.settings.touch()

@@ -34,7 +34,7 @@ class Dialect:
     """G-code and answers of a firmware.
 
     Attributes:
-        name: for messages.
+        name: name for messages.
         absolute: prefix of a move in machine coordinates.
         settle: lines that are answered when all moves have ended.
         touching, not_touching: lines that set and clear the spare output, at rest.
@@ -82,7 +82,7 @@ class Sender:
             first: number of the first, in what is asked for again.
             room_bytes: bytes that may be in flight.
             query: asks the firmware for its state, in a silence.
-            most_resends: that are answered.
+            most_resends: greatest number of resends that are answered.
         """
         self._lines, self._first, self._room_bytes, self._query = lines, first, room_bytes, query
         self._sent = self._acknowledged = self._refused = 0
@@ -161,7 +161,7 @@ class Controller(ABC):
         """Ask for the place, and take the answer in.
 
         Raises:
-            StageError: as `run`.
+            StageError: as in `run`.
         """
 
     @abstractmethod
@@ -204,7 +204,7 @@ class Controller(ABC):
 
         Args:
             lines: without their ends; they travel together as far as the firmware has room.
-            seconds: that their moves take.
+            seconds: time that their moves take.
 
         Raises:
             StageError: an error, an alarm, a reset, a silence, or moves that take too long.
@@ -252,7 +252,7 @@ class Controller(ABC):
         """Lift, turn, and stand lifted where a pass begins.
 
         Raises:
-            StageError: as `run`.
+            StageError: as in `run`.
         """
         s = self.settings
         self._check_place_known()
@@ -268,7 +268,7 @@ class Controller(ABC):
         """Make one pass from its start: wait for the air samples, lower, drag, lift.
 
         Raises:
-            StageError: as `run`, or it does not stand where it should afterwards.
+            StageError: as in `run`, or it does not stand where it should afterwards.
         """
         s, dialect = self.settings, self.dialect
         self._check_place_known()

@@ -83,7 +83,7 @@ class Marlin(Controller):
         """Send M114.
 
         Raises:
-            StageError: as `run`.
+            StageError: as in `run`.
         """
         self.run(["M400", "M114"], seconds=0.0)
 

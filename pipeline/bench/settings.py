@@ -105,11 +105,11 @@ class DaqSettings(Strict):
 
     Attributes:
         kind: "line": a microcontroller with the line protocol; "nidaqmx": a card of NI.
-        port, baud: of "line".
-        channels: of "nidaqmx", such as Dev1/ai0:7.
-        sync_channel: of "nidaqmx": the analogue input that is wired to the stage's spare output.
+        port, baud: port and baud rate of "line".
+        channels: channels of "nidaqmx", such as Dev1/ai0:7.
+        sync_channel: analogue input of "nidaqmx" that is wired to the stage's spare output.
         rate_hz: samples a second.
-        range_v: to either side.
+        range_v: range to either side.
         volt_per_n_mm: one number, or one a whisker: what `bench calibrate` prints.
         gains_known: the numbers are from `bench calibrate`, not from a data sheet.
         answer_s: longest silence.

@@ -208,7 +208,7 @@ def whole_help(*names: str) -> None:
     """Let the help of a command be all that its function says, not the line that the list of commands has.
 
     Args:
-        names: of the command, such as tokens, add; what follows it on a command line may follow.
+        names: words of the command, such as tokens, add; further words may follow.
     """
     _read_docstrings_once()
     _, command = _command_of(names)

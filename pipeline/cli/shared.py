@@ -34,7 +34,7 @@ def print_table(
     """Print a table without rules.
 
     Args:
-        headings: of the columns.
+        headings: headings of the columns.
         rows: cells of each row.
         words: headings of columns that hold words: they stand on the left, and are wrapped if needed.
     """

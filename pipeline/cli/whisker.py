@@ -321,7 +321,7 @@ def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:
 
     Args:
         whisker: a whisker that lies in the plane of tracing.
-        lift_mm: how far the surface lifts the tip, mm: preload and height of marks above the land.
+        lift_mm: height by which the surface lifts the tip, mm: preload and height of marks above the land.
         mu: friction coefficient.
 
     Returns:

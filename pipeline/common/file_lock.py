@@ -19,8 +19,8 @@ def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
     runs one process only, and nothing is locked there.
 
     Args:
-        path: of the lock file, which holds nothing.
-        wait: for another holder to end.
+        path: path of the lock file, which holds nothing.
+        wait: whether to wait until another holder releases it.
 
     Yields:
         Whether it is held; always with `wait`.

@@ -35,9 +35,9 @@ class GoldenRecord:
 
     Attributes:
         at: when.
-        line: whose whiskers.
+        line: line that has the whiskers.
         reference: whether later ones are compared with it: the whiskers were new, or set anew.
-        measures: what was found; the gain is the mean over the whiskers, the zero that of the whisker whose air counts
+        measures: measured values; the gain is the mean over the whiskers, the zero that of the whisker whose air counts
             most, in parts of the land's moment.
     """
 

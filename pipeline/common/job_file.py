@@ -47,9 +47,9 @@ class JobFile:
 
     Attributes:
         name: the stem of its file.
-        settings: of reading; files are named by their whole paths.
-        written: what stands in the file.
-        sha256: of the file.
+        settings: settings of the reader; files are named by their whole paths.
+        written: content of the file.
+        sha256: SHA-256 of the file.
     """
 
     name: str
@@ -62,8 +62,8 @@ def read_job_file(path: Path) -> JobFile:
     """A job out of its file.
 
     Raises:
-        FileError: as `read_keys`; no name for a job, a setting that does not exist or is invalid, a file in it that is
-            not there.
+        FileError: as in `read_keys`; no name for a job, a setting that does not exist or is invalid, a file in it that
+            is not there.
     """
     return job_of(path, *read_keys(path))
 
@@ -81,12 +81,12 @@ def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
     """The job that stands, or is to stand, in a file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         written: its keys.
         digest: SHA-256 of the file.
 
     Raises:
-        FileError: as `read_job_file`.
+        FileError: as in `read_job_file`.
     """
     if not re.fullmatch(NAME, path.stem):
         raise FileError(path, "has no name for a job", _NAME_HINT)
@@ -109,7 +109,7 @@ def job_text(written: Mapping[str, Any], lines: Iterable[str]) -> str:
 
     Args:
         written: its keys, checked; `line` is ignored.
-        lines: as `ReadSettings.line`.
+        lines: as in `ReadSettings.line`.
     """
     named: dict[str, Any] = {}
     for line in map(NamedLine.parse, lines):

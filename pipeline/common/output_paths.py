@@ -33,7 +33,7 @@ def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
 
     Args:
         path: the file.
-        suffixes: that it may have (default: any).
+        suffixes: suffixes that it may have (default: any).
 
     Raises:
         FileError: it cannot.
@@ -74,7 +74,7 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
     """Write a CSV table whose cells no spreadsheet takes for formulas; half a character is written as a word.
 
     Args:
-        path: of the table.
+        path: path of the table.
         rows: the headings first; None is an empty cell.
 
     Raises:

@@ -102,7 +102,8 @@ def read_toml(
     Args:
         path: the file.
         model: pydantic model, or what it adapts.
-        format_version: that is read; a file that tells none is of version 1, which was the first. None: of no version.
+        format_version: version that is read; a file without one counts as version 1, the first. None: files have no
+            version.
         hidden: names of the model's own kinds, which are no keys.
 
     Raises:

@@ -39,9 +39,9 @@ class ClaimRecord:
 
     Attributes:
         part_id: which.
-        holder: as `Person.holder`.
+        holder: as in `Person.holder`.
         who: the person's name; empty where it is not known yet.
-        until: when it is free again by itself.
+        until: time at which it becomes free by itself.
     """
 
     part_id: str
@@ -58,8 +58,8 @@ class AuditFigures:
         drawn: all of them.
         waiting: not read yet.
         disputed: read differently, and waiting for the review that decides.
-        not_judged: that people could not read.
-        accepted_wrong: of those judged, with the interval of Clopper and Pearson.
+        not_judged: number that people could not read.
+        accepted_wrong: share of wrong ones among those judged, with the interval of Clopper and Pearson.
     """
 
     drawn: int

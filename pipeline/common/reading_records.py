@@ -24,7 +24,7 @@ class CandidateRecord:
     Attributes:
         char: the character.
         probability: share of belief, 0 to 1.
-        score: how well its template fits, 1 is perfectly; 0 where no template was asked.
+        score: fit of its template, 1 is perfect; 0 without a template.
     """
 
     char: str
@@ -40,10 +40,10 @@ class CharacterRecord:
         candidates: best first.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known.
         state: read, confused, not read or mismatch; empty where it was not judged.
-        grade: of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
+        grade: grade of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
         box_px: as box_mm, in the photograph's own pixels where that is None.
-        state_chars: of "confused" the two characters; of "mismatch" the one that stands there and the one expected.
-        action: what to do about the mark; empty where nothing is to be done, or it was not graded.
+        state_chars: with "confused" the two characters; with "mismatch" the one that stands there and the one expected.
+        action: action for the mark; empty if none is needed, or it was not graded.
         depth_min_mm: depth of the mark where it is least, height of a raised one; None where it is not known.
         depth_mean_mm: likewise, on average.
         depth_sd_mm: standard deviation of that average.
@@ -79,7 +79,7 @@ class ReasonRecord:
 
     Attributes:
         code: which, such as low_confidence, too_shallow, senses_disagree, not_in_order.
-        places: that it is about, from 1.
+        places: places that it is about, from 1.
     """
 
     code: str
@@ -92,7 +92,7 @@ class RivalRecord:
 
     Attributes:
         text: the serial.
-        probability: that it is the right one.
+        probability: probability that it is the right one.
     """
 
     text: str
@@ -105,7 +105,7 @@ class LineRecord:
 
     Attributes:
         name: its name in the settings; empty for a line that the settings do not name.
-        text: what it reads.
+        text: text of the line.
         confidence: probability that all of it is right, 0 to 1.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
         box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
@@ -124,7 +124,7 @@ class FieldRecord:
 
     Attributes:
         name: text element or application identifier: SER, 21.
-        value: what it holds.
+        value: value of the field.
     """
 
     name: str
@@ -137,7 +137,7 @@ class CodeRecord:
 
     Attributes:
         kind: Data Matrix, QR Code or Micro QR Code.
-        text: what it says; of GS1 codes with identifiers in brackets, control characters as their pictures (␝).
+        text: its text; GS1 codes with identifiers in brackets, control characters as their pictures (␝).
         same: whether it holds the serial that was read; None where it speaks of no serial, or none was read.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
         box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
@@ -155,15 +155,15 @@ class PassRecord:
     """One pass of the whiskers, and the posterior after it.
 
     Attributes:
-        direction_deg: of travel, 0, 90, 180, 270.
-        line_mm: where each whisker's line lies: y of passes along x, x of passes along y.
+        direction_deg: direction of travel, 0, 90, 180, 270.
+        line_mm: position of each whisker's line: y of passes along x, x of passes along y.
         along_mm: (least, greatest) place along the lines.
-        speed_mm_s: of the stage.
-        preload_mm: how far below the land the free tip ran.
+        speed_mm_s: speed of the stage.
+        preload_mm: depth below the land at which the free tip ran.
         stage_s: stage seconds spent up to its end, from the first pass on.
         why: the reason for choosing it, in words; empty where none is known.
-        text: what was believed to stand there after it.
-        confidence: that all of it is right, 0 to 1.
+        text: most probable text after it.
+        confidence: probability that the whole text is right, 0 to 1.
     """
 
     direction_deg: int
@@ -189,14 +189,14 @@ class ReadingRecord:
         decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
         characters: place by place.
-        messages: what to know about it, in words.
+        messages: messages about it, in words.
         font: font whose shapes answered best.
         height_mm: character height; None where it is unknown, or the photograph's scale is.
-        rotation_deg: of the line, from +x towards +y.
+        rotation_deg: rotation of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
         seconds: it took to read, loading included.
-        at: when it was read; the store puts its own time.
+        at: time of the reading; the store puts its own time.
         part: name of the part.
         error: why there is no reading; empty where there is one.
         height_px: character height in pixels of a photograph whose scale is not known; else None.
@@ -206,14 +206,14 @@ class ReadingRecord:
         rivals: other serials with some belief, most first.
         lines: the part's other lines: those that the settings name first, then the rest.
         codes: Data Matrix and QR codes in its photographs.
-        fields: what the marking says by name, SER KB74 or (21)KB74, on any of its lines.
+        fields: named fields of the marking, such as SER KB74 or (21)KB74, on any of its lines.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
         photos: photographs that it is of; 0 of touch alone.
-        passes: of a part that was felt pass by pass, in their order; boxes and lines share a frame.
+        passes: passes of a part that was felt pass by pass, in their order; boxes and lines share a frame.
         stage_s: stage seconds that they took; None where the part was not felt so.
         stopped: why no more were felt: sure, no gain, budget, all felt, nothing found, stage failed.
-        faults: what the recording says is wrong with whiskers and bench, in words.
+        faults: faults of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
     """
 
@@ -261,12 +261,12 @@ class ScanPlanRecord:
 
     Attributes:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
-        directions_deg: of travel, 0, 180, 90, 270.
-        passes: of the array.
+        directions_deg: directions of travel, 0, 180, 90, 270.
+        passes: passes of the array.
         line_pitch_mm: between neighbouring traces.
         sample_pitch_mm: between samples of a trace.
-        speed_mm_s: of the stage.
-        preload_mm: how far below the land the free tip runs.
+        speed_mm_s: speed of the stage.
+        preload_mm: depth below the land at which the free tip runs.
         seconds: the scan takes.
         height_mm: character height that it is made for.
         reason: why touch is needed, in words.

@@ -72,12 +72,12 @@ class EvidenceRecord:
     """One file kept for a part.
 
     Attributes:
-        kind: what it is.
-        sha256: of what it holds, hexadecimal; it is kept under that name.
+        kind: kind of file.
+        sha256: SHA-256 of its content, hexadecimal; it is kept under that name.
         n_bytes: its length.
-        name: what the sender called it; never used as a path.
-        media_type: for the browser.
-        meta: of pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
+        name: the sender's name for it; never used as a path.
+        media_type: media type for the browser.
+        meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
         at: when; set by the store.
         gone: whether its time was up and the file is no longer kept.
     """
@@ -137,7 +137,7 @@ class TouchWait:
 
     Attributes:
         by_stage: the stage of its line feels it; otherwise the sender supplies a scan.
-        until: when a person gets it all the same; None where no time is set.
+        until: time at which it goes to a person all the same; None: no limit.
     """
 
     by_stage: bool
@@ -149,8 +149,8 @@ class ShadowRecord:
     """Result of a part in shadow mode.
 
     Attributes:
-        agreement: of the last reading with the text expected, which is what the line's own reader has said.
-        would_be: where the part would stand if the service decided.
+        agreement: agreement of the last reading with the expected text, which the line's own reader has sent.
+        would_be: state that the part would have if the service decided.
     """
 
     agreement: Agreement
@@ -162,12 +162,12 @@ class AgreementDay:
     """Parts of one day that were read in the shadow of the line's own reader.
 
     Attributes:
-        day: by UTC.
+        day: day, UTC.
         parts: read.
-        compared: of them, those of which the line's own reader has sent a serial.
-        same, other, nothing: of these, those that were read the same, otherwise, not at all.
-        accepted: of those compared, those that would have been accepted.
-        accepted_other: of these, those that were not read the same.
+        compared: number of them for which the line's own reader has sent a serial.
+        same, other, nothing: number of these that were read the same, otherwise, not at all.
+        accepted: number of those compared that would have been accepted.
+        accepted_other: number of these that were not read the same.
     """
 
     day: date
@@ -186,16 +186,16 @@ class PartRecord:
 
     Attributes:
         id: made by the store; sorts by time.
-        name: what the line calls it; not unique.
-        state: how far it has come.
+        name: the line's name for it; not unique.
+        state: state of the part.
         text: the serial as it stands: as reviewed, else as last read; empty while touch is needed.
-        created_at: when it was accepted.
-        changed_at: when anything was last added.
+        created_at: time of its receipt.
+        changed_at: time of the last change.
         reading: the last one; None before any.
         expected: text it should read; empty where none is.
         database: glyph database asked for; empty for the built-in fonts.
-        job: that it was read by; empty for the service's own settings.
-        line: that it came from; empty where lines have no names.
+        job: job that it was read by; empty for the service's own settings.
+        line: line that it came from; empty where lines have no names.
         plan: the scan to make, while touch is needed or after it was missed.
         touch: its wait for touch; None for a part that does not wait.
         review: the last one; None before any.
@@ -225,10 +225,10 @@ class TokenRecord:
 
     Attributes:
         name: unique.
-        scopes: what it allows.
+        scopes: scopes of the token.
         created_at: when.
-        expires_at: from when on it is refused; None: never.
-        revoked_at: when it was taken back; None: it was not.
+        expires_at: time from which it is refused; None: never.
+        revoked_at: time at which it was revoked; None: it was not.
     """
 
     name: str
@@ -246,7 +246,7 @@ class Delivery:
         id: rises with time.
         target: webhook or mqtt.
         part_id: whose.
-        payload: what is sent.
+        payload: content to send.
         attempts: so far in vain.
     """
 
@@ -263,7 +263,7 @@ class WaitingResults:
 
     Attributes:
         n: their number.
-        since: when the oldest was put there.
+        since: time at which the oldest was put there.
     """
 
     n: int
@@ -285,7 +285,7 @@ class PartStory(History):
     """A part and all that happened to it, as it was at one moment.
 
     Attributes:
-        part: as it stands.
+        part: the part with its present state.
         opinions: on it since its last review, the latest of each person, oldest first.
         audit: its last audit, with the accepted text and the person's; None before any.
         awaits_audit: it was drawn for an audit that is still open.
@@ -304,9 +304,9 @@ class TrendStep:
     Attributes:
         at: its start, by UTC.
         parts: received in it.
-        accepted: of them, accepted and not questioned since.
-        review: of them, those that a person looks at or has looked at.
-        rejects: of them, those whose last reading was a reject.
+        accepted: number of them accepted and not questioned since.
+        review: number of them that a person reviews or has reviewed.
+        rejects: number of them whose last reading was a reject.
     """
 
     at: datetime
@@ -323,13 +323,13 @@ class Statistics:
     Attributes:
         since: its beginning.
         parts: accepted by the service.
-        by_camera: of them, accepted on the camera's word alone.
-        fell_back: of them, sent to touch.
+        by_camera: number of them accepted by the camera alone.
+        fell_back: number of them sent to touch.
         by_state: parts by how far they have come.
         rejects: parts whose last reading was a reject.
         reviewed: parts that a person looked at.
-        right_before_review: of them, those whose reading was confirmed as it was.
-        characters_reviewed, characters_right: of the reviewed parts' texts.
+        right_before_review: number of them whose reading was confirmed unchanged.
+        characters_reviewed, characters_right: number of characters in the reviewed parts' texts, and of right ones.
         seconds: (p50, p99) of reading by source; sources without any are left out.
         trend: the hours, or days, in order, those without any part included.
         awaiting: parts in the review queue now, whatever their time.
@@ -358,7 +358,7 @@ class AlertRecord:
         name: reject_rate, review_rate, drift, drift:JOB, bench, golden or golden_overdue.
         part_id: the latest part when it was raised.
         at: when.
-        message: what is wrong, for a person.
+        message: description of the problem, for a person.
     """
 
     name: str

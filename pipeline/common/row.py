@@ -37,17 +37,17 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
 
     Columns:
         part: name of the part.
-        text: as read; empty when nothing was.
+        text: text that was read; empty when nothing was.
         decision: accept, review or reject; empty with an error.
-        confidence: that the whole text is right, 0 to 1.
+        confidence: confidence that the whole text is right, 0 to 1.
         source: tactile, vision or fused.
         seconds: time spent, loading included.
         error: why there is no reading; empty when there is one.
         font: font whose templates answered best.
         height_mm: character height found; None where it is not known in mm.
-        rotation_deg: of the line, from +x towards +y.
+        rotation_deg: rotation of the line, from +x towards +y.
         raised: raised marks.
-        flags: what to know about the reading, and what the mark lacks for the rules asked for.
+        flags: flags of the reading, and shortfalls of the mark against the rules.
         alternatives: a place's other candidates with their probabilities, as "3: 8 0.21, B 0.02; 5: S 0.01", places
             from 1.
         depth_min_mm: depth of the mark where it is least (height of a raised one); None where it is not known.
@@ -59,14 +59,14 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
         rivals: other serials with some belief, as "KB74 0.021"; a comma between.
         grade: mark quality, A to F, of the worst character; empty where none was graded.
-        grades: of every character, a letter each; "?" where too little was scanned.
-        action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
+        grades: grades of all characters, a letter each; "?" where too little was scanned.
+        action: action for the mark and its places, as "clean 3 5, re-strike 7"; empty if none is needed.
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
         lines: the part's other lines, as "lot=LOT77;date=12/26"; a line that was not asked for has no name: "SN8".
         codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
-        fields: what the marking says by name, as "MFR=0AB12;SER=KB74"; empty of one that says no names.
+        fields: named fields of the marking, as "MFR=0AB12;SER=KB74"; empty without names.
         burr_mm: height of the highest rim beside a character's strokes; None where it is not known.
-        at: when it was read, ISO 8601.
+        at: time of the reading, ISO 8601.
         program: version of the program.
         settings: hash of the settings; rows with the same were read alike.
     """

@@ -40,7 +40,7 @@ def outside_format(text: str, settings: ReadSettings) -> str:
     """The rules that a text breaks, in words; empty where it breaks none, or the settings have none.
 
     Raises:
-        FileError: as `serial_format`.
+        FileError: as in `serial_format`.
         SettingsError: likewise.
     """
     grammar = serial_format(settings)

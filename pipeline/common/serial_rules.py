@@ -55,9 +55,9 @@ class NumberedSerial(NamedTuple):
     """A serial with a number that counts: KX407251 is KX, 407251.
 
     Attributes:
-        head, tail: what stands before and after it.
-        number: that counts, the last one in the serial.
-        digits: of it.
+        head, tail: text before and after it.
+        number: the number that counts up, the last one in the serial.
+        digits: number of its digits.
     """
 
     head: str
@@ -76,7 +76,7 @@ class ProductionOrder:
     """The serials that are to come.
 
     Attributes:
-        name: of its file.
+        name: name of its file.
         serials: one by one, without blanks.
         ranges: first and last of serials that count, such as KX400000..KX409999.
     """
@@ -123,7 +123,7 @@ class SerialRules:
         """The objection to a serial that is out of sequence.
 
         Args:
-            text: of the part now.
+            text: text of the part now.
             before: (how many parts before it, serial) of those that were read surely, the latest first.
         """
         place = split_serial(text)

@@ -29,7 +29,8 @@ class Settings(BaseModel):
     """Settings, checked; unknown names are errors.
 
     Attributes:
-        table: of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names, too.
+        table: table of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names,
+            too.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
@@ -159,9 +160,9 @@ class NamedLine:
     """A line that stands beside the serial, as it is written: lot=AAA99, or lot@0,0.5,1,1=AAA99.
 
     Attributes:
-        name: of the line.
-        format: of its text.
-        region: where its middle lies, as `ReadSettings.region`; None where it may stand anywhere.
+        name: name of the line.
+        format: format of its text.
+        region: where its middle may lie, as in `ReadSettings.region`; None for anywhere.
     """
 
     name: str

@@ -12,8 +12,8 @@ class Share:
     """k of n, with its interval.
 
     Attributes:
-        count: how many.
-        total: of how many.
+        count: number of cases.
+        total: number of trials.
         low: lower end of the 95 % interval; 0 of nothing.
         high: upper end; 1 of nothing.
 

@@ -61,7 +61,7 @@ class Pair:
     Attributes:
         true: character stamped, or EXTRA.
         read: character read, or MISSING.
-        place: of the character read, from 0; None where none was.
+        place: index of the character read, from 0; None where none was.
     """
 
     true: str

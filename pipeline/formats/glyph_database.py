@@ -48,14 +48,14 @@ class Exemplar(OneLine):
     """One character as it was once felt, enrolled by hand.
 
     Attributes:
-        char: what it is, one character.
+        char: the character.
         font_name: the font it was stamped with, may be empty if unknown.
         relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
             NaN where not known.
         note: anything the enroller wants to say.
         enrolled_at: ISO 8601 time, given by the caller.
         height_mm: character height; 0 where unknown.
-        rotation_deg: of its line in the plate frame.
+        rotation_deg: rotation of its line in the plate frame.
         raised: whether the mark stands out.
         part: name of the part.
         place: place of the character in the part's text, from 1; 0 where unknown.
@@ -96,7 +96,7 @@ class GlyphDatabase(OneLine):
     """Fonts and enrolled exemplars of the letters in use.
 
     Attributes:
-        fonts: by name, read-only.
+        fonts: fonts by name, read-only.
         exemplars: in order of enrolment.
 
     Raises:

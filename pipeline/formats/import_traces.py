@@ -286,9 +286,9 @@ def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> No
     """Refuse times or positions by which the stage crawls or flies.
 
     Args:
-        step_mm: from sample to sample.
+        step_mm: step from sample to sample.
         rate_hz: samples a second.
-        units: of the times and of the positions.
+        units: units of the times and of the positions.
 
     Raises:
         DataError: with the units that they are likely in.

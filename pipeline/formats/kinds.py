@@ -33,9 +33,9 @@ class PhotoKind:
     """A kind of picture that is read.
 
     Attributes:
-        name: as Pillow has it.
-        suffixes: of files of this kind, the usual one first.
-        media_type: for browsers.
+        name: Pillow's name for it.
+        suffixes: suffixes of files of this kind, the usual one first.
+        media_type: media type for browsers.
         magic: its first bytes.
     """
 

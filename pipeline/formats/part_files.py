@@ -155,7 +155,7 @@ class PartFiles:
         scan: file of its recorded scan.
         photos: files of its photographs, the others under other lights or at other exposures.
         expected: text that it should read; empty where none is known.
-        format: of its serial; empty where the run's is meant.
+        format: format of its serial; empty for that of the run.
         font: font of its mark; empty where the run's are meant.
         problem: why it cannot be read, found before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.

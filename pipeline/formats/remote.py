@@ -80,7 +80,7 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
     photograph alone.
 
     Args:
-        part: by the names of its files; one with a problem is not copied at all.
+        part: the part, with the names of its files; one with a problem is not copied at all.
         photos: photographs, too, are wanted of parts that can be felt.
 
     Raises:
@@ -116,7 +116,7 @@ def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
     Errors of the block name the URL.
 
     Raises:
-        FileError: as `local_copies`.
+        FileError: as in `local_copies`.
         MissingExtraError: likewise.
     """
     files = _file_system(url)

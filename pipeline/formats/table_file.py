@@ -43,7 +43,7 @@ class TableLine:
     """One line of a table that is not blank.
 
     Attributes:
-        number: of the line in the file, from 1.
+        number: number of the line in the file, from 1.
         cells: their text, without blanks around it.
     """
 
@@ -65,7 +65,7 @@ def table_lines(
         comments: skip lines that begin with #.
         delimiter: between cells (default: detected).
         skip_lines: lines to skip at the start, where the delimiter is given.
-        errors: how to decode invalid bytes, such as `CP1252`.
+        errors: method to decode invalid bytes, such as `CP1252`.
 
     Raises:
         DataError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.

@@ -63,7 +63,7 @@ def read_part_map(
     """The height map in a file, with the dirt that it tells of.
 
     Args:
-        path: as of `read_height_map`.
+        path: as in `read_height_map`.
         settings: likewise.
         most: samples that it may have, checked from the file's head where its format has one.
 

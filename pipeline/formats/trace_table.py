@@ -33,7 +33,7 @@ class TraceTable:
     Attributes:
         columns: (rows,) float64 by name or number; NaN where a value is missing.
         first_line: line of the first row; 0 where the file has no lines.
-        rate_hz: that the file tells, or 0.
+        rate_hz: rate given in the file, or 0.
         stamped: columns that held time stamps, now seconds.
     """
 

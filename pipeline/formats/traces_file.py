@@ -29,11 +29,11 @@ class Columns(Strict, strict=True):
 
     Attributes:
         moment: column of each whisker's signal.
-        x: of the stage's position.
+        x: x of the stage's position.
         y: likewise; plate frame, y down the part.
         time: in `time_unit`, or time stamps; `None`: the rate is known.
         lifted: not 0 where the array is lifted off; `None`: all samples touch.
-        number: of the pass, negative between passes; `None`: a file is a pass.
+        number: number of the pass, negative between passes; `None`: a file is a pass.
     """
 
     moment: tuple[Column, ...] = Field(min_length=1, strict=False)
@@ -54,7 +54,7 @@ class Csv(Strict, strict=True):
 
     Attributes:
         delimiter: between values.
-        decimal: of numbers, a point or a comma.
+        decimal: decimal sign of numbers, a point or a comma.
         skip_lines: before the header, or before the first values where columns are numbered.
     """
 
@@ -78,12 +78,12 @@ class TracesFile(Strict, strict=True):
         moment_unit: unit of the signals.
         position_unit: unit of the positions only; the keys name their own units.
         time_unit: unit of the time column, where it holds numbers.
-        sampling_rate_hz: where no column has the time, and no TDMS channel its increment.
+        sampling_rate_hz: sampling rate where no column has the time, and no TDMS channel its increment.
         lead_mm: run-in and run-out on bare land; 0 where there is none.
-        across_mm: how far beside the stage's position each tip runs: towards +y in passes along x, towards +x in
+        across_mm: distance of each tip beside the stage's position: towards +y in passes along x, towards +x in
             passes along y (default: all on the position).
         turns: the comb is turned with the direction: across_mm is to the right of the travel.
-        behind_mm: how far behind the position each tip runs (default: 0).
+        behind_mm: distance of each tip behind the position (default: 0).
         part_mm: x0, y0, x1, y1 of the part; a tip beyond it feels nothing (default: the whole plate).
         part_id: name of the part.
         start_time: ISO 8601 with zone.

@@ -41,7 +41,7 @@ class Accuracy:
     Attributes:
         truth: text by part.
         parts: parts with a truth.
-        parts_right: of these, read without any error.
+        parts_right: number of parts read without any error.
         characters: true characters of those parts.
         edits: characters wrong, missing or too many.
         without_truth: parts that were read but have none.

@@ -58,12 +58,12 @@ class WhiskerFile:
 
     Attributes:
         whisker: the whisker.
-        touch: how it meets the surface.
+        touch: contact of the whisker with the surface.
         character_height_mm: the characters it is for.
         line_pitch_mm: distance of traced lines.
         sample_pitch_mm: distance of samples.
         speed_mm_s: scan speed.
-        known: how well the whisker is known, where it was identified.
+        known: uncertainty of the whisker, if it was identified.
     """
 
     whisker: LShaped
@@ -235,7 +235,7 @@ def read_surface(path: Path) -> HeightMap:
     """The height map of the piece in a file.
 
     Raises:
-        FileError: as `read_piece`.
+        FileError: as in `read_piece`.
     """
     piece = read_piece(path)
     return piece.height_map(PITCH_MM) if isinstance(piece, Piece) else piece

@@ -14,7 +14,7 @@ def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord)
     """Draw each character's box and the character read there; a PNG.
 
     Args:
-        path: of a picture made by the service.
+        path: path of a picture made by the service.
         meta: x0_mm, y0_mm of the middle of its pixel (0, 0), and mm_per_pixel.
         reading: its boxes are in the picture's frame.
     """

@@ -37,7 +37,7 @@ def draw_figures(folder: Path, *, mu: float) -> list[Path]:
     """Draw the figures into a folder, made if need be, and write their steps beside them as figures.csv.
 
     Args:
-        folder: where to.
+        folder: output folder.
         mu: friction in Figs. 6 and 7; Fig. 4 has the paper's range of them.
 
     Returns:

@@ -120,7 +120,7 @@ class Step:
         k: l2 / l1; 0 is the straight whisker.
         alpha_deg: intersection angle, degrees.
         mu: friction coefficient.
-        fidelity: how the touch was simulated.
+        fidelity: fidelity of the simulated touch.
         wedge: the test piece.
         place_mm: (samples,) commanded place of the tip, mm after the edge.
         moment_n_mm: (samples,) moment, N mm.
@@ -206,7 +206,7 @@ def read_step(
         moment_n_mm: (samples,) moment, N mm.
         wedge: the test piece.
         preload_mm: d0, more than the test piece is deep.
-        blur_mm: how much early a corner is felt: one sample where slopes are central differences.
+        blur_mm: distance by which a corner is felt early: one sample where slopes are central differences.
 
     Raises:
         StepError: the trace does not fall along the slope to level out on the floor.

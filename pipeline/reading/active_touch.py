@@ -38,12 +38,12 @@ def read_actively(
     with them, and the budget is not spent, those for the next height are tried.
 
     Args:
-        reader: by touch.
+        reader: reader by touch.
         surface: the part.
         budget_s: most stage seconds.
         soil: dirt on it, if known.
-        part_id: what the part is called.
-        region_mm: where the line lies, if that is known: nothing else is felt.
+        part_id: name of the part.
+        region_mm: region of the line, if known; nothing else is felt.
 
     Raises:
         MapError: a map that cannot be felt, or soil on another grid.

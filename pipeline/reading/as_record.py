@@ -41,9 +41,9 @@ def reading_record(
     """The record of a reading, with the verdict on the text expected if there was one.
 
     Args:
-        reading: as read.
+        reading: the reading.
         settings: it was read with.
-        grammar: what serials may be; None for anything.
+        grammar: format of the serials; None for any.
         part: its name.
         seconds: it took.
     """
@@ -116,7 +116,7 @@ def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None
     Args:
         reading: its candidates stand in where there is no lattice.
         lattice: beliefs of places that the reading was chosen from.
-        grammar: what serials may be; None for anything.
+        grammar: format of the serials; None for any.
     """
     from recognition.language.constrained_decoding import choose
 

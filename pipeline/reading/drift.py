@@ -38,7 +38,7 @@ class DriftWatch:
     """Running comparison of the parts being read with those of a certificate.
 
     Attributes:
-        certificate: what they are compared with.
+        certificate: certificate to compare with.
         found: differences at the last comparison; empty if there are none.
         parts: number of parts checked so far.
         first: message of the first difference found; empty if there was none.

@@ -65,7 +65,7 @@ def check_held_out(
         parts: reviewed parts with their texts.
         database: the database that they were enrolled into.
         font: name of the learned font in it.
-        settings: how the parts are read.
+        settings: settings with which the parts are read.
         fewest_parts: with fewer, half of them teach too little to judge by.
         most_parts: the first so many are read; more would only take longer.
 

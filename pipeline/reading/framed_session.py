@@ -13,7 +13,7 @@ class FramedSession:
     """A `StageSession` whose orders and samples lie in a frame of their own.
 
     Attributes:
-        fitting: as of the session within, its field in this frame.
+        fitting: as in the inner session, with its field in this frame.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class FramedSession:
 
         Args:
             session: in the stage's own frame.
-            x_mm: by which coordinates of the stage's frame are greater than those of this one.
+            x_mm: distance by which x of the stage's frame is greater than x of this one.
             y_mm: likewise.
             field_mm: (x0, y0, x1, y1) that may be felt, in this frame.
         """

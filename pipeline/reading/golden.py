@@ -16,8 +16,8 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
     """Call `measure_golden`, naming the file in errors as its sender does.
 
     Raises:
-        FileError: of the scan, by the sender's name.
-        OwnFileError: of the relief, or of this machine.
+        FileError: the scan, by the sender's name, cannot be used.
+        OwnFileError: the relief, or this machine's own files, cannot be used.
         FaultError: a fault of this program.
     """
     with sender_names(scan.parent, {str(scan): called}):

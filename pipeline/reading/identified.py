@@ -114,9 +114,9 @@ def confounded(
     Where several numbers share such a direction, only their combination is known.
 
     Args:
-        found: what was identified.
-        open_share: of the standard deviation before, above which a combination counts as open.
-        least_part: of a unit direction, from which a number counts as one of those that share it.
+        found: the identified parameters.
+        open_share: share of the prior standard deviation above which a combination counts as open.
+        least_part: least component of a unit direction for a number to count as part of it.
     """
     scaled = found.covariance / np.outer(found.before, found.before)
     own = [of_whisker(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]

@@ -18,7 +18,7 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
     """The job of a file, once everything that it names is found to be of use.
 
     Args:
-        path: of the file; it need not be there.
+        path: path of the file; it need not be there.
         written: its keys.
         digest: SHA-256 of the file.
 

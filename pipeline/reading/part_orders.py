@@ -72,9 +72,9 @@ def read_order(
 
     Args:
         order: its files.
-        settings: how to read; `mode` is ignored, a part is read by all that it has files for.
+        settings: settings of the reader; `mode` is ignored, a part is read by all senses that it has files for.
         limits: checked from the files' heads before anything is decoded.
-        felt: what was read of its scan already, while it was felt.
+        felt: reading of its scan, if it was read while it was felt.
 
     Raises:
         FileError: a file that was sent, or an expected text, that cannot be used.
@@ -133,14 +133,14 @@ def read_on_stage(
 
     Args:
         order: the part's other files; a scan is ignored.
-        settings: as of `read_order`; `budget_s` is the most stage time.
+        settings: as in `read_order`; `budget_s` is the greatest stage time.
         limits: likewise.
         stage: opens a session.
-        scan_order: what to open it for.
+        scan_order: order for which the session is opened.
 
     Raises:
         StageError: nothing could be felt.
-        FileError: as `read_order`.
+        FileError: as in `read_order`.
     """
     from recognition.active.replay import read_kept
     from whisker_array.scan.recording import save_scan

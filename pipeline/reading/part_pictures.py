@@ -36,11 +36,11 @@ class Picture:
     """A picture of a part, to be kept as evidence.
 
     Attributes:
-        kind: what it is.
-        name: to download it by.
+        kind: kind of file.
+        name: name to download it by.
         content: the encoded file.
-        media_type: for the browser.
-        meta: as `EvidenceRecord.meta`.
+        media_type: media type for the browser.
+        meta: as in `EvidenceRecord.meta`.
     """
 
     kind: EvidenceKind

@@ -107,7 +107,7 @@ class PartReader:
             part: its files.
             expected: text that `verified` shall be asked for.
             again: measures the part again, in place of what its files hold.
-            felt: what was read of its scan already, while it was felt.
+            felt: reading of its scan, if it was read while it was felt.
 
         Raises:
             FileError: a file of the part cannot be used.
@@ -222,14 +222,14 @@ def read_surface(
     """Read a height map by touch.
 
     Args:
-        reader: of both senses.
+        reader: reader of both senses.
         top: the part and what lies on it. Where the order of its rows is not known, a serial that reads otherwise
             mirrored goes to review, and a part that is not read with certainty is read mirrored as well, unless its
             line says far less so.
-        part_id: what the part is called.
+        part_id: name of the part.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.
-        region_mm: of a map that is felt pass by pass, where the line lies, if that is known.
+        region_mm: region of the line on the map, if known; felt pass by pass.
     """
 
     def read(one: HeightMap, soil: Soil | None, region_mm: Region | None = None) -> Reading:

@@ -25,8 +25,8 @@ class Prediction:
 
     Attributes:
         what: in words.
-        value: of the whisker as it is taken to be; NaN where it jams.
-        sd: by how much it changes within what is known.
+        value: value for the whisker as assumed; NaN where it jams.
+        sd: change of the value within the uncertainty.
     """
 
     what: str
@@ -40,9 +40,9 @@ def predictions(
     """Compute figures of a whisker: land, edges, the steepest wall; and further ones.
 
     Args:
-        whisker: as identified.
-        touch: as identified.
-        known: how well.
+        whisker: the identified whisker.
+        touch: the identified touch.
+        known: their uncertainty.
         more: further figures, by what they are called; NaN where the whisker has none.
     """
     bench = nominal_bench(whisker, touch, n_whiskers=1)

@@ -26,7 +26,7 @@ def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
     """The reader for these settings and their database, as the file now is.
 
     Args:
-        settings: how to read.
+        settings: settings of the readers.
         after_photo: whether a scan is of where the camera saw the line, so that regions say nothing of it.
 
     Raises:

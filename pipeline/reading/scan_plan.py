@@ -46,9 +46,9 @@ def plan_of(
     """The scan that would settle what the camera left open.
 
     Args:
-        vision: what was seen; None where nothing was.
-        photo: as read; with a pitch the region lies around the line, and where no line was found, or hardly, it is
-            the whole picture.
+        vision: reading by camera; None if there is none.
+        photo: the photograph; with a pitch the region lies around the line, or is the whole picture if no line was
+            found with certainty.
         settings: the character height, if it is known.
         field_mm: width and height that the stage can feel.
         reason: why touch is needed.
@@ -84,9 +84,9 @@ def seen_region(
     """(x0, y0, x1, y1) about the line that the camera sees, in the photograph's frame, mm.
 
     Args:
-        vision: what was seen.
-        photo: as read.
-        height_mm: of the characters, if it is known.
+        vision: reading by camera.
+        photo: the photograph that was read.
+        height_mm: height of the characters, if it is known.
 
     Returns:
         None where the line is not to be trusted to lie there, or the picture has no scale.

@@ -45,7 +45,7 @@ class VirtualBench:
     Attributes:
         height_map: the part, as it is given; it is mounted level.
         height_mm: character height that the whiskers are built for.
-        fidelity: how touch is simulated.
+        fidelity: fidelity of the simulated touch.
         noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
         memory: with noise, simulate creep and hysteresis, and play and errors of the stage as well.
         sensor_seed: seed of gains, offsets, noise and everything else on the bench.

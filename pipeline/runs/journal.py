@@ -137,8 +137,8 @@ class Journal(Generic[Kept]):
         """Keep what came of a part, and return it; of two of one part the last counts.
 
         Args:
-            name: of the part.
-            kept: what came of it.
+            name: name of the part.
+            kept: its result.
             again: whether it was done a second time, which is kept beside the first.
 
         Raises:
@@ -150,8 +150,8 @@ class Journal(Generic[Kept]):
         """Keep what came of several parts, by name, and return it: all of it, or none where the process is killed.
 
         Args:
-            kept: what came of each part.
-            again: as of `keep`.
+            kept: result of each part.
+            again: as in `keep`.
 
         Raises:
             FileError: it cannot be written.

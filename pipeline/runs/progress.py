@@ -26,7 +26,7 @@ class Progress:
 
         Args:
             total: parts of the run.
-            done: of these read in an earlier sitting.
+            done: number of these read in an earlier run.
         """
         self._total, self._done, self._before = total, done, done
         self._began_s = self._shown_s = time.monotonic()

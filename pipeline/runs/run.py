@@ -143,8 +143,8 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
     """Open a run with its table, begun or taken up where it was broken off.
 
     Args:
-        options: where rows go.
-        description: what the answers depend on, in plain JSON values.
+        options: output files and other options.
+        description: settings on which the answers depend, in plain JSON values.
         learns: whether the lot teaches itself.
 
     Raises:

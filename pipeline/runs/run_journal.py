@@ -39,7 +39,7 @@ class RunJournal(Journal[ReadingRecord]):
     Attributes:
         table: the file that the user asked for.
         written: whether there is a table; without one the journal alone is written.
-        kept: where the table that stood there before went; None where there was none with a row.
+        kept: new name of the table that stood there before; None if there was none with a row.
     """
 
     kind: ClassVar[str] = "run"
@@ -52,7 +52,7 @@ class RunJournal(Journal[ReadingRecord]):
         Args:
             table: the file that the user asked for.
             description: description of the run.
-            written: as the attribute.
+            written: as in the attribute.
 
         Raises:
             FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.

@@ -66,7 +66,7 @@ class SecondPass:
     Attributes:
         database: glyph database to be made.
         always: whether it is made even if nothing is to be read again.
-        learned: what was; None before, and where nothing could be.
+        learned: what was learned; None before, and if nothing was.
         again: parts read again in this sitting.
     """
 

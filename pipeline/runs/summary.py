@@ -25,12 +25,12 @@ class Summary:
 
     Attributes:
         parts: rows counted.
-        decisions: how often each; errors have none.
+        decisions: number of each; errors have none.
         verdicts: likewise.
         errors: parts that could not be read.
         reasons: why parts were not accepted, and of how many each was said; a part may have several.
         faults: kinds of error, likewise.
-        seconds: of work on all parts together.
+        seconds: seconds of work on all parts together.
         slowest: (seconds, part) of those that took longest, slowest first.
     """
 
@@ -76,7 +76,7 @@ class Summary:
         Args:
             elapsed_s: since the run, or its going on, began.
             read_now: parts read in that time.
-            workers: that read them.
+            workers: workers that read them.
         """
         lines = [self.counts()]
         for title, counter in (("not accepted", self.reasons), ("errors", self.faults)):

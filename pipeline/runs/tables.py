@@ -65,7 +65,7 @@ def write_table(records: Iterable[ReadingRecord], path: Path) -> None:
 
     Args:
         records: each as `form_of` can encode it.
-        path: of the table.
+        path: path of the table.
 
     Raises:
         FileError: it cannot be written.

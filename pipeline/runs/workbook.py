@@ -55,7 +55,7 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
 
     Args:
         records: at most `MOST_PARTS`.
-        path: of the workbook.
+        path: path of the workbook.
         about: facts of the run by name; `settings` is a nested mapping.
 
     Raises:
@@ -153,7 +153,7 @@ def _about(about: Mapping[str, Any], times: Sequence[datetime]) -> Iterator[tupl
     """Facts about the run as (name, value), line by line.
 
     Args:
-        about: as `write_workbook`.
+        about: as in `write_workbook`.
         times: times of the first and the last reading.
     """
     settings = about.get("settings", {})

@@ -64,8 +64,8 @@ class Service:
         """Open store and folders, and begin to warm up the workers.
 
         Args:
-            settings: of the service.
-            reading: how parts are read.
+            settings: settings of the service.
+            reading: settings of the reader.
             started_s: start of the program, by the monotonic clock. Default: now.
 
         Raises:

@@ -35,9 +35,9 @@ class GoldenPart:
 
         Args:
             settings: relief of the part, and how often it is scanned.
-            store: of its scans.
-            calls: of workers.
-            line: whose whiskers.
+            store: store of its scans.
+            calls: calls of workers.
+            line: line that has the whiskers.
         """
         self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line
         self._every = timedelta(hours=settings.every_h)

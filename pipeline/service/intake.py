@@ -92,7 +92,7 @@ class Received:
     """The outcome of a request.
 
     Attributes:
-        part: as it stands.
+        part: the part with its present state.
         replayed: whether the same request had been answered before.
     """
 
@@ -212,7 +212,7 @@ class Intake:
         """Read a part again with its scan, fused with the camera's reading.
 
         Raises:
-            Problem: as `receive`; the part does not exist, or a person has reviewed it.
+            Problem: as in `receive`; the part does not exist, or a person has reviewed it.
         """
 
         async def work() -> PartRecord:
@@ -227,7 +227,7 @@ class Intake:
         """Have the service's stage feel a part, and read it again.
 
         Raises:
-            Problem: as `add_scan`.
+            Problem: as in `add_scan`.
             StageError: the stage cannot feel the part.
         """
         part = await self._unreviewed(part_id)
@@ -244,7 +244,7 @@ class Intake:
         """Photograph the part under the camera, read it with a job, and feel it if the camera is unsure.
 
         Raises:
-            Problem: as `receive`; a photograph cannot be read.
+            Problem: as in `receive`; a photograph cannot be read.
             StageError: the camera gives none.
         """
         self._refuse_if_draining()
@@ -265,7 +265,7 @@ class Intake:
         The store knows what other processes did, or this one before it was restarted.
 
         Args:
-            idempotency: of the request; without one it is simply done.
+            idempotency: key of the request; without one it is not remembered.
             work: adds the part with the key in one transaction.
 
         Raises:
@@ -332,7 +332,7 @@ class Intake:
 
         Raises:
             StageError: the part could not be felt; its history says why.
-            Problem: what was felt cannot be read.
+            Problem: the scan cannot be read.
         """
         if part.plan is None:
             raise ValueError(f"the part {part.id} has no plan for touch")
@@ -402,7 +402,7 @@ class Intake:
 
         Raises:
             FileError: no room for the files.
-            StoreError: as `write`.
+            StoreError: as in `write`.
         """
 
         def keep() -> PartRecord:
@@ -455,7 +455,7 @@ class Intake:
         """Keep a person's review of a part, and publish the part; arguments as `Store.review`.
 
         Raises:
-            StoreError: as `Store.review`.
+            StoreError: as in `Store.review`.
         """
         part = self.store.review(part_id, targets=self.targets, readers=self.policy.readers, **said)
         self.on_result()
@@ -467,7 +467,7 @@ class Intake:
         """Take a person's own review back.
 
         Raises:
-            StoreError: as `Store.undo_review`.
+            StoreError: as in `Store.undo_review`.
         """
         part = self.store.undo_review(part_id, person=person, targets=self.targets)
         self.on_result()

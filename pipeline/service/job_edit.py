@@ -65,10 +65,10 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
     """Save the text of a job; files that it names already may stay.
 
     Args:
-        jobs: of the service.
-        name: of the job.
-        text: as it was edited.
-        before: as it was shown.
+        jobs: jobs of the service.
+        name: name of the job.
+        text: edited text.
+        before: text that was shown.
 
     Raises:
         Problem: no such job, one that has changed meanwhile, settings that cannot be.
@@ -93,10 +93,10 @@ class Taught:
 
     Attributes:
         line: name; empty for the serial.
-        text: that stands there.
-        format: of such texts.
-        region: where its middle lies.
-        height_mm: of its characters; None to measure it.
+        text: text on the part.
+        format: format of such texts.
+        region: where its middle may lie.
+        height_mm: height of its characters; None to measure it.
         database: name of the glyph database of a die that was learned; empty for none. Of the serial.
     """
 
@@ -112,8 +112,8 @@ def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
     """Put a line into a job; a new one begins with the service's own settings of fonts, experts and thresholds.
 
     Args:
-        jobs: where it is kept.
-        name: of the job.
+        jobs: jobs in which it is kept.
+        name: name of the job.
         taught: the line.
         replace: whether a line of that name may stand there already.
 

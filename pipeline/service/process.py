@@ -28,7 +28,7 @@ class ServiceProcess:
     """A running service.
 
     Attributes:
-        url: where it answers.
+        url: address of the service.
         process: the web server; its workers are its children.
     """
 

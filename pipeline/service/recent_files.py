@@ -22,7 +22,7 @@ class RecentFiles:
     """The files of one folder with one suffix; hidden ones do not count.
 
     Attributes:
-        folder: of the files.
+        folder: folder of the files.
         needed: name of one that the settings name.
     """
 
@@ -30,8 +30,8 @@ class RecentFiles:
         """Take the folder.
 
         Args:
-            folder: of the files; it need not exist.
-            suffix: of their names.
+            folder: folder of the files; it need not exist.
+            suffix: suffix of their names.
             what: one of them, in words.
             needed: name of one that the settings name: if it is away, it is expected to come back.
         """
@@ -98,7 +98,7 @@ class GlyphDatabases(RecentFiles):
         """Take the folder.
 
         Args:
-            folder: of the files; it need not be there.
+            folder: folder of the files; it need not be there.
             default: database where none is asked for; None for the built-in fonts.
 
         Raises:

@@ -16,7 +16,7 @@ async def repeat(what: str, work: Callable[[], Awaitable[object]], *, every_s: f
 
     Args:
         what: the work, for the log.
-        work: to be done.
+        work: work to be done.
         every_s: rest between the end of the work and its next beginning.
     """
     failure = ""

@@ -44,11 +44,11 @@ class TouchQueue:
     """Has the stage feel what waits for it.
 
     Attributes:
-        store: where the parts wait.
+        store: store of the waiting parts.
         feel: has the stage feel a part, and keeps what was read; raises Problem, StageError.
         give_up: leaves a part to a person, and says why.
-        line: whose parts the stage feels.
-        wait_s: how long a part waits.
+        line: line whose parts the stage feels.
+        wait_s: time that a part waits.
         retry_s: between two attempts at a part.
     """
 

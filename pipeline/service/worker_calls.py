@@ -45,9 +45,9 @@ class WorkerCalls:
     """Functions called in the pool's workers.
 
     Attributes:
-        pool: of workers.
+        pool: pool of workers.
         jobs: settings of reading and glyph databases, by name.
-        limits: of files.
+        limits: limits of files.
         metrics: counters.
     """
 
@@ -147,7 +147,7 @@ class WorkerCalls:
 
         Raises:
             Problem: a full queue, a lost worker.
-            MarksError: as the function.
+            MarksError: as in the function.
         """
         try:
             found: T = self.pool.submit(function, *arguments, timeout_s=CHECK_S).result()

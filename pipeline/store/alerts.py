@@ -53,7 +53,7 @@ def look_for_alerts(
         tx: the transaction.
         limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
         window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
-        drifts: how the parts differ from the certified ones, by job; empty if they do not, None if that is not known
+        drifts: differences of the parts from the certified ones, by job; empty if none, None if not known
             yet.
         others: the same for other alerts, by the alert's name.
         targets: targets to which alerts are sent.

@@ -41,7 +41,7 @@ class Fault(StrEnum):
     """Kinds of faults that a check can find.
 
     Attributes:
-        todo: what to do about it.
+        todo: remedy.
     """
 
     todo: str
@@ -114,7 +114,7 @@ def check(
     """Look through a store and its files.
 
     Args:
-        store: to be looked through.
+        store: store to be looked through.
         files: its evidence.
         read_files: compare what they hold with their hashes; else only see whether they are there.
         against: backup of this store: all that it holds must still be there, unchanged.

@@ -73,7 +73,7 @@ class Transaction:
     """One transaction of the store.
 
     Attributes:
-        connection: to the database.
+        connection: connection to the database.
         now: time of all that the operation writes, in UTC.
     """
 

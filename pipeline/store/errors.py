@@ -38,8 +38,8 @@ class AlreadyDoneError(ConflictError):
     """The request with this idempotency key was carried out before, or meanwhile by another.
 
     Attributes:
-        part_id: what came of it.
-        fingerprint: of the request that was carried out.
+        part_id: part that it created.
+        fingerprint: fingerprint of the request that was carried out.
     """
 
     def __init__(self, part_id: str, fingerprint: str) -> None:

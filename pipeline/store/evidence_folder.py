@@ -63,7 +63,7 @@ class EvidenceFolder:
 
     Attributes:
         root: the folder.
-        incoming: for uploads and work files, on the same disk.
+        incoming: folder for uploads and work files, on the same disk.
     """
 
     def __init__(self, root: Path) -> None:
@@ -217,8 +217,8 @@ class EvidenceFolder:
         """Remove what a crash has left: files that no part needs, and whatever is in `incoming`.
 
         Args:
-            store: that knows which files parts need; asked about some of them at a time.
-            older_than_s: what is younger may be in the making, and stays.
+            store: store that knows which files parts need; it is queried for some of them at a time.
+            older_than_s: least age of a deleted file; younger ones may still be written.
 
         Returns:
             How many files were removed.
@@ -303,7 +303,7 @@ class SweepClock:
         """Whether to sweep now; if so, this is the last sweep from now on.
 
         Args:
-            newest: when the latest part came, by which the clock is judged before there was any sweep.
+            newest: time of the latest part, by which the clock is judged before the first sweep.
 
         Raises:
             OSError: the file cannot be written.

@@ -38,12 +38,12 @@ def find_parts(
         tx: the transaction.
         state: they are in.
         agreement: with the line's own reader, of parts read in shadow mode.
-        text: that theirs holds, in upper or lower case.
-        name: that theirs holds, likewise.
-        job: that they were read by.
-        line: that they come from.
+        text: text that theirs holds, in upper or lower case.
+        name: name that theirs holds, likewise.
+        job: job that they were read by.
+        line: line that they come from.
         since: earliest time at which they were received.
-        until: from when on they are not wanted.
+        until: time from which on they are not wanted.
         before: id of the last part of the page before.
         limit: most of them.
     """

@@ -50,8 +50,8 @@ def lease(
     Args:
         tx: the transaction.
         owner: name of a dispatcher that no other has.
-        targets: that it can send to.
-        lease_s: how long the others leave it alone, `LONGEST_LEASE_S` at most.
+        targets: targets that it can send to.
+        lease_s: time for which the others leave it alone, at most `LONGEST_LEASE_S`.
         limit: most of them for each target.
     """
     # services on different machines share the database's clock; theirs may differ by more than a lease

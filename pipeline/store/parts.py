@@ -61,14 +61,14 @@ class Added(TypedDict, total=False):
     """Data that are added to a part in one transaction.
 
     Attributes:
-        state: how far the part has come with them.
+        state: state of the part after them.
         readings: the first one first; the last one counts.
         evidence: files that are kept already.
-        plan: what to scan; with a reading by touch it says that the part was scanned because of it.
-        touch: of a new part, with TOUCH_NEEDED: how it waits.
-        not_felt: of a new part, why it is not felt though the camera is unsure.
-        targets: where the result is published, also that touch is needed.
-        idempotency: of the request.
+        plan: plan to scan; with a reading by touch it says that the part was scanned because of it.
+        touch: way in which a new part waits, with TOUCH_NEEDED.
+        not_felt: reason why a new part is not felt though the camera is unsure.
+        targets: targets to publish to, also that touch is needed.
+        idempotency: key of the request.
         shadow: comparison with the line's own reader, in shadow mode.
         audit: have a person read it as well, if it is accepted.
         rules: checks of its serial, if it is accepted; with an objection a person gets it.
@@ -102,12 +102,12 @@ def add_part(
 
     Args:
         tx: the transaction.
-        part_id: from `pipeline.common.part_id.new_part_id`.
-        name: what the line calls it.
+        part_id: number from `pipeline.common.part_id.new_part_id`.
+        name: the line's name for it.
         expected: text it should read.
         database: glyph database asked for.
-        job: that it was read by.
-        line: that it comes from.
+        job: job that it was read by.
+        line: line that it comes from.
         added: readings and what comes with them, as `Added`.
 
     Raises:
@@ -218,11 +218,11 @@ class Waiting(NamedTuple):
     """A part that waits for touch.
 
     Attributes:
-        part_id: of the part.
-        changed_at: when anything last happened to it.
-        until: when its time is up; None where no time was set.
+        part_id: number of the part.
+        changed_at: time of its last change.
+        until: time limit; None without one.
         by_stage: whether the stage of its line is to feel it.
-        line: that it comes from.
+        line: line that it comes from.
     """
 
     part_id: str

@@ -102,9 +102,9 @@ def write_part(
 
     Args:
         tx: the transaction; it has the part locked unless it is new.
-        part: as it stands now.
+        part: the part with its present state.
         happened: in order.
-        targets: where it is published; a part that was read in shadow mode never is.
+        targets: targets to publish to; a part that was read in shadow mode is never published.
         new: insert it.
         figures: columns that do not follow from its record.
 

@@ -44,8 +44,8 @@ class ClusterExecutor(Executor):
         """Take the address; the connection is made with the block.
 
         Args:
-            address: of the scheduler, such as tcp://scheduler:8786.
-            patience_s: how long there may be no worker at all.
+            address: address of the scheduler, such as tcp://scheduler:8786.
+            patience_s: time for which there may be no worker at all.
         """
         self.address, self.patience_s = address, patience_s
         self.workers = 0

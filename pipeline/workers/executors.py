@@ -55,9 +55,9 @@ class Outcome(Generic[T, R]):
     """Result of a task, or why there is none.
 
     Attributes:
-        task: as it was given.
-        result: what the function returned; None with an error.
-        error: what the function raised, or WorkerLostError.
+        task: the task.
+        result: result of the function; None with an error.
+        error: exception of the function, or WorkerLostError.
         more: whether another outcome is there already; the next one is not waited for.
     """
 
@@ -150,7 +150,7 @@ def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Iterable[
     """Yield function(task) of every task, in the order of the tasks.
 
     Raises:
-        Exception: what the function raised, or WorkerLostError.
+        Exception: exception of the function, or WorkerLostError.
     """
     done: dict[int, Any] = {}
     following = 0

@@ -35,7 +35,7 @@ class WorkerSettings(Settings):
         """Open the executor.
 
         Args:
-            parts: how many there are; None where that is not known yet.
+            parts: number of parts; None if not known yet.
 
         Raises:
             ClusterError: no cluster, or none that can be used.

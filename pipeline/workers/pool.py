@@ -101,7 +101,7 @@ class WorkPool(Executor):
             workers: processes.
             queue: jobs that may wait beyond those that run (default: enough to keep the workers busy).
             timeout_s: longest time of a job; its process is then replaced.
-            memory_mb: of a worker; 0: no limit (default: its share of the machine's).
+            memory_mb: memory of a worker; 0: no limit (default: its share of the machine's).
             warm_up: called by every worker before its first job; it can be pickled (default: nothing is done).
             at_once: start all processes now; else when there are jobs for them.
 

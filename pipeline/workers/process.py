@@ -67,7 +67,7 @@ class Worker:
 
         Args:
             number: the worker of number 0 shows what is compiled; the others compile the same.
-            modules: that it imports at once.
+            modules: modules that it imports at once.
 
         Raises:
             OSError: it cannot be started.
@@ -217,11 +217,11 @@ def called(function: Callable[..., Any], *args: Any) -> bytes:
     """A call as it is sent to a worker.
 
     Args:
-        function: of a module that the process can import.
+        function: function of a module that the process can import.
         args: its arguments.
 
     Raises:
-        Exception: what cannot be pickled.
+        Exception: it cannot be pickled.
     """
     return pickle.dumps((function, args))
 

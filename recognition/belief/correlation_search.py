@@ -75,7 +75,7 @@ class CorrelationLimits:
         rows_a_size: number of rows of each size that are tried as lines.
         most_lines: number of lines that are read at full resolution.
         beyond_heights: margin that is read before and after a line, character heights: a character may stand there.
-        most_rereads: how often a line is read again along its characters at most.
+        most_rereads: greatest number of times that a line is read again along its characters.
         off_heights: a line is read again if a character lies further from its row than this, character heights.
 
     Raises:

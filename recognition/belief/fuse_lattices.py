@@ -24,7 +24,7 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, power: float = 0.7) -> Lat
     Args:
         touch: posteriors; its places, boxes and gaps are the outcome's.
         camera: posteriors of as many places.
-        power: to which the camera's beliefs are taken.
+        power: power to which the camera's beliefs are taken.
 
     Returns:
         Beliefs over the characters of either. What neither has read is "nothing readable".

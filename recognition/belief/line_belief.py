@@ -38,7 +38,7 @@ class LineBelief:
         evidence: log probability of all that the format allows together; 0 where nothing is known.
         likely: probability that there are so many places; 1 where a format says so.
         by_expert: lattices of each by itself.
-        looks: what the recogniser says along the line, of every look at it.
+        looks: output of the recogniser along the line, for every look at it.
     """
 
     lattice: Lattice
@@ -88,7 +88,7 @@ def line_belief(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief |
 
     Args:
         looks: at the line, all over the same characters.
-        grammar: what may stand there.
+        grammar: format of the line.
     """
     likely = 1.0
     if grammar is None:
@@ -166,7 +166,7 @@ def pool(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
     Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.
 
     Args:
-        lattices: of as many places, over the same characters.
+        lattices: lattices of as many places, over the same characters.
         slip: least share of belief that all allowed characters have together, whatever the experts say.
     """
     first = next(iter(lattices.values()))

@@ -38,7 +38,7 @@ class LineReader:
     """Reads views.
 
     Attributes:
-        search: for lines; knows the format and the characters that may occur.
+        search: line search; it knows the format and the characters that may occur.
         lines: others that stand on the part, by name.
         moves: moves of further readings of a line.
         between: the move of a reading whose steps fall halfway between those of the first.
@@ -68,10 +68,10 @@ class LineReader:
         """The lines of a view.
 
         Args:
-            view: to be read.
+            view: view to be read.
             others: further views of the same part, in its frame: other lights. They are looked at where one is not
                 enough.
-            about: where the line lies, if that is known.
+            about: position of the line, if known.
             twice: look a second time even where one look is sure: where templates have a say, places must be right.
         """
         looked: list[tuple[View, list[ReadLine]]] = []
@@ -176,7 +176,7 @@ def _candidates(
     """Lines that lie apart, as many as a person may want to look at, without those tried across the whole view.
 
     Args:
-        view: of the part.
+        view: view of the part.
         meant: lines that may be the serial's, most promising first.
         most_candidates: lines that are named to a person where none was read.
         most_across: share of the view's width that they may take.

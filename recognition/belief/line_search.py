@@ -52,9 +52,9 @@ class SearchLimits:
             smaller ones are not searched: on 24 cluttered frames the clutter reached 1.1.
         most_refits: most refits of a line to its ink.
         refit_gain: share of a line's doubt that a refit must remove.
-        most_resized: how often a doubtful line of a photograph is made higher or lower.
+        most_resized: greatest number of times that a doubtful line of a photograph is resized.
         growths: character heights by which a line is lengthened if a character lies at its end.
-        most_growths: how often a line is lengthened at most.
+        most_growths: greatest number of times that a line is lengthened.
 
     Raises:
         ValueError: a number of lines to read or to move that is not positive, or shares out of order.
@@ -90,8 +90,8 @@ class LineSearch:
         chars: characters to search for.
         height_mm: height of the characters, if known.
         region: region that holds the middle of the serial's line (default: the whole view).
-        orientation: which way up the parts lie.
-        limits: how long the search goes on.
+        orientation: possible ways up of the parts.
+        limits: limits of the search.
     """
 
     grammar: Grammar | None

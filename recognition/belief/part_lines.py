@@ -22,8 +22,8 @@ class LineFormat:
     """A line that stands on a part beside its serial.
 
     Attributes:
-        grammar: what it may be.
-        region: where its middle lies (default: anywhere).
+        grammar: format of the line.
+        region: where its middle may lie (default: anywhere).
 
     Raises:
         ValueError: a region that is none.

@@ -62,7 +62,7 @@ class ThresholdTest:
     Attributes:
         threshold: least confidence for acceptance.
         accepted: parts at least so sure.
-        wrong: of these.
+        wrong: number of wrong ones among these.
         bound: upper bound of the share of wrong ones among the accepted, by itself.
         shown: whether the risk is shown to hold here.
     """
@@ -78,9 +78,9 @@ def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, f
     """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself.
 
     Args:
-        count: how many.
-        total: of how many; of none nothing is known.
-        confidence: of each bound, between 0 and 1.
+        count: number of cases.
+        total: number of trials; of 0 nothing is known.
+        confidence: confidence of each bound, between 0 and 1.
 
     Raises:
         ValueError: more than all, or fewer than none; a confidence that is none.
@@ -123,10 +123,10 @@ def threshold_tests(
     """Every threshold tested, see the module; the last one shown is the one to use.
 
     Args:
-        confidences: of the readings that nothing but a threshold keeps from acceptance.
+        confidences: confidences of the readings that only a threshold keeps from acceptance.
         right: whether each is right.
         risk: share of wrong ones among the accepted that is not to be passed.
-        confidence: of the answer.
+        confidence: confidence of the answer.
         thresholds: strictest first; fixed without a look at the parts.
         allowed_wrong: the first test waits for so many accepted that this many wrong ones would not decide it, if there
             are.
@@ -170,9 +170,9 @@ def parts_missing(
     An estimate: as many of them accepted, and as many of these wrong, as among the parts there are.
 
     Args:
-        tests: of these parts.
-        parts: how many there are, accepted or not.
-        risk: that is to be shown.
+        tests: tests on these parts.
+        parts: number of parts, accepted or not.
+        risk: risk that is to be shown.
         confidence: with which.
         most_wrong: wrong ones from which no number of parts is taken to show it.
     """

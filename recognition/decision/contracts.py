@@ -27,7 +27,7 @@ class CertifiedAcceptance:
 
     Attributes:
         confidence: least confidence, 0 to 1.
-        sources: of the readings that were certified: "tactile", "vision", "fused"; of none nothing is accepted.
+        sources: sources of the certified readings: "tactile", "vision", "fused"; of others nothing is accepted.
     """
 
     confidence: float
@@ -54,7 +54,7 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
 
     Args:
         reading: decided.
-        codes: of the part's photographs.
+        codes: codes of the part's photographs.
     """
     made = replace(reading.without_flags(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
     said = [holds(code.text, made.text) for code in made.codes]
@@ -83,7 +83,7 @@ def doubted_guesses(
     character is doubted where it is such a guess, or where a guess comes near it.
 
     Args:
-        reading: of the line.
+        reading: reading of the line.
         laid: its text in the templates of a font.
         places: characters allowed at each place of a known format, or None.
         near_fit: correlation by which a guess may fall short and still be meant: where a character that was felt

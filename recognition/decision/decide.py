@@ -42,7 +42,7 @@ def decide(
         places: state of each character; None where it was not determined.
         score: probability that all of them are right, 0 to 1.
         threshold: least score for acceptance; None asks for none.
-        flags: what is known about it.
+        flags: flags of the reading.
         hopeless_share: share of places that cannot be read from which a part is rejected.
     """
     unread = sum(one is not None and one.state is CharacterState.NOT_READ for one in places)
@@ -79,7 +79,7 @@ class ReadingFlag(Flag):
     """Doubts about a reading; no flag is set on a plain one. The most important one is named first.
 
     Attributes:
-        kind: what follows from a single flag.
+        kind: effect of a single flag.
         text: a single flag in general words.
     """
 
@@ -149,9 +149,9 @@ class Finding:
     """A flag on one part.
 
     Attributes:
-        flag: what is the matter; none of a note.
+        flag: the problem; none for a note.
         text: in words, with places and numbers: "too shallow for R: 7 at place 2 0.06 mm".
-        places: that it is about, from 1.
+        places: places that it is about, from 1.
     """
 
     flag: ReadingFlag

@@ -63,7 +63,7 @@ class DepthWindow:
         """Whether characters that were read so high may be of its heights.
 
         Args:
-            height_mm: as read.
+            height_mm: height that was read.
             tolerance: share by which a height may be read wrongly: a window is for characters that are as much higher
                 or lower.
         """
@@ -76,11 +76,11 @@ class DepthRule:
     """Limits of depth, burr and size that a mark must keep.
 
     Attributes:
-        name: as it is asked for and named in messages.
-        windows: of depth, one for each range of heights.
+        name: name in requests and messages.
+        windows: windows of depth, one for each range of heights.
         least_height_mm: print size, of the characters' bottoms; 0 where the rule knows none.
         most_burr_mm: height of the rim beside the strokes above the land; infinite where the rule knows none.
-        source: where the rule stands.
+        source: standard that has the rule.
 
     Raises:
         DepthRuleError: limits out of range, or none at all.

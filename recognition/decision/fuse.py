@@ -132,8 +132,8 @@ def fused_lattice(
     Both have read the line that the format means, or the only one: as many places are taken for the same ones.
 
     Args:
-        touch: what touch has read.
-        vision: what the camera has read.
+        touch: reading by touch.
+        vision: reading by camera.
         before_format: the beliefs before the format has its say.
     """
     felt, seen = (r.trace.open_lattice if before_format else r.trace.lattice for r in (touch, vision))

@@ -47,8 +47,8 @@ class CharacterReading:
 
     Attributes:
         candidates: best first, at least one.
-        box: where it stands (axis-parallel hull of the possibly rotated cell), mm.
-        depth: of the mark; None where it could not be felt.
+        box: position (axis-parallel hull of the possibly rotated cell), mm.
+        depth: depth of the mark; None where it could not be felt.
         state: read, confused, not read or mismatch; None where it was not determined.
         grade: quality of the mark; None where it was not graded.
     """
@@ -88,12 +88,12 @@ class OtherLine:
     """Another line of the part.
 
     Attributes:
-        name: as it was asked for; empty for unassigned text.
-        text: what it reads.
+        name: name in the request; empty for unassigned text.
+        text: text of the line.
         confidence: probability that all of it is right, 0 to 1.
-        box: where it stands; None where that is not known.
+        box: position; None if not known.
         may_be_serial: whether the serial's format allows what it reads.
-        line: where it lies in the view that was read; None where that is not known.
+        line: the line in the view that was read; None if not known.
     """
 
     name: str
@@ -112,22 +112,22 @@ class ReadingTrace:
         edge_map: what matching worked on: of touch in the plate frame, of vision in the photo frame.
         lattice: beliefs of the places before the format has its say; None of a fused reading.
         open_lattice: posteriors without the format; None where they were not computed.
-        choice: what the format made of them; None where the reading rests on correlation alone.
+        choice: their text in the format; None where the reading rests on correlation alone.
         odds: log odds of the text by recogniser, templates and format; of a fused reading those of touch; None where no
             text was read.
-        camera_odds: of a fused reading, log odds of its text by the camera; None where it has read nothing.
+        camera_odds: log odds of the text of a fused reading by the camera; None where it has read nothing.
         evidence: log probability of all that the format allows together; None where it was not asked.
         scan: the moments.
         height_map: the levelled height map.
         relief: heights and slopes by touch.
         photo: the photograph.
-        line: where the line lies.
+        line: the line.
         by_expert: the lattice of each by itself.
-        laid: of touch: the text as it lies on the line, in a font; None without heights, or without such a font.
-        strokes: what was felt, place by place, of the characters read and their rivals; empty where it is not known.
+        laid: text of touch as it lies on the line, in a font; None without heights, or without such a font.
+        strokes: felt strokes, place by place, of the characters read and their rivals; empty where it is not known.
         touch: the reading of touch that was fused.
         vision: the reading of vision that was fused.
-        verification: of the text expected.
+        verification: verification of the text expected.
     """
 
     edge_map: EdgeMap | None = None
@@ -164,22 +164,22 @@ class Reading:
     Attributes:
         characters: left to right as read; empty when none were found.
         confidence: probability that the whole text is right, 0 to 1 (`recognition.decision.score`).
-        flags: what to know about it.
-        font: that was named, or that suits the marks; of several the one that suits best.
+        flags: flags of the reading.
+        font: font that was named, or that suits the marks; of several the one that suits best.
         height_mm: character height found, in `unit`.
-        rotation_deg: of the line, from +x towards +y.
+        rotation_deg: rotation of the line, from +x towards +y.
         raised: raised marks rather than sunk.
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
-        seconds: where the time went, by step.
-        findings: what its flags mean on this part, with places and numbers.
-        notes: what else there is to say: "read by touch alone".
-        unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
+        seconds: seconds of each step.
+        findings: meaning of its flags on this part, with places and numbers.
+        notes: further notes, such as "read by touch alone".
+        unit: unit of height and boxes: "px", of the photograph as taken, where its scale is not known.
         others: the part's other lines.
         photos: photographs that it is of; 0 of touch alone.
         codes: Data Matrix and QR codes in them.
         threshold: least confidence for acceptance; None where none is asked for.
-        trace: what it was made from.
+        trace: data from which it was made.
     """
 
     characters: tuple[CharacterReading, ...]

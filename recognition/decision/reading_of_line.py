@@ -277,7 +277,7 @@ def spaces_of(line: ReadLine, text: str, grammar: Grammar | None) -> frozenset[i
     """Find the places that a word gap follows: from the format if it fixes them, or else from the line.
 
     Args:
-        line: as read.
+        line: the line that was read.
         text: text without blanks.
         grammar: format of the text.
     """

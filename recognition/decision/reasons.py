@@ -30,7 +30,7 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
     """Return the reasons of a reading, then other findings, then notes.
 
     Args:
-        reading: of the part.
+        reading: reading of the part.
         most_reasons: most flags about the serial that are named.
     """
     reasons = [found for flag in ABOUT_SERIAL if (found := _findings(reading, flag))]
@@ -79,7 +79,7 @@ def _doubts(reading: Reading, *, explained: bool, count_share: float = 0.9) -> I
     """Name the doubtful characters: rivals, unreadable places, their number; else the least certain one.
 
     Args:
-        reading: of the part.
+        reading: reading of the part.
         explained: whether another finding says why the confidence is low.
         count_share: the number of characters is in doubt below this share of the product of their confidences.
     """
@@ -107,7 +107,7 @@ def _rivals(reading: Reading, *, doubted: float = 0.05, most_places: int = 2) ->
     """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5".
 
     Args:
-        reading: of the part.
+        reading: reading of the part.
         doubted: probability of a second candidate from which its place is asked about.
         most_places: most places that are named for low confidence.
     """
@@ -125,8 +125,8 @@ def places_text(reading: Reading, places: Sequence[int], *, most_named: int = 3)
     """Characters and their places: "I at place 1, 7 at place 4"; if there are many, only places.
 
     Args:
-        reading: of the part.
-        places: from 1, ascending.
+        reading: reading of the part.
+        places: places, from 1, ascending.
         most_named: most characters that are named one by one.
     """
     if len(places) > most_named:

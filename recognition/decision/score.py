@@ -101,7 +101,7 @@ def _of_strokes(
     """Measures of what was felt of the strokes at all places.
 
     Args:
-        places: of the text.
+        places: places of the text.
         deciding_heights: length from which strokes that only a rival has decide between two characters, character
             heights.
     """
@@ -124,7 +124,7 @@ def _of_land(
     """Roughness of the land, by itself and in parts of the marks' depth.
 
     Args:
-        relief: as felt.
+        relief: the felt relief.
         laid: the serial, if known.
         fine_mm: between places of the land whose heights are compared for fine roughness: grains.
         coarse_mm: the same for coarse roughness: lumps.
@@ -172,7 +172,7 @@ def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.flo
     """Brightness over its median, so that exposure does not count.
 
     Args:
-        photo: of the part.
+        photo: photo of the part.
         darkest: median brightness of a photograph that shows nothing.
     """
     grey = np.asarray(photo.grey(), dtype=np.float64)
@@ -205,7 +205,7 @@ class Score:
 
     Attributes:
         bias: log odds where everything is usual and the text's are even.
-        terms: what each quantity counts; the log odds of the text, at least, rising.
+        terms: weight of each quantity; the log odds of the text, at least, rising.
         thresholds: risks, falling, and the least score from which readings that a fit left out kept each.
     """
 
@@ -269,7 +269,7 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     Where touch has read nothing beside the camera, it is scored as a camera's.
 
     Args:
-        reading: of one sense or both, with what it was made from in its trace.
+        reading: reading of one sense or both, with what it was made from in its trace.
         without: quantities that count as usual, to see what each is worth.
     """
     if not reading.characters:

@@ -55,7 +55,7 @@ def no_text(reading: Reading, *, least_open: float = 0.5) -> Reading:
     Text that is surely read but does not fit the format is named.
 
     Args:
-        reading: of the part.
+        reading: reading of the part.
         least_open: posterior of the reading without the format from which it is text, although it does not fit the
             format.
     """

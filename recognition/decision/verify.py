@@ -210,8 +210,8 @@ def with_verification(
     """The reading with the states of its places for the text expected, and the verdict in its trace.
 
     Args:
-        reading: as read.
-        lattice, expected, grammar, contradicted: as of `verify`; None where no characters were found.
+        reading: the reading.
+        lattice, expected, grammar, contradicted: as in `verify`; None where no characters were found.
 
     Raises:
         VerifyError: a text that cannot be looked for.

@@ -39,9 +39,9 @@ def ways_possible(
     """Orientations other than upright that the settings do not exclude.
 
     Args:
-        orientation: which way up parts lie.
+        orientation: possible ways up of the parts.
         rows_known: whether the order of the map's rows is known; of a photograph it is.
-        turned_deg: of the line that was read; one that runs up or down may be read from either end.
+        turned_deg: rotation of the line that was read; one that runs up or down may be read from either end.
     """
     either_end = orientation is Orientation.ANY or abs(turned_deg) > 180.0 - UPSIDE_DOWN_DEG
     ways = (
@@ -64,10 +64,10 @@ def weigh_orientation(
 
     Args:
         reading: with its line in the trace.
-        view: that was read.
-        lines: what reads lines of such views.
+        view: view that was read.
+        lines: reader of lines on such views.
         ways: in which the marks may be meant instead.
-        accept_confidence: from which another line on the part is taken for read.
+        accept_confidence: least confidence from which another line on the part counts as read.
     """
     text, line = plain_text(reading), reading.trace.line
     if not text or line is None:
@@ -91,8 +91,8 @@ def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> floa
 
     Args:
         reading: with its line in the trace.
-        view: that was read.
-        lines: what reads lines of such views.
+        view: view that was read.
+        lines: reader of lines on such views.
         way: in which the marks may be meant instead.
     """
     line = reading.trace.line

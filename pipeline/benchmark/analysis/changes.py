@@ -63,8 +63,8 @@ class Row:
     """Readings of B compared with those of A, in pairs.
 
     Attributes:
-        factor: of the level; empty over all.
-        level: of the readings.
+        factor: factor of the level; empty over all.
+        level: level of the factor.
         compared: B first, A second.
     """
 
@@ -81,7 +81,7 @@ class Changes:
         overall: a row a reader and what it was given.
         by_factor: a row a reader, given and level of every factor that has several.
         flips: the gravest first.
-        parts: how many parts were read in both.
+        parts: number of parts read in both.
         left_out: readers that only one of the benchmarks has.
     """
 
@@ -108,9 +108,9 @@ def changes(
     """Compare the trials of two benchmarks, of parts read as they are.
 
     Args:
-        before: of A.
-        after: of B.
-        descriptions: what A and B say of themselves.
+        before: trials of A.
+        after: trials of B.
+        descriptions: descriptions of A and B.
 
     Raises:
         NotComparableError: not the same parts, or no reader in both.

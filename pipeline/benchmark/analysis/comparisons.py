@@ -33,7 +33,7 @@ class Comparison:
     Attributes:
         first: one group of readings.
         second: the group it is compared with.
-        parts: how many.
+        parts: number of parts.
         serials: whole serials compared.
         characters: characters compared.
     """
@@ -130,8 +130,8 @@ class Fault:
 
     Attributes:
         part: its name.
-        perturbation: that did it.
-        truth: what was stamped.
+        perturbation: perturbation that changed it.
+        truth: text that was stamped.
         before: accepted as it is.
         after: accepted under the perturbation.
     """
@@ -152,7 +152,7 @@ class Stability:
         perturbation: its name; empty: under any of them, a part counted once.
         verdicts: parts with another decision, an error being one.
         texts: parts with another text.
-        accepted_texts: of the parts accepted as they are, those with another text.
+        accepted_texts: parts accepted unperturbed that were read with another text.
         faults: accepted both times, with another text.
     """
 

@@ -28,7 +28,7 @@ class Estimate:
     """A number with its 95 % interval, whole parts drawn again.
 
     Attributes:
-        value: as measured.
+        value: measured value.
         low: lower end.
         high: upper end.
     """
@@ -47,7 +47,7 @@ class Estimate:
         """A number with the percentiles of what each draw gives.
 
         Args:
-            value: as measured.
+            value: measured value.
             again: (draws,) NaN where a draw says nothing; the value alone where none says anything.
         """
         known = again[np.isfinite(again)]

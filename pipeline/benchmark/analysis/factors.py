@@ -29,7 +29,7 @@ class LevelEffect:
 
     Attributes:
         level: which.
-        parts: how many.
+        parts: number of parts.
         characters: share right.
         serials: share right.
         difference: characters right, less the mean of the other levels'.
@@ -48,7 +48,7 @@ class FactorEffect:
 
     Attributes:
         factor: which.
-        mode: what read.
+        mode: mode that read.
         levels: the costliest first.
     """
 

@@ -42,7 +42,7 @@ class Counts(NamedTuple):
         characters: right.
         serials: right as a whole.
         accepted: serials vouched for.
-        accepted_wrong: of these, wrong.
+        accepted_wrong: number of these that are wrong.
     """
 
     characters: int

@@ -55,7 +55,7 @@ class GroupKey:
     """Mode and levels of a group of trials.
 
     Attributes:
-        mode: what read.
+        mode: mode that read.
         levels: (factor, level) that they have in common.
     """
 
@@ -105,10 +105,10 @@ class Group:
         characters_by_part: 95 % interval of their share, whole parts drawn again.
         split: number of parts by what became of them, see `FATES`.
         accepted: parts vouched for.
-        wrong_of_accepted: of these wrong; with exact one-sided bounds.
+        wrong_of_accepted: wrong readings among those accepted; with exact one-sided bounds.
         risk: risk against coverage.
-        serial_reliability: of the confidence in whole serials.
-        character_reliability: of the confidence in single characters.
+        serial_reliability: calibration of the confidence in whole serials.
+        character_reliability: calibration of the confidence in single characters.
         confused: number of (true, read) characters.
         seconds: (median, 95th percentile) of the times in `TIMES`.
         stage_s: mean time of the real array.

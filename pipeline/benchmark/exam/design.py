@@ -219,7 +219,7 @@ def of_flags(
         levels: levels of these and other factors that replace the defaults.
         parts: number of parts in each cell.
         seed: seed of all random numbers.
-        given: what readers are told.
+        given: facts that readers are given.
 
     Raises:
         SettingsError: an invalid value; the message names the setting.

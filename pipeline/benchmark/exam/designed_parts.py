@@ -48,7 +48,7 @@ def sketch_part(
     """Sketch a serial as a part; dirt and photograph are those of stamped parts.
 
     Args:
-        format: of the serial, which is drawn.
+        format: format of the serial, which is drawn.
         font: built-in name or font file.
         height_mm: character height.
         soiling: dirt on the part.

@@ -25,7 +25,7 @@ class ListedParts:
     Attributes:
         known: the parts.
         table: table of their texts.
-        described: what determines them, as JSON values.
+        described: values that determine them, as JSON.
     """
 
     known: tuple[Item, ...]

@@ -34,9 +34,9 @@ class Item:
         part: its name, unique in the benchmark.
         number: among those of its condition; of designed parts, what it is made from beside the seed.
         condition: its kind.
-        given: what readers are given; it is read with each.
+        given: sets of facts that readers are given; the part is read with each.
         files: its files, of a part in a folder.
-        truth: what was stamped, of a part in a folder.
+        truth: text stamped on a part in a folder.
     """
 
     part: str
@@ -53,7 +53,7 @@ class Specimen:
 
     Attributes:
         part: its name.
-        truth: what was stamped.
+        truth: text that was stamped.
         height_map: its top surface.
         soil: dirt and friction; None for a clean part.
         take_photo: photographs it; None without a camera.
@@ -102,9 +102,9 @@ def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> S
     """The part under a perturbation; the same every time.
 
     Args:
-        specimen: as it is.
-        how: what is changed.
-        fidelity: how touch is simulated.
+        specimen: the unchanged specimen.
+        how: change to make.
+        fidelity: fidelity of the simulated touch.
     """
     again = Retake(how, zlib.crc32(f"{specimen.part} {how.name}".encode()))
     grown, take = again.grown, specimen.take_photo

@@ -24,8 +24,8 @@ def card_of(
     """Describe the exam in JSON values.
 
     Args:
-        parts: of the design.
-        labels: of the parts that are written.
+        parts: parts of the design.
+        labels: labels of the parts that are written.
         design: all that the parts depend on beside the program.
     """
     counts: dict[str, Counter[str]] = {}

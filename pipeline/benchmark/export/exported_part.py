@@ -191,8 +191,8 @@ def write_layer(
     Args:
         path: ends in .png.
         values: (rows, cols), NaN where not known.
-        unit: of the values.
-        pitch_mm: of the grid.
+        unit: unit of the values.
+        pitch_mm: pitch of the grid.
         origin_mm: (x, y) of its first sample.
 
     Returns:

@@ -41,10 +41,10 @@ class FeltMaps:
     """A scan by the default plan, or the part's own, and its maps.
 
     Attributes:
-        scan: of the virtual array, with ideal sensors.
+        scan: scan of the virtual array, with ideal sensors.
         edges: its edge map; None where nothing could be felt.
         relief: the heights; None likewise.
-        simulated_s: what simulating the scan took.
+        simulated_s: time to simulate the scan.
     """
 
     scan: Scan
@@ -88,7 +88,7 @@ class PartReadings:
 
     Attributes:
         specimen: the part.
-        seconds: what each sense took.
+        seconds: time of each sense.
     """
 
     def __init__(self, specimen: Specimen, reader: Reader) -> None:
@@ -203,8 +203,8 @@ def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -
     """Time of a scan on the real array: every pass with its lead and its samples in the air, and a turnaround.
 
     Args:
-        scan: as made.
-        turnaround_s: to lift, move and set down between passes.
+        scan: the scan.
+        turnaround_s: time to lift, move and set down between passes.
     """
     passes = ((s.plan.line_mm.shape[0], s.plan.n_samples + s.air_n_mm.shape[-1]) for s in scan.sweeps)
     return float(sum(n * (samples / scan.sample_rate_hz + turnaround_s) for n, samples in passes))

@@ -67,7 +67,7 @@ def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
     """A reading as one of its experts would have it.
 
     Args:
-        whole: as all experts together have it.
+        whole: reading by all experts together.
         expert: its name.
         settings: thresholds and format.
     """

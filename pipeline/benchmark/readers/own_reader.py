@@ -30,8 +30,8 @@ class Answer:
     """The answer of a reader to a part.
 
     Attributes:
-        text: as read.
-        confidence: that all of it is right, 0 to 1.
+        text: text that was read.
+        confidence: probability that the whole text is right, 0 to 1.
         accepted: whether the reader vouches for it; else from its confidence (`peers.ACCEPTED_FROM`).
 
     Raises:
@@ -51,10 +51,10 @@ class ExamPart:
     """A part as a reader sees it.
 
     Attributes:
-        name: of the part.
-        format: of the serial; None where it is not given.
-        height_mm: of the characters; None where it is not given.
-        fonts: that the mark may have; empty where none is given.
+        name: name of the part.
+        format: format of the serial; None where it is not given.
+        height_mm: height of the characters; None where it is not given.
+        fonts: fonts that the mark may have; empty where none is given.
     """
 
     def __init__(self, senses: PartReadings, settings: ReaderSettings) -> None:

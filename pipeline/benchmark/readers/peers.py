@@ -81,7 +81,7 @@ class RapidOcr:
     """RapidOCR's recognition network.
 
     Attributes:
-        classes: what its classes mean, the blank first, empty.
+        classes: text of each class, the blank first, empty.
 
     Raises:
         ModeUnavailableError: it is not installed.
@@ -151,7 +151,7 @@ def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
 
     Args:
         beliefs: (steps, classes) probabilities; class 0 is the blank.
-        classes: what they mean.
+        classes: text of each class.
     """
     best = beliefs.argmax(axis=1)
     runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
@@ -191,7 +191,7 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
     Args:
         engine: "rapidocr" or "tesseract".
         picture: a name of `pipeline.benchmark.readers.pictures.PICTURES`.
-        format: of the serial; None: any letter or digit.
+        format: format of the serial; None: any letter or digit.
 
     Raises:
         ModeUnavailableError: the engine or its data are not installed.

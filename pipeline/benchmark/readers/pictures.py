@@ -130,7 +130,7 @@ def draw_heights(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray
 
     Args:
         heights_mm: (rows, cols), NaN where not known.
-        pitch_mm: of the grid.
+        pitch_mm: pitch of the grid.
     """
     flat = np.clip(remove_form(heights_mm, pitch_mm=pitch_mm), -CLIP_MM, CLIP_MM)
     low, high = np.nanpercentile(flat, _LEVELS) if np.isfinite(flat).any() else (0.0, 1.0)

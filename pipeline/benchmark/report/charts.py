@@ -92,7 +92,7 @@ def data_uri(figure: Figure, *, kind: str = "svg") -> str:
     """The figure as a data URI: nothing beside the page is needed to show it.
 
     Args:
-        figure: to be drawn.
+        figure: figure to be drawn.
         kind: "svg" for lines, "jpg" for pictures of surfaces.
     """
     stream = io.BytesIO()

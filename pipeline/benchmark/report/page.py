@@ -30,7 +30,7 @@ def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
 
     Args:
         folder: output folder; created if missing.
-        contents: of the files, by name.
+        contents: contents of the files, by name.
 
     Returns:
         Their paths.
@@ -123,8 +123,8 @@ def write_certificate_page(certificate: Certificate, path: Path) -> None:
     """Write the page of a certificate: its statement, its evidence, and its scope.
 
     Args:
-        certificate: of which.
-        path: of the page.
+        certificate: the certificate.
+        path: path of the page.
 
     Raises:
         FileError: the file cannot be written.

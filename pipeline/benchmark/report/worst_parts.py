@@ -31,9 +31,9 @@ class WorstPart:
     """One part to be shown.
 
     Attributes:
-        trials: of all modes.
-        why: what makes it one of the worst.
-        given: what the reader was given that made it so; the picture is of that reading.
+        trials: trials of all modes.
+        why: reason why it is one of the worst.
+        given: facts given to the reader in that reading; the picture shows it.
         picture: data URI; empty where it could not be drawn.
         problem: why it could not.
     """

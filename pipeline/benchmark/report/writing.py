@@ -92,7 +92,7 @@ def document_of(found: Statistics, drift: Mapping[str, str] | None = None) -> st
 
     Args:
         found: all figures.
-        drift: how the parts of a mode differ from the certified ones, in words, by mode.
+        drift: differences of the parts of a mode from the certified ones, in words, by mode.
     """
     return render("benchmark.md.j2", **_tables(found), drift=drift or {})
 

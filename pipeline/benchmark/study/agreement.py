@@ -37,7 +37,7 @@ def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Es
     """Mean of Cohen's kappas over several pairs of ratings of the same parts; None where one is not defined.
 
     Args:
-        pairs: of (parts,) ratings.
+        pairs: pairs of (parts,) ratings.
     """
     if not pairs or not pairs[0][0]:
         return None
@@ -121,7 +121,7 @@ class Agreement:
     """Agreement of ratings.
 
     Attributes:
-        kind: what is compared.
+        kind: kind of answers to compare.
         who: the appraisers.
         parts: on which all ratings agree, of the parts compared; with the exact 95 % interval.
         kappa: within and between: Fleiss'. Of a pair, and against truth: the mean of Cohen's over the trials. None

@@ -30,7 +30,7 @@ class Row:
     """A line of the table of variances.
 
     Attributes:
-        source: of the variation.
+        source: source of the variation.
         freedom: degrees of it.
         squares: sum of squares, mm².
         mean_square: squares by freedom, mm².
@@ -51,12 +51,12 @@ class GaugeRR:
     """Result of a gauge study; standard deviations, mm.
 
     Attributes:
-        table: of variances.
-        parts: how many.
-        appraisers: how many.
-        trials: of each appraiser on each part.
+        table: table of variances.
+        parts: number of parts.
+        appraisers: number of appraisers.
+        trials: number of trials of each appraiser on each part.
         pooled: whether the interaction went to the repeats.
-        repeatability_mm: of repeats by one appraiser.
+        repeatability_mm: standard deviation of repeats by one appraiser.
         reproducibility_mm: between appraisers, with the interaction; None with one appraiser.
         part_mm: between parts.
     """

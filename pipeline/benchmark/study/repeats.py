@@ -43,7 +43,7 @@ class StudiedPart:
 
     Attributes:
         name: without the number of a recording.
-        recordings: of it, in the order of their numbers; at least one.
+        recordings: recordings of it, in the order of their numbers; at least one.
     """
 
     name: str
@@ -62,7 +62,7 @@ class StudyPlan:
     """Plan of the measurements.
 
     Attributes:
-        settings: of reading.
+        settings: settings of the reader.
         repeats: trials of every array.
         arrays: virtual arrays.
     """

@@ -44,7 +44,7 @@ def run_study(
     """Measure every part several times, and write the report.
 
     Args:
-        plan: of the measurements; recordings and photographs have one array.
+        plan: plan of the measurements; recordings and photographs have one array.
         inputs: parts, folders, globs and manifests.
         out: folder of the report; it also holds the journal of an interrupted study.
         workers: settings of the workers that read.

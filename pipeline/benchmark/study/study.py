@@ -20,9 +20,9 @@ class Study:
 
     Attributes:
         measured: every trial of the reader.
-        answers: of reviewers.
-        truth: by part, as far as known.
-        notes: what else to know about it, in sentences.
+        answers: answers of reviewers.
+        truth: truth by part, as far as known.
+        notes: further notes, in sentences.
 
     Raises:
         ValueError: not equally many trials of every part, by each appraiser.

@@ -51,8 +51,8 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
     Args:
         path: the table.
         items: the parts of the exam with their truth.
-        reader: what the reader is called.
-        given: what it knew beside the parts.
+        reader: name of the reader.
+        given: facts that it knew beside the parts.
 
     Raises:
         FileError: no such table; or a line, which is named, that names a part twice or says what cannot be.

@@ -22,7 +22,7 @@ class ReadCharacter:
     Attributes:
         char: the first candidate.
         confidence: belief in it, 0 to 1.
-        margin: that less the belief in the second candidate.
+        margin: its belief less that in the second candidate.
     """
 
     char: str
@@ -36,20 +36,20 @@ class Trial:
 
     Attributes:
         part: name of the part, unique in the benchmark.
-        number: of the part among those of its kind.
-        levels: of all factors: of the part, and what the reader was given (`pipeline.benchmark.exam.condition`).
-        mode: what read it.
-        truth: what was stamped, without spaces.
-        text: what was read, without spaces; empty with an error.
+        number: number of the part among those of its kind.
+        levels: levels of all factors of the part, and facts given to the reader (`pipeline.benchmark.exam.condition`).
+        mode: mode that read it.
+        truth: text that was stamped, without spaces.
+        text: text that was read, without spaces; empty with an error.
         decision: accept, review or reject; empty with an error.
-        confidence: that the whole text is right, 0 to 1.
+        confidence: confidence that the whole text is right, 0 to 1.
         characters: the places as read.
-        flags: what the reader says about it.
+        flags: flags of the reading.
         error: why there is no reading; empty when there is one.
         compute_s: time that the program took for it, making the part and its photograph not counted.
         scan_s: time that the real array would take for the scan; 0 without touch.
-        simulated_s: of compute_s, what stands in for the array: mounting the map and simulating the scan.
-        measures: of the part by our own modes (`recognition.decision.score`).
+        simulated_s: part of compute_s that stands in for the array: mounting the map and simulating the scan.
+        measures: measures of the part by our own modes (`recognition.decision.score`).
     """
 
     part: str

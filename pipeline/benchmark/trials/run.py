@@ -46,9 +46,9 @@ class Benchmark:
     """Parts, modes and settings of a benchmark.
 
     Attributes:
-        parts: where the parts come from.
+        parts: source of the parts.
         modes: names of the modes.
-        reading: how all parts are read; font, height and format come with the part where the design gives them.
+        reading: settings for all parts; font, height and format come with the part where the design gives them.
         perturbations: under which every part is read again, by the modes that they reach.
 
     Raises:

@@ -38,7 +38,7 @@ class FiguresAnswer(Statistics):
     """The dashboard's numbers.
 
     Attributes:
-        audits: how many of the accepted parts were accepted wrong, by those that people have audited.
+        audits: number of accepted parts that were accepted wrong, by those that people have audited.
     """
 
     audits: AuditFigures

@@ -77,9 +77,9 @@ class OpcUaPort:
         """Make the server; nothing is opened yet.
 
         Args:
-            settings: of the server; port 0 takes any that is free, without users everybody may call.
+            settings: settings of the server; port 0 takes any free port, without users everybody may call.
             trigger: reads a part.
-            connections: that have signed in, at once.
+            connections: greatest number of signed-in connections at once.
         """
         self.host, self.port = settings.host, settings.port or 0
         self._settings, self._trigger = settings, trigger

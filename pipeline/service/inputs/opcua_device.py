@@ -48,7 +48,7 @@ async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) 
     """Load the model, and make its device ready to be called.
 
     Args:
-        server: that has been initialised.
+        server: an initialised server.
         methods: Scan, ScanStart, ScanStop, TriggerPart and TriggerJob.
 
     Returns:

@@ -52,9 +52,9 @@ class GuardedServer(Server):
     """An asyncua server behind these limits.
 
     Attributes:
-        users: that may sign in.
+        users: users that may sign in.
         sessions: maximum number of connections that have signed in.
-        log: of what callers do wrong.
+        log: log of callers' errors.
     """
 
     def __init__(self, users: Users, *, sessions: int) -> None:

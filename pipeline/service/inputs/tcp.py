@@ -85,9 +85,9 @@ class TcpPort:
         """Make the port; nothing is opened yet.
 
         Args:
-            settings: of the port; port 0 takes any that is free.
+            settings: settings of the port; port 0 takes any free port.
             trigger: reads a part.
-            limits: what one caller may take.
+            limits: limits for one caller.
 
         Raises:
             ResultStringError: no such format.
@@ -226,7 +226,7 @@ class _Caller:
     """One connection.
 
     Attributes:
-        writer: to it.
+        writer: writer to the connection.
         spoken: it has said a line.
         idle: its next line is waited for.
     """

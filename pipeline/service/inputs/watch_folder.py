@@ -60,7 +60,7 @@ class WatchedPart:
     """The photographs of one part.
 
     Attributes:
-        name: of the part: the file's stem, or the set's.
+        name: name of the part: the file's stem, or the set's.
         files: size and time of each file, by path.
     """
 
@@ -84,7 +84,7 @@ class WatchedFolder:
         Args:
             settings: folder to watch; folders in it are not looked into.
             intake: reads the parts.
-            most_bytes: of a photograph.
+            most_bytes: greatest size of a photograph.
             at_once: parts that are read at a time.
 
         Raises:

@@ -46,7 +46,7 @@ class Connection:
         key: mqtt, webhook, tcp or opcua.
         name: in words.
         since: begin of the state.
-        address: where a port listens; empty for a target.
+        address: address of a listening port; empty for a target.
         error: why a target cannot be reached; empty while it can, as far as is known.
         refused: why a target does not take results, by their numbers.
         waiting: results that wait to be sent, and since when; None if none wait.
@@ -162,7 +162,7 @@ class Dispatcher:
     """Sends what waits in the outbox, a task for each target.
 
     Attributes:
-        states: of the targets, by their keys.
+        states: states of the targets, by their keys.
     """
 
     def __init__(

@@ -67,7 +67,7 @@ class MqttSender:
         Args:
             settings: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked by
                 the system's authorities, or those of the file SSL_CERT_FILE), and the prefix of the topics.
-            timeout_s: for connecting, and for one acknowledgement.
+            timeout_s: timeout for connecting, and for one acknowledgement.
 
         Raises:
             MissingExtraError: paho-mqtt is not installed.
@@ -160,9 +160,9 @@ class MqttConnection:
         """Make the connection; nothing is connected yet.
 
         Args:
-            settings: of the broker; mqtts checks its certificate.
+            settings: settings of the broker; mqtts checks its certificate.
             will: topic and payload that the broker publishes, retained, if this connection breaks.
-            timeout_s: for connecting, and for one acknowledgement.
+            timeout_s: timeout for connecting, and for one acknowledgement.
         """
         from paho.mqtt import client as paho
         from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion

@@ -44,9 +44,9 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
 
     Args:
         secret: any text, or whsec_ followed by the key in base64.
-        webhook_id: of the header webhook-id.
-        timestamp: of the header webhook-timestamp, s.
-        body: as it is sent.
+        webhook_id: value of the header webhook-id.
+        timestamp: value of the header webhook-timestamp, s.
+        body: body of the request.
 
     Raises:
         SettingsError: a whsec_ secret that is no base64.
@@ -64,7 +64,7 @@ class WebhookSender:
 
         Args:
             settings: http:// or https://, with a user and password as basic authentication; secret of the signature.
-            timeout_s: for one delivery, from connecting to the answer's end.
+            timeout_s: timeout for one delivery, from connecting to the answer's end.
 
         Raises:
             SettingsError: a whsec_ secret that is no base64.

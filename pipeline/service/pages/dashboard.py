@@ -85,10 +85,10 @@ class Chart:
     """Bars or lines over the steps of a trend; the template draws them.
 
     Attributes:
-        title: what it shows.
+        title: title of the chart.
         tick: distance of the lines across, in parts or per cent.
         top: value at the top, a multiple of `tick`.
-        every: of so many steps one is labelled.
+        every: number of steps from one label to the next.
         bars: a value each step.
         lines: values by name; None at a step without parts.
     """

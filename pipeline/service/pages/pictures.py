@@ -93,8 +93,8 @@ class PictureBox:
     """A character on a picture.
 
     Attributes:
-        place: of the part's reading that is chosen with it; None where none matches it.
-        char, doubt: of the reading that has found the box.
+        place: place of the part's reading that is chosen with it; None where none matches it.
+        char, doubt: character and doubt of the reading that has found the box.
         x, y, width, height: pixels.
     """
 
@@ -113,14 +113,14 @@ class PictureView:
 
     Attributes:
         which: photo or edges.
-        title: for its head.
+        title: title for its head.
         href: address; empty where there is none to be shown.
         note: why there is none, or what to know about it.
         frame: None where it is not known.
-        source: of the reading whose boxes are drawn; empty where none are.
+        source: source of the reading whose boxes are drawn; empty where none are.
         turns: quarters counterclockwise by which it is turned.
         whole, line: views of the whole picture and of the line.
-        boxes: of the characters.
+        boxes: boxes of the characters.
     """
 
     which: str

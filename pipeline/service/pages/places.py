@@ -33,11 +33,11 @@ class Place:
     """One place of a reading.
 
     Attributes:
-        index: from 0.
+        index: index from 0.
         char: the best candidate; "?" without any.
         doubt: mismatch, not read, confused, unsure or least sure; empty where there is none.
         words: the state in the reader's words, such as "confused 8/B".
-        grade: of the mark, A to F; empty where it was not graded.
+        grade: grade of the mark, A to F; empty where it was not graded.
         candidates: those worth showing, best first.
     """
 
@@ -54,9 +54,9 @@ class Cell:
     """One character of a text.
 
     Attributes:
-        char: as it stands.
+        char: the character.
         place: it is read at; None where no place of the reading answers to it.
-        doubt: of that place.
+        doubt: doubt of that place.
     """
 
     char: str

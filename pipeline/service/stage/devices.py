@@ -57,7 +57,7 @@ class ScanOrder:
 
         Args:
             field_mm: (x0, y0, x1, y1) that the stage can feel, in the plate's frame.
-            camera_mm: where the camera's axis meets the plate (default: the middle of the field).
+            camera_mm: position of the camera's axis on the plate (default: the middle of the field).
 
         Raises:
             StageError: the region is off the field.
@@ -86,7 +86,7 @@ class Stage(Protocol):
         """Feel the part that lies under the whiskers, and write a recording.
 
         Args:
-            order: what to scan.
+            order: order to scan.
             into: folder for the recording.
 
         Returns:
@@ -118,7 +118,7 @@ class FolderCamera:
     """Finds the photograph of a part in a folder, where a camera's own program saves it.
 
     Attributes:
-        folder: of the photographs, named as the parts, or as `part.light-1.png` and so on.
+        folder: folder of the photographs, named as the parts, or as `part.light-1.png` and so on.
     """
 
     folder: Path
@@ -138,9 +138,9 @@ class SimulatedStage:
     """Feels height maps of a folder with the virtual array, in place of parts.
 
     Attributes:
-        folder: of the height maps, named as the parts; .npz with its soil.
+        folder: folder of the height maps, named as the parts; .npz with its soil.
         noise: sensors as from the bench.
-        seed: of the sensors' gains, offsets and noise.
+        seed: seed of the sensors' gains, offsets and noise.
     """
 
     folder: Path

@@ -41,7 +41,7 @@ class DriverThread:
 
     Attributes:
         what: camera or stage, for messages.
-        timeout_s: for one call, with its wait for those before, unless the caller says another.
+        timeout_s: timeout for one call, with its wait for those before, unless the caller says another.
     """
 
     def __init__(self, what: str, *, timeout_s: float) -> None:
@@ -134,9 +134,9 @@ class _Call:
     """One call of the driver.
 
     Attributes:
-        work: to be done.
-        timeout_s: that its caller waits.
-        future: what comes of it.
+        work: work to be done.
+        timeout_s: time that its caller waits.
+        future: its result.
         begun_s: when, by the monotonic clock.
     """
 

@@ -35,8 +35,8 @@ class LinkedStage:
     """The stage as a worker has it, and the one session that it opens.
 
     Attributes:
-        address: of the connection.
-        fitting: as the driver says, once it is open.
+        address: address of the connection.
+        fitting: fitting reported by the driver, once it is open.
     """
 
     fitting: Fitting
@@ -88,8 +88,8 @@ class StageLink:
     """The service's end: serves one session of a driver to one worker.
 
     Attributes:
-        stage: for the worker.
-        down: what kept the driver from answering; None where it has answered all that it was asked.
+        stage: stage for the worker.
+        down: fault that kept the driver from answering; None if it has answered every call.
     """
 
     def __init__(self, stage: SessionStage[ScanOrder], thread: DriverThread) -> None:
@@ -97,7 +97,7 @@ class StageLink:
 
         Args:
             stage: the driver.
-            thread: that it is called in.
+            thread: thread that it is called in.
         """
         key = secrets.token_bytes(32)
         self._driver = thread

@@ -32,7 +32,7 @@ class StageWork:
 
     Attributes:
         there: there is a stage.
-        thread: that its driver is called in; knows its faults.
+        thread: thread that its driver is called in; knows its faults.
         by_pass: it feels parts pass by pass; else it scans the whole plan.
     """
 
@@ -41,7 +41,7 @@ class StageWork:
 
         Args:
             stage: the driver; None: scans are sent to the service.
-            timeout_s: for one call of a real stage; a whole plan may take its own time beside.
+            timeout_s: timeout for one call of a real stage; a whole plan may take its own time beside.
         """
         self._stage, self.there = stage, stage is not None
         self.by_pass = stage is not None and has_sessions(stage)

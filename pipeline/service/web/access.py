@@ -57,7 +57,7 @@ class Access:
         """Take the store and the rules.
 
         Args:
-            store: that keeps tokens and sessions.
+            store: store that keeps tokens and sessions.
             required: whether all callers need one.
             own_user: whether callers of other users of this machine need one, as the door has found them.
         """

@@ -26,7 +26,7 @@ def without_prefix(scope: Scope, root_path: str) -> Scope:
     """The request as the service's routes know it, where a proxy passes its prefix on.
 
     Args:
-        scope: of the request.
+        scope: scope of the request.
         root_path: prefix of the proxy, such as /marks; empty: there is none.
     """
     if not root_path or not f"{scope['path']}/".startswith(f"{root_path}/"):

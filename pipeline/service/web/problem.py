@@ -35,9 +35,9 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
     """A request that is answered with a problem.
 
     Attributes:
-        status: of HTTP.
-        detail: what is wrong and how to correct it.
-        headers: of the answer.
+        status: HTTP status.
+        detail: the problem and its remedy.
+        headers: headers of the response.
     """
 
     def __init__(self, status: int, detail: str, *, headers: dict[str, str] | None = None) -> None:

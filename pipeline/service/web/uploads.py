@@ -82,8 +82,8 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
     Args:
         sent: the part of the form.
         role: photo or scan.
-        folder: of this request.
-        number: of the photograph, of several.
+        folder: folder of this request.
+        number: number of the photograph, if there are several.
 
     Raises:
         Problem: 415 for a file of no kind that is read, 422 for an empty one.
@@ -114,7 +114,7 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
 
     Args:
         role: photo or scan.
-        name: of the file, for messages and scans.
+        name: name of the file, for messages and scans.
         head: its first bytes, as many as `HEAD_BYTES`.
 
     Raises:

@@ -40,9 +40,9 @@ class DrainingServer(uvicorn.Server):
         """Take what it says.
 
         Args:
-            config: of the server.
+            config: config of the server.
             drain: called when it is asked to stop.
-            drain_s: for which it still answers.
+            drain_s: time for which it still answers.
         """
         super().__init__(config)
         self._drain, self._drain_s = drain, drain_s
