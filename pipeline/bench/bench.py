@@ -23,9 +23,8 @@ import numpy as np
 
 from glyphs.surface.maps import TraceDirection
 from pipeline.bench.controller import Controller
-from pipeline.bench.grbl import Grbl
+from pipeline.bench.firmwares import Grbl, Marlin
 from pipeline.bench.line_daq import LineDaq
-from pipeline.bench.marlin import Marlin
 from pipeline.bench.moves import Moves, check_limits, moves_of
 from pipeline.bench.ni_daq import NiDaq
 from pipeline.bench.sampling import Daq, Record, beyond, samples

@@ -1,4 +1,4 @@
-"""Controller of a G-code stage: the core; each firmware's dialect is data (`grbl`, `marlin`).
+"""Controller of a G-code stage: the core; each firmware's dialect is data (`firmwares`).
 
 * Before homing only upward moves are made.
 * The lines that lower, drag and lift the tips are sent in one write: if the host dies in between, the firmware already

@@ -18,9 +18,8 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item
-from pipeline.benchmark.export.data_card import CARD, card_of, page_of
 from pipeline.benchmark.export.exported_part import FOLDERS, export_part, label_path
-from pipeline.benchmark.export.label_files import label_files
+from pipeline.benchmark.export.labels_and_card import CARD, card_of, label_files, page_of
 from pipeline.common.output_paths import make_folder, write_json, write_text
 from pipeline.common.version import differences, file_sha256
 from pipeline.runs.progress import Progress
