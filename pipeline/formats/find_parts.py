@@ -174,21 +174,20 @@ class FoundFiles:
         Raises:
             FileError: a folder that cannot be listed.
         """
-        path, exists = str(Path(given)), os.path.exists(given)
+        path = str(Path(given))
         if os.path.isdir(path):
             self.add(_files_in(path))
-        elif exists or not glob.has_magic(given):
-            self.add([path, *(self._photos_of(path) if beside else ())], named=True, there=exists)
+        elif os.path.exists(given) or not glob.has_magic(given):
+            self.add([path, *(self._photos_of(path) if beside else ())], named=True)
         else:
             self.add(sorted(str(Path(p)) for p in glob.glob(given) if os.path.isfile(p)))
 
-    def add(self, files: Sequence[str], *, named: bool = False, there: bool = True) -> None:
+    def add(self, files: Sequence[str], *, named: bool = False) -> None:
         """Add the files of one folder or glob, or one named on its own with the photographs beside it.
 
         Args:
             files: paths or URLs; hidden ones are skipped.
             named: the first file is named on its own: it is a part whatever its kind.
-            there: it exists, as far as is known.
         """
         seen = [(key, kind, f) for f in files for key, kind in (self._key_and_kind(f),) if key is not None]
         if named:
@@ -196,8 +195,6 @@ class FoundFiles:
         if self._photos or named or not any(kind in ("height_map", "scan") for _, kind, _ in seen):
             self._meant.update(key for key, kind, _ in seen if kind == "photo")
         for key, kind, file in seen:
-            if named and kind == "photo" and not there:
-                kind = "height_map"
             if kind:
                 self._parts[key] = with_file(
                     self._parts.get(key) or PartFiles(_stem_name(key[1])), kind, file
@@ -241,10 +238,9 @@ class FoundFiles:
 
 def _files_in(folder: str) -> list[str]:
     """Files of a folder by name; what kind they are is known without asking for each."""
-    before = "" if folder == "." else folder.rstrip("/") + "/"
     try:
         with os.scandir(folder) as entries:
-            return [before + name for name in sorted(e.name for e in entries if _is_file(e))]
+            return sorted(str(Path(e.path)) for e in entries if _is_file(e))
     except OSError as error:
         what = f"cannot be listed ({error.strerror or error})"
         raise FileError(folder, what, "check its permissions") from error

@@ -30,7 +30,6 @@ from pipeline.formats.raw_map import RawMap, check_size
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 _HEADER_BYTES = 10_000
-_MOST_MEMBERS = 10_000
 _ROWS = ("top-first", "bottom-first")
 DEFAULT_HARDNESS_MPA = 10.0
 """Hardness of caked grime, for a file that gives a thickness and no hardness."""
@@ -91,8 +90,6 @@ class _Archive(zipfile.ZipFile):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.members = {name.removesuffix(".npy") for name in self.namelist()}
-        if (n := len(self.namelist())) > _MOST_MEMBERS:
-            raise DataError(f"holds {n:,} members", "save z_mm and pitch_mm alone")
 
     def load(
         self, name: str, check: Callable[[tuple[int, ...]], None], *, kinds: str = "fiu"

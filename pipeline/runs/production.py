@@ -109,19 +109,15 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if not resumes:  # else only if parts are left
         _check(order, executor)
     learning = learns(options, settings, parts)
-    # further inputs that the rows depend on
-    more = {
-        "learn_die": learning,
-        "files": {str(path): file_sha256(path) for path in files_of(settings)},
-        "order": str(options.order or ""),
-        "certified": watch and watch.certificate.threshold,
-    }
     description = {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*inputs, *options.manifest],
         "verify": options.verify,
         "program": program_version(),
-        **{name: value for name, value in more.items() if value},
+        "learn_die": learning,
+        "files": {str(path): file_sha256(path) for path in files_of(settings)},
+        "order": str(options.order or ""),
+        "certified": watch and watch.certificate.threshold,
     }
     shown: dict[str, ReadingRecord] = {}
 

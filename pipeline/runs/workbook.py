@@ -161,7 +161,7 @@ def _about(about: Mapping[str, Any], times: Sequence[datetime]) -> Iterator[tupl
         yield name, at.isoformat(timespec="seconds")
     yield "written", datetime.now(UTC).isoformat(timespec="seconds")
     for name, value in about.items():
-        if name != "settings" and value not in (None, "", [], ()):
+        if name != "settings" and value:
             yield name, _text(value)
     for name, value in settings.items():
         yield f"setting {name}", _text(value)
