@@ -189,8 +189,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
     step = float(np.median([p.step_mm for p in passes]))
     low, high = max(p.u[0] for p in passes), min(p.u[-1] for p in passes) - float(behind.max())
     longest = max(p.u[-1] - p.u[0] for p in passes)
-    n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
-    if n_samples < 2 or high - low < _SHORT * longest:
+    if high - low < _SHORT * longest:
         short = min(passes, key=lambda p: p.u[-1] - p.u[0])
         raise FileError(
             short.path,
@@ -203,12 +202,10 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
         edges = layout.part_mm[::2] if direction.along_x else layout.part_mm[1::2]
         first, last = sorted(-v if direction.backward else v for v in edges)
         low, high = max(low, first), min(high, last)
-        n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
-        if not n_samples:
-            what = f"has passes that do not cross part_mm at {int(direction)}°"
-            raise FileError(
-                passes[0].path, what, "correct part_mm, which counts as the stage's position does"
-            )
+    n_samples = int((high - low) / step + 1e-6) + 1
+    if n_samples < 2:
+        what = f"has passes that do not cross part_mm at {int(direction)}°"
+        raise FileError(passes[0].path, what, "correct part_mm, which counts as the stage's position does")
     n_lead = round(layout.lead_mm / step)
     if 2 * n_lead >= n_samples:
         raise FileError(
@@ -229,9 +226,10 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
     moment[missing], flags[missing] = 0.0, SampleFlag.OUT_OF_RANGE
     line_mm = np.array([p.across_mm for p in passes])[:, None] + side
     if layout.part_mm is not None:
-        flags[
-            _beyond(layout.part_mm, line_mm, -u if direction.backward else u, along_x=direction.along_x)
-        ] |= np.uint8(SampleFlag.OUTSIDE)
+        across, along = line_mm[:, :, None], -u if direction.backward else u
+        x, y = (along, across) if direction.along_x else (across, along)
+        x0, y0, x1, y1 = layout.part_mm
+        flags[(x < x0) | (x > x1) | (y < y0) | (y > y1)] |= np.uint8(SampleFlag.OUTSIDE)
     n_air = min(p.air.shape[0] for p in passes)
     late = np.rint(behind / step) * step
     plan = SweepPlan(
@@ -245,15 +243,6 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
     )
     air = np.nan_to_num(np.stack([p.air[p.air.shape[0] - n_air :].T for p in passes])).astype(np.float32)
     return Sweep(plan=plan, moment_n_mm=moment, flags=flags, air_n_mm=air)
-
-
-def _beyond(
-    part_mm: tuple[float, float, float, float], line_mm: Floats, along_mm: Floats, *, along_x: bool
-) -> NDArray[np.bool_]:
-    """(passes, whiskers, samples) where the tip is not on the part."""
-    x0, y0, x1, y1 = part_mm
-    (low, high), (least, most) = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
-    return ((line_mm < least) | (line_mm > most))[:, :, None] | ((along_mm < low) | (along_mm > high))
 
 
 def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
