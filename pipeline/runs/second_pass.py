@@ -52,10 +52,7 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
     if settings.experts and "templates" not in settings.experts:
         return "asks the expert templates, which has no say", "add it to --experts"
     if options.store is not None:
-        return (
-            "goes with a table",
-            "write a table, or learn from the store's reviewed parts: enroll --from-store",
-        )
+        return "goes with a table", "write one, or learn from the store's reviewed parts: enroll --from-store"
     return None
 
 
@@ -104,7 +101,6 @@ class SecondPass:
         able = {p.name: p for p in parts if _learns_or_teaches(p) and not is_url(p.scan or p.height_map)}
         texts = teachers(first for first, _ in journal.entries() if first.part in able)
         reviewed = [replace(able[part], expected=text) for part, text in texts.items()]
-        why = ""
         try:
             report = enrol(
                 reviewed,
@@ -114,17 +110,14 @@ class SecondPass:
                 vouching=False,
                 each=partial(ordered_map, executor),
             )
-        except MarksError as error:
-            why = str(error)
-        else:
             if not report.exemplars:
-                why = "too few of its parts were read surely"
-            elif report.agreement < LEAST_AGREEMENT:
+                raise MarksError("too few of its parts were read surely")
+            if report.agreement < LEAST_AGREEMENT:
                 agree = f"only {report.agreement:.0%} of their characters agree"
-                why = f"its parts do not look like one die's ({agree})"
-        if why:
+                raise MarksError(f"its parts do not look like one die's ({agree})")
+        except MarksError as error:
             self.database.unlink(missing_ok=True)
-            say(f"the lot teaches nothing: {why}")
+            say(f"the lot teaches nothing: {error}")
             return (), order
         self.learned = report
         say(
