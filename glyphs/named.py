@@ -19,7 +19,7 @@ def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) ->
         error: exception to raise.
 
     Raises:
-        MarksError: (as `error`) not such a name, or no such module or object.
+        MarksError: (as `error`) the name is not `module:object`, or there is no such module or object.
     """
     module, colon, attribute = name.partition(":")
     if not colon or not module or not attribute:

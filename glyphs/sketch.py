@@ -23,7 +23,7 @@ from glyphs.surface.display import OneLine
 Field = NDArray[np.float32]
 
 ROWS_PER_HEIGHT = 56
-"""Rows and columns of a sketch to a character's height."""
+"""Samples of a sketch per character height."""
 ROWS = 128
 """Rows of a sketch: a line with half a character's height and more of land above and below it."""
 MARGIN = 0.8

@@ -50,7 +50,7 @@ def is_machine_error(error: BaseException) -> bool:
     while cause is not None:
         if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
             return True
-        # of no file: tempfile finds no folder that can be written, or the working folder is gone
+        # no file is named: tempfile finds no writable folder, or the working folder is gone
         if isinstance(cause, FileNotFoundError) and cause.filename is None:
             return True
         cause = cause.__cause__

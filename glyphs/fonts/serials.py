@@ -38,12 +38,12 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
 
     Raises:
         FormatError: the format is empty, holds a control character or an operator, ends with a `\` that
-            takes nothing, or exclusion leaves a position without any.
+            allows no character, or exclusion leaves a position without any.
     """
     if not format:
         raise FormatError(
             "the format is empty",
-            hint="write one character a position: A letter, a small letter, 9 digit, * A or 9",
+            hint="write one character for each position: A letter, a small letter, 9 digit, * A or 9",
         )
     if not format.isprintable():
         raise FormatError(f"format {format!r} holds characters that cannot be printed", hint="remove them")

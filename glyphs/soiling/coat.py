@@ -51,7 +51,7 @@ class Look(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Coat(OneLine):
-    """The surface so far; all arrays (rows, cols) float32 unless said otherwise.
+    """The surface so far; all arrays (rows, cols) float32 unless noted.
 
     Attributes:
         pitch_mm: pitch of the grid.

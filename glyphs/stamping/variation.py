@@ -58,7 +58,7 @@ class PlateVariation(OneLine, Validated, error=StampError):
 
 @dataclass(frozen=True, repr=False)
 class StampingVariation(OneLine, Validated, error=StampError):
-    """Variation from blow to blow; numbers are standard deviations if nothing else is said.
+    """Variation from blow to blow; numbers are standard deviations unless noted.
 
     Attributes:
         depth_fraction: depth, as a fraction of the die's; clipped at 2.5 deviations.

@@ -226,7 +226,7 @@ class Controller(ABC):
             silent = answer is None
             if answer is None:
                 if now - heard > silent_s:
-                    raise self.failed(f"the stage's controller has said nothing for {now - heard:.0f} s")
+                    raise self.failed(f"the stage's controller has not answered for {now - heard:.0f} s")
                 continue
             heard = now
             try:

@@ -28,7 +28,7 @@ _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
 
 
 class BoundWords(NamedTuple):
-    """What a limit compares, for tables, and what to change where it cannot be kept."""
+    """Name of a limit in tables, and the change that helps to keep it."""
 
     label: str
     hint: str

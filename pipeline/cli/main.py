@@ -116,7 +116,7 @@ _COMMANDS = (
     ("benchmark compare", "Exam", "exam:compare", "Show what a change did, part by part.", "out"),
     ("benchmark export", "Exam", "exam:export", "Write an exam as files, for readers that are no part of this program.",
      "parts jobs check"),
-    ("benchmark score", "Exam", "exam:score", "Score anybody's answers to an exam.", "design truth give out"),
+    ("benchmark score", "Exam", "exam:score", "Score answers to an exam from a file.", "design truth give out"),
     ("benchmark gate", "Exam", "exam:gate", "Fail if small editions are read worse than before.", "jobs"),
     ("completion", "Serve", "", "Print the script with which a shell completes commands and options.", ""),
 )  # fmt: skip

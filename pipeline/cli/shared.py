@@ -1,4 +1,4 @@
-"""What several commands share: types of flags, tables, and pictures that they write.
+"""Types of flags, tables and pictures that several commands share.
 
 The enums behind some flags are too heavy for help. Tables are 80 columns wide if the output is not a terminal.
 """

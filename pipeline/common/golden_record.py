@@ -38,7 +38,7 @@ class GoldenRecord:
         line: line that has the whiskers.
         reference: whether later ones are compared with it: the whiskers were new, or set anew.
         measures: measured values; the gain is the mean over the whiskers, the zero that of the whisker whose air counts
-            most, in parts of the land's moment.
+            most, relative to the land's moment.
     """
 
     at: datetime

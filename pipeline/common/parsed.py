@@ -58,7 +58,7 @@ def toml_of(path: Path) -> dict[str, Any]:
 
 def toml_text(table: Mapping[str, Any], name: str = "") -> str:
     """A table as TOML: texts, numbers, lists of them, and tables of these."""
-    # a JSON text, number or list is a TOML one, but for DEL, which TOML wants escaped
+    # a JSON text, number or list is a TOML one, except DEL, which TOML wants escaped
     lines = [
         f"{key} = {json.dumps(value, ensure_ascii=False)}\n".replace("\x7f", "\\u007f")
         for key, value in table.items()

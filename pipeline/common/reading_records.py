@@ -138,7 +138,7 @@ class CodeRecord:
     Attributes:
         kind: Data Matrix, QR Code or Micro QR Code.
         text: its text; GS1 codes with identifiers in brackets, control characters as their pictures (␝).
-        same: whether it holds the serial that was read; None where it speaks of no serial, or none was read.
+        same: whether it holds the serial that was read; None if it has no serial, or none was read.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
         box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
     """
@@ -202,7 +202,7 @@ class ReadingRecord:
         height_px: character height in pixels of a photograph whose scale is not known; else None.
         raised: raised marks.
         expected: text that the part should read; empty where none is known.
-        verify_probability: probability that the part bears the expected text; None where no text was expected.
+        verify_probability: probability that the part has the expected text; None where no text was expected.
         rivals: other serials with some belief, most first.
         lines: the part's other lines: those that the settings name first, then the rest.
         codes: Data Matrix and QR codes in its photographs.

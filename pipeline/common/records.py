@@ -2,7 +2,7 @@
 
     part --- readings (camera, touch, both; never changed)
          --- evidence (photograph, scan, pictures; files named by what they hold)
-         --- reviews  (what a person said; never changed)
+         --- reviews  (a person's answers; never changed)
          --- events   (everything that happened, in order; never changed)
 
 All times are aware and in UTC. What a reading is stands in `reading_records`.
@@ -38,7 +38,7 @@ class Agreement(StrEnum):
     NOTHING = "nothing"
     """Nothing was read."""
     ALONE = "alone"
-    """The line's own reader has said nothing."""
+    """The line's own reader has sent no answer."""
 
 
 class EvidenceKind(StrEnum):

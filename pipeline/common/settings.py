@@ -223,7 +223,7 @@ MOST_RULES, MOST_RULE_CHARS = 16, 2_000
 
 
 def _few(value: Any) -> Any:
-    """Refuse more or longer rules than anybody writes, before any of them is prepared."""
+    """Refuse too many or too long rules, before any of them is prepared."""
     if isinstance(value, tuple | list):
         if len(value) > MOST_RULES:
             raise ValueError(f"there are {len(value)}; give {MOST_RULES} at most")

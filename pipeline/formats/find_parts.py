@@ -97,7 +97,7 @@ def discover(
 
     Files of other kinds are skipped in a folder or glob. Named on their own they are parts with a problem, as are
     missing files. Beside height maps or scans, a photograph without its own map or scan is not a part by default:
-    it may be any picture. A URL with the suffix of a known kind is taken for a file without a check; any other URL is
+    it may be any picture. A URL with the suffix of a known kind counts as a file without a check; any other URL is
     listed.
 
     Args:

@@ -4,7 +4,7 @@ name of the format, format_version, sha256       a line each
 the database as JSON, compressed by zlib         an array is {"dtype", "shape", "base64"}
 
 The digest is that of all that follows it. It is checked before anything is unpacked: a damaged file is refused, never
-half-read. A file can come from anybody, so the size that it unpacks to is bounded.
+half-read. A file can come from anywhere, so its unpacked size is limited.
 """
 
 from __future__ import annotations

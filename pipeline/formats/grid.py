@@ -177,7 +177,7 @@ def _length(mm: float) -> str:
     return f"{mm:.3g} mm" if mm >= 0.1 or mm == 0.0 else f"{mm * 1e3:.3g} um"
 
 
-# relative difference of two pitches that is taken for none: 1 in 1000 shears no character
+# greatest relative difference of two pitches that count as equal: 1 in 1000 shears no character
 SAME_PITCH = 1e-3
 MUCH_FINER = 4.0
 # mm from the median height: what lies farther off is some instrument's bad point

@@ -46,7 +46,7 @@ _SHORT = 0.5
 PAUSE_STEPS = 2.5
 """Step of the clock, in usual steps, above which the sampling had paused."""
 MOST_MOMENT_N_MM = 1000.0
-"""Moment that no whisker bears: a newton at the end of a metre."""
+"""Moment that no whisker can carry: a newton at the end of a metre."""
 SPEEDS_MM_S = (0.2, 2000.0)
 """Speeds of a stage that traces; beyond them the times are in another unit."""
 

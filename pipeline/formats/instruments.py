@@ -36,7 +36,7 @@ _NO_FORMAT = (
     "is of no format that is read as heights (.npz, .npy, .x3p, .sdf, .sur, .opd, .stl, .ply, .obj, .pcd, and text: "
     "x y z columns or a matrix)"
 )
-# first bytes of what has other files in it, where the suffix is none of a format that is read
+# first bytes of archives, if the suffix is not that of a format that is read
 _PACKED = {
     **{b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"},
     b"PK\x03\x04": "a workbook or packed (ZIP)",

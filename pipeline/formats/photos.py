@@ -325,7 +325,7 @@ def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _size_of_doubles(path: Path) -> tuple[int, int] | None:
-    """Rows and columns of a TIFF of 64 bit floats, which Pillow does not open; None of other files."""
+    """Rows and columns of a TIFF of 64 bit floats, which Pillow does not open; None for other files."""
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
     with path.open("rb") as stream, warnings.catch_warnings():

@@ -134,7 +134,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         repeated: a part may have several lines.
 
     Raises:
-        FileError: not such a table, or one that names a part twice and must not.
+        FileError: the table lacks columns, or names a part twice without permission.
     """
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         lines = table_lines(path)
@@ -218,7 +218,7 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
         found = ", ".join(map(repr, lines[0].cells))[:200]
         what = f"line {lines[0].number} is {found}" if is_data(lines[0].cells) else f"has the columns {found}"
         hint = "call it serial in the first line"
-        raise DataError(f"{what}, and which column holds the serials is not said", hint)
+        raise DataError(f"{what}, and it is unclear which column holds the serials", hint)
     return filled[0], lines
 
 

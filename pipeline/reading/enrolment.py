@@ -134,7 +134,7 @@ def enrol(
 
     Raises:
         FileError: a database that cannot be read or written, or `font` is a font that was not learned.
-        ExemplarError: exemplars of which no font can be made.
+        ExemplarError: no font can be made from the exemplars.
         FontError: a font of the settings that cannot be loaded.
     """
     held = _opened(database, settings)

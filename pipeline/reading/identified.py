@@ -31,7 +31,7 @@ _MEANINGS = {
     Unknown.L2: "length of the tip arm",
     Unknown.L3: "how far the sensor is lowered towards the tip",
     Unknown.BETA: "setting angle of the beam",
-    Unknown.STIFFNESS: "bending stiffness of the section, in parts of the drawing's",
+    Unknown.STIFFNESS: "bending stiffness of the section, relative to the drawing",
     Unknown.RADIUS: "radius of the tip",
     Unknown.PRELOAD: "how far below the land the free tip runs",
     Unknown.FRICTION: "friction between tip and piece",
@@ -46,7 +46,7 @@ _REMEDY = "hang a known weight on each tip, which tells the gains, or record the
 _GAINS = "gains"
 _MISFIT = 2.0
 _WIDE = 1.96
-"""Standard deviations to either side of which 95 % lie."""
+"""Half width of the 95 % interval, standard deviations."""
 
 
 def identify_recording(
@@ -108,7 +108,7 @@ def undetermined(found: Identified, *, untold: float = 0.7) -> tuple[Unknown, ..
 def confounded(
     found: Identified, *, open_share: float = 0.25, least_part: float = 0.3
 ) -> tuple[tuple[str, ...], ...]:
-    """Numbers of which only a combination is known; the gains as one.
+    """Find groups of numbers that are known only in combination; the gains count as one.
 
     In units of what was known before, the covariance has large eigenvalues along what the recording does not tell.
     Where several numbers share such a direction, only their combination is known.

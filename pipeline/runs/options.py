@@ -16,11 +16,11 @@ class RunOptions:
 
     Attributes:
         manifest: Table (.csv) of parts, with the columns part, height_map, scan, photo, expected, format,
-            font, of which any may be missing; may be repeated. File names are relative to the table.
+            font; any of them may be missing; may be repeated. File names are relative to the table.
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
         order: Production order: a file of serials one a line, or ranges such as KX400000..KX409999. A part that is
-            read with certainty and is not in it, or bears the serial of another one of the run, goes to review.
+            read with certainty and is not in it, or has the serial of another part of the run, goes to review.
         truth: CSV with the columns part and text, to print the accuracy.
         out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.

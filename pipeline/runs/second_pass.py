@@ -44,7 +44,7 @@ def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFile
 def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | None:
     """Reason why a lot cannot teach itself, and a hint; None where it can."""
     if settings.font or settings.database is not None:
-        return "is for a die whose font nobody knows", "leave --font and --database away"
+        return "is for a die whose font is unknown", "leave out --font and --database"
     if settings.certificate is not None:
         return "changes how parts are read", "leave --certificate away"
     if settings.mode == "vision":

@@ -28,7 +28,7 @@ class Summary:
         decisions: number of each; errors have none.
         verdicts: likewise.
         errors: parts that could not be read.
-        reasons: why parts were not accepted, and of how many each was said; a part may have several.
+        reasons: number of parts that were not accepted for each reason; a part may have several.
         faults: kinds of error, likewise.
         seconds: seconds of work on all parts together.
         slowest: (seconds, part) of those that took longest, slowest first.

@@ -1,1 +1,1 @@
-"""The service: intake, composition, and what it speaks."""
+"""The service: intake, composition and protocols."""

@@ -25,7 +25,9 @@ class Metrics:
         )
         self.reviews = self._counter("reviews", "Reviews by people.", "action")
         self.refused = self._counter("refused", "Parts refused at a full queue.")
-        self.serial_alarms = self._counter("serial_alarms", "Serials read surely that others speak against.")
+        self.serial_alarms = self._counter(
+            "serial_alarms", "Serials read with certainty that others contradict."
+        )
         self.lost_workers = self._counter("workers_lost", "Workers that died or took too long over a part.")
 
     def gauge(self, name: str, text: str, value: Callable[[], float]) -> None:

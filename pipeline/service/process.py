@@ -69,7 +69,7 @@ def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
 
 
 def _ready_at(said: str) -> str:
-    """Where a service that has logged this is ready to read; empty where it is not."""
+    """Address of the service if its log says that it is ready; otherwise empty."""
     import httpx
 
     found = _SERVES.search(said)

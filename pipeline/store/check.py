@@ -203,7 +203,7 @@ def _check_outbox(store: Store, report: CheckReport) -> None:
     with store.read_transaction() as tx:
         asked = sa.select(target, sa.func.count(), since, error).where(outbox.c.created_at < tx.now - LATE)
         for name, n, first, said in tx.execute(asked.group_by(target).order_by(target)):
-            why = f"it was said: {said}" if said else "none was tried"
+            why = f"last error: {said}" if said else "none was tried"
             what = f"{n} results wait, the first since {first:%Y-%m-%d %H:%M} UTC; {why}"
             report.add(Fault.UNDELIVERED, name, what, n=n)
 

@@ -83,7 +83,7 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
 def _by_step(
     tx: Transaction, step: timedelta, counted: _Counted, where: sa.ColumnElement[bool]
 ) -> list[dict[str, Any]]:
-    """What is counted of parts in each time step that has any, by its `begin`, in order."""
+    """Counts of parts in each time step that has any, by its `begin`, in order."""
     begin: sa.ColumnElement[str]
     if tx.postgresql:
         utc = sa.func.timezone("UTC", parts.c.created_at)

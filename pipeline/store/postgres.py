@@ -57,7 +57,7 @@ class PatientConnection(psycopg.Connection[tuple[Any, ...]]):
         try:
             wanted = next(gen)
             while True:
-                ready = yield wanted  # none of it, several times a second
+                ready = yield wanted  # without waiting, several times a second
                 if ready:
                     heard_s = time.monotonic()
                 elif time.monotonic() - heard_s > silent_s:

@@ -43,11 +43,11 @@ from pipeline.store.tables import events, parts
 
 CLAIM_S = 300.0
 _NOT_CLAIMED = {"claim_holder": None, "claim_who": None, "claim_until": None}
-# an event of these kinds keeps a whole record, of which the history tells this much
+# an event of these kinds keeps a whole record; the history shows these fields of it
 _TOLD = {
     READ: ("source", "text", "decision", "confidence"),
     REVIEWED: ("action", "before", "after", "who"),
-    HALF_REVIEWED: ("who",),  # not what was said: the next person is not to know
+    HALF_REVIEWED: ("who",),  # not the text: the next person must not see it
     AUDITED: ("who", "before", "after", "note"),
 }
 T = TypeVar("T")

@@ -100,7 +100,7 @@ parts = _table(
     # after review: whether the reading was right, of how many characters, and how many of them
     *_empty(FLAG, "was_right"),
     *_empty(NUMBER, "characters", "characters_right"),
-    # in shadow mode: whether the line's own reader has said the same, and where the part would stand; of an accepted
+    # in shadow mode: whether the line's own reader agrees, and the state that the part would have; of an accepted
     # part drawn to be read by a person as well: waiting, or what came of it
     *_empty(WORD, "agreement", "would_be", "audit"),
     # the person that has it open, and the end of that claim

@@ -1,7 +1,7 @@
-"""A Dask cluster as an executor: workers on many machines, of which any may be lost.
+"""A Dask cluster as an executor: workers on many machines, any of which may be lost.
 
 Dask gives the task of a lost worker to another one, and gives up a task that several workers have died of. It blames
-all that such a worker had before it, though one alone has killed it: where several are blamed, `Executor.calls` tries
+all jobs that such a worker had, though only one has killed it: if several are blamed, `Executor.calls` tries
 each once more by itself.
 """
 

@@ -110,7 +110,7 @@ class Executor:
                 lost.append(outcome.task)
                 tried, last = error.tried, outcome
                 continue
-            # where this process works itself, the next one is there because it was done before this one is told
+            # if this process works itself, the next outcome is there because it finished before this one was reported
             yield replace(outcome, more=self._ahead() > 1 and not done.empty())
         if tried and len(lost) == 1:
             # lost without others, in an executor that tries again itself: it has killed each of its workers

@@ -312,7 +312,7 @@ class WorkPool(Executor):
             worker.end()
 
     def _not_wanted(self) -> bool:
-        """Whether a worker is of no use any more; jobs that wait for one too long are given up."""
+        """Whether a worker can no longer be used; jobs that wait for one too long are given up."""
         self._give_up_waiting()
         return self._stopped.is_set() or (self._closing.is_set() and not self._waiting)
 

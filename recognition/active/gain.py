@@ -70,7 +70,7 @@ def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
     """s of the docstring.
 
     Args:
-        recent: looks of which the surest counts.
+        recent: number of last looks; the surest of them counts.
     """
     best = max(confidences[-recent:])
     return 1.0 + math.log10(max(best, _LEAST)) / 4.0
@@ -78,7 +78,7 @@ def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
 
 @cache
 def fitted_gain() -> Gain:
-    """As it was fitted."""
+    """Load the fitted model."""
     fitted = json.loads(FITTED.read_text(encoding="utf-8"))["gain"]
     ways = {Way(name): WayGain(**own) for name, own in fitted["ways"].items()}
     return Gain(ways, fitted["sure"], fitted["surer"], fitted["looks"])

@@ -2,9 +2,9 @@
 
     O or Q?     along x ------>  meets walls that run up and down       a wall shows where a whisker crosses it: a
                 across  |        meets walls that run along the line    tail, a bar or a gap that lies along the only
-                        v                                               travel felt speaks for neither text
+                        v                                               felt travel supports neither text
 
-A place has a rival where the format allows another character that is declared to be taken for the one read, or that
+A place has a rival if the format allows another character that is easily confused with the one read, or that
 is still believed. There, lines of both axes must lie close together from edge to edge of the character.
 """
 
@@ -33,7 +33,7 @@ class LackingLines:
 
     Attributes:
         place: index of the place, from 0.
-        ways: any of which lays the lines that are missing.
+        ways: directions, each of which adds the lines that are missing.
     """
 
     place: int

@@ -1,12 +1,12 @@
 """Possible next steps: steps of one or more passes, laid between those that were felt before.
 
-A step lays one line more to half a character's height: with whiskers half a height apart that is one travel of the
+A step adds one line per half character height: with whiskers half a height apart that is one travel of the
 array for each block of the region, with whiskers a height apart it is two::
 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
 
-The first direction begins with `FIRST` such lines, 8 to a character's height: fewer show no shapes. One that joins it
+The first direction begins with `FIRST` such lines, 8 per character height: fewer show no shapes. One that joins it
 begins with `JOINED`.
 """
 
@@ -26,7 +26,7 @@ from whisker_array.whisker.passes import Pass
 Region = tuple[float, float, float, float]
 
 FIRST, JOINED, MOST = 4, 2, 16
-"""Lines to half a character's height that the first direction begins with, any other, and that one has at most."""
+"""Lines per half character height: at the start of the first direction, of any other, and at most."""
 LEAD_HEIGHTS = 0.3
 RIM_HEIGHTS = 0.5
 """Land at either rim of a region that need not be felt: less than a character."""
@@ -36,7 +36,7 @@ class Way(StrEnum):
     """Directions of a step.
 
     Attributes:
-        direction: the way the whiskers are dragged.
+        direction: direction in which the whiskers are dragged.
         shift: shift of its lines, in spacings of eight per half character height: lines on the way back lie between the
             first eight.
         purpose: purpose of the step, in words.
@@ -53,7 +53,7 @@ class Way(StrEnum):
         shift: float = 0.0,
         purpose: str = "",
     ) -> Self:
-        """Its name in records, and the attributes."""
+        """Make a member from its name in records and its attributes."""
         made = str.__new__(cls, value)
         made._value_, made.direction, made.shift, made.purpose = value, direction, shift, purpose
         return made
@@ -66,7 +66,7 @@ class Way(StrEnum):
 
 @dataclass(frozen=True)
 class Step:
-    """Passes that are felt before anybody looks again.
+    """Passes that are felt before the next look.
 
     Attributes:
         way: their direction.

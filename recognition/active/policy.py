@@ -32,7 +32,7 @@ class Progress:
         text: text of the last look.
         confidence: confidence of the last look; 0 without one.
         confidences: confidences of all looks.
-        steady: looks before the last one that said the same and believed it more likely than not.
+        steady: number of looks before the last one that read the same text with a probability above 0.5.
         steps: way of each step, its lines after it.
     """
 
@@ -104,7 +104,7 @@ class Ladder:
     """Steps in a fixed order.
 
     Attributes:
-        rungs: ways, and lines to half a character's height that each is brought to, in order.
+        rungs: ways, and the lines per half character height that each is brought to, in order.
     """
 
     rungs: tuple[tuple[Way, int], ...]

@@ -63,7 +63,7 @@ class LineBelief:
 
         Args:
             grammar: the format.
-            alike: characters of which any may stand for the others.
+            alike: groups of characters that may stand for each other.
         """
         return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
 

@@ -1,4 +1,4 @@
-"""What a certificate rests on: the risk of accepted readings, and whether parts are like those that were certified.
+"""Statistics of a certificate: the risk of accepted readings, and whether parts are like those that were certified.
 
     surest ----------------------------> least sure
     0.9999   0.999   0.99   0.98   0.97  ...
@@ -10,7 +10,7 @@ wrong", tested by the exact binomial, from the strictest to the most lenient, up
 Tested in a sequence that was fixed beforehand, each may use the whole of 1 - confidence: no matter how many there are,
 the chance that one is certified whose true risk is higher is at most 1 - confidence.
 
-Two things are taken for granted: the parts are independent and like those to come, and less sure readings are not
+Two things are assumed: the parts are independent and like those to come, and less sure readings are not
 right more often (thresholds at which too few are accepted for any answer are passed over, by their number alone).
 
 Whether parts are of the same kind is tested by their measures::

@@ -80,7 +80,7 @@ def doubted_guesses(
     """The reading, sent to review where a character of it may be one that its font was never taught.
 
     Where O was never enrolled, its shape is another font's, and the Q that was answers a true O about as well. A
-    character is doubted where it is such a guess, or where a guess comes near it.
+    character is doubted if it is such a guess, or if a guess comes near it.
 
     Args:
         reading: reading of the line.

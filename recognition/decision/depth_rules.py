@@ -184,7 +184,7 @@ def least_depth(min_depth_mm: float) -> DepthRule:
 
 
 def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
-    """The reading with what was found for every rule that its mark breaks; such a part is not accepted."""
+    """Add a finding for every depth rule that the mark breaks; such a part is not accepted."""
     if not reading.characters:
         return reading
     return reading.with_findings(*(finding for rule in rules for finding in _violations(reading, rule)))

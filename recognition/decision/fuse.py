@@ -129,7 +129,7 @@ def fused_lattice(
 ) -> tuple[Lattice, tuple[Finding, ...]] | None:
     """The beliefs of both, and where they contradict each other; None where vision has nothing to say.
 
-    Both have read the line that the format means, or the only one: as many places are taken for the same ones.
+    Both have read the line with the format, or the only one: equally many places count as the same places.
 
     Args:
         touch: reading by touch.

@@ -110,7 +110,7 @@ class ReadingTrace:
 
     Attributes:
         edge_map: what matching worked on: of touch in the plate frame, of vision in the photo frame.
-        lattice: beliefs of the places before the format has its say; None of a fused reading.
+        lattice: posteriors of the places before the format is applied; None for a fused reading.
         open_lattice: posteriors without the format; None where they were not computed.
         choice: their text in the format; None where the reading rests on correlation alone.
         odds: log odds of the text by recogniser, templates and format; of a fused reading those of touch; None where no

@@ -121,7 +121,7 @@ def _of_strokes(
 def _of_land(
     relief: Relief, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
 ) -> Mapping[Measure, float]:
-    """Roughness of the land, by itself and in parts of the marks' depth.
+    """Roughness of the land, in µm and relative to the marks' depth.
 
     Args:
         relief: the felt relief.
@@ -296,6 +296,6 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
 
 
 def serial_is_sure(reading: Reading) -> bool:
-    """Whether another scan reads nothing better: it is accepted but for rules for its mark and its orientation."""
+    """Whether another scan cannot help: the serial would be accepted without the rules for its mark and orientation."""
     beside = MEASURE_FLAGS | ReadingFlag.ORIENTATION_UNKNOWN
     return replace(reading, flags=reading.flags & ~beside).decision is Decision.ACCEPT

@@ -202,5 +202,5 @@ def count_belief(
 def _as_heard(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """As the sums take it: logarithms of the blank, shares of characters."""
+    """Convert to the form of the sums: logarithms of the blank, shares of characters."""
     return np.ascontiguousarray(log_blank, dtype=np.float64), np.exp(log_chars, dtype=np.float64, order="C")

@@ -63,7 +63,7 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
     Args:
         view: view to be read.
         line: line to be read.
-        rows: shown, of which HEIGHT_ROWS are a character height.
+        rows: number of rows; HEIGHT_ROWS are a character height.
         margin: before and after the line, character heights.
         pixels: pixels per character height.
     """
@@ -128,12 +128,12 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
 def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0.1) -> Image:
     """(T, rows, columns) normalised correlation of templates of one size wherever they lie within an image.
 
-    Layers that are zero everywhere, as of directions that were not felt, are left out of both.
+    Layers that are zero everywhere, such as directions that were not felt, are left out of both.
 
     Args:
         image: (rows, columns, layers).
         templates: (rows, columns, layers).
-        least_felt: share of a template's amplitude, below which a felt pattern is taken for land.
+        least_felt: share of a template's amplitude below which a felt pattern counts as land.
     """
     from glyphs.opencv import cv2
 
@@ -228,7 +228,7 @@ def beside(
     """The characters of a chain, and those that surely stand in a line beside them, left to right.
 
     Args:
-        response: (T, columns), as of `chain_of`.
+        response: (T, columns), as in `chain_of`.
         glyphs: the templates.
         font: whose they are.
         placed: characters of a format.

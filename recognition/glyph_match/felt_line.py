@@ -54,7 +54,7 @@ _BEYOND = 2 * PIXELS
 
 @dataclass(frozen=True, eq=False)
 class DepthStrip:
-    """The depths felt along a line, PIXELS to a character height.
+    """The depths felt along a line, PIXELS per character height.
 
     Attributes:
         depth: (rows, columns) below the land about, in units of noise; rows are odd, the middle one is the line's.
@@ -279,7 +279,7 @@ def _depth_strip(
         known: (rows, columns) where it was felt.
         columns: (places,) of the middles of the places.
         land_heights: width over which the land is the median of what was felt, character heights.
-        land_steps: pixels, of which that takes one.
+        land_steps: pixels between the samples used for this.
         deep_percent: percentile of the line's samples that is the depth of its strokes.
         noise: least and greatest, shares of that depth; between them the samples' median distance from their median.
     """

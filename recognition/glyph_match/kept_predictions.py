@@ -1,4 +1,4 @@
-"""What is predicted of fonts, kept on disk beside the kernels: the next process need not predict it again.
+"""Predictions for fonts, kept on disk beside the kernels so that the next process need not compute them again.
 
     outlines, die, touch or lamps, program --digest--> predicted-DIGEST.npz --there?--> arrays
                                                             '--no: predicted, and written--'
@@ -27,7 +27,7 @@ from glyphs.errors import FileError
 from glyphs.kernel_cache import folder_of
 
 MOST_BYTES = 200_000_000
-"""Of all files: a font takes 8 MB as it is felt, and 14 MB as a camera sees it."""
+"""Limit for all files: a font takes 8 MB by touch and 14 MB by camera."""
 
 Arrays = Mapping[str, NDArray[Any]]
 

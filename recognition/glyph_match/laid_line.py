@@ -1,4 +1,4 @@
-"""What the depths of a named font say at the doubtful places of a line that the recogniser has read.
+"""Evidence from the depths of a named font at the doubtful places of a line that the recogniser has read.
 
     text as read --a pose each--> smooth poses along the line
     doubtful place: each character that is likely, laid about its pose --likelihoods--> lattice
@@ -41,7 +41,7 @@ def with_depths(
         doubtful: probability of the surest character below which a place is doubtful.
         likely: probability from which a character is laid over a doubtful place. Of 178 lines with the font named, at
             dirt 0.3 to 0.9, depths raise the serials right from 135 to 140 and those surer than 0.97 from 110 (1 wrong)
-            to 113 (1). One half set the numbers of this module, but for the next two; the other half gained as much.
+            to 113 (1). One half set the numbers of this module, except the next two; the other half gained as much.
         least_suits: correlation of the text as read with the line, from which the font's depths count: of 23 dotted
             lines, which undotted templates fit badly, the best has 0.35.
         most_nats: greatest advantage of one character over another by depths: a stroke that dirt fills is one event,
@@ -89,7 +89,7 @@ def _smooth_poses(felt: FeltLine, together: Lattice, font: Font) -> Floats:
 
 
 def _smooth(values: Floats, along: Floats, weights: Floats, *, order: int, scatter: float) -> Floats:
-    """A polynomial along the line through values, of which some are wrong."""
+    """Fit a polynomial along the line, robust against wrong values."""
     from scipy.optimize import least_squares
 
     powers = along[:, None] ** np.arange(order + 1)

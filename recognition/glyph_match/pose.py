@@ -3,7 +3,7 @@
     felt depth                 predicted depth, moved, turned, sized        what is left
     .. 0 8 9 9 7 0 ..    -     ..  0 9 9 9 9 0 ..  x depth + a plane   =    noise, or dirt
 
-A sample is either felt as predicted, but for noise, or it tells nothing: dirt lies on it, or a scratch runs there. A
+A sample is either felt as predicted, with noise, or it has no information: dirt lies on it, or a scratch runs there. A
 missing stroke, or a groove that the character does not have, counts against it only up to a limit. The logarithm
 of this mixture's likelihood, summed over the samples of a place, compares characters with each other.
 
@@ -29,7 +29,7 @@ Glyph = NDArray[np.float32]
 """(rows, columns, 3) of a predicted character, its middle in the middle pixel: depth in usual depths, and how that
 rises to the right and down, per character height."""
 PIXELS = 24
-"""Pixels to a character height."""
+"""Pixels per character height."""
 RIGHT, DOWN, TURN, WIDE, TALL, DEEP, LEVEL = range(7)
 NUMBERS = 9
 
@@ -63,7 +63,7 @@ def spread_of_poses(
     tall: float = 0.05,
     land: float = 0.5,
 ) -> Floats:
-    """Standard deviations of poses about what is expected, each in the unit of its number but for the turn."""
+    """Standard deviations of poses about the expected one, each in its own unit except the turn."""
     return np.array([right, down, math.radians(turn_deg), wide, tall, deep, land, land, land])
 
 
@@ -99,7 +99,7 @@ class PlaceSamples:
         return np.asarray(seen.reshape(self.felt.size, -1), dtype=np.float64)
 
     def _inside(self, at: Floats) -> tuple[Floats, Floats]:
-        """Where the samples lie in the frame of a character in a pose, character heights."""
+        """Positions of the samples in the frame of a character in a pose, character heights."""
         right, down = self.right - at[RIGHT], self.down - at[DOWN]
         cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
         along, across = cos * right + sin * down, cos * down - sin * right
@@ -156,7 +156,7 @@ class PlaceSamples:
             glyph: the character.
             about: the pose that is expected.
             spread: standard deviations about it.
-            starts: poses, of which the likeliest is fitted.
+            starts: poses; the likeliest one is fitted.
             most_steps: greatest number of steps of the fit.
         """
         from scipy.optimize import least_squares

@@ -47,7 +47,7 @@ from whisker_array.whisker.touch import Touch
 CANONICAL_HEIGHT_MM = 5.0
 """Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
 PIXELS = 40
-"""Template pixels to a character height."""
+"""Template pixels per character height."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ class CheckDigit:
         return cls(name, int(match["first"] or 1), last)
 
     def __str__(self) -> str:
-        """As `parse` reads it."""
+        """The notation that `parse` reads."""
         if (self.first_place, self.last_place) == (1, None):
             return self.name
         return f"{self.name}@{self.first_place}-{self.last_place or ''}"

@@ -6,12 +6,12 @@
 
     w(s) = product of b_i(s_i)                        belief in a string
     Z    = sum of w over all allowed strings          the serial is read whole
-    N    = product of (a_i + r_i) - product of a_i    at least one place bears no character
+    N    = product of (a_i + r_i) - product of a_i    at least one place has no character
     probability of s = w(s) / (Z + N)
 
 The best *allowed* string is found, not the best string checked afterwards, and Z is exact: see `automaton`. N is
 exact for formats and sets; elsewhere it is an upper bound, for what stands at the other places is held to the
-places' characters only. Strings that are not allowed count for nothing: the format is taken for certain. How far
+places' characters only. Strings that are not allowed have probability 0: the format is assumed to hold. How far
 the lattice believes in it is the valid mass, Z: where it is small something else was read than the format allows.
 The reward that a string deserves for being one of few (a check digit holds by chance in one of 37) is left out, on
 the safe side.
@@ -165,7 +165,7 @@ def _ask(
     asked = _Asked(np.zeros(lattice.log_belief.shape))
     for text, weight in islice(strings, most_tests):
         share = math.exp(weight - log_z)
-        # sums of shares are right to some 1e-12: less than that is never taken for nothing
+        # sums of shares are right to some 1e-12: a smaller rest is never treated as zero
         asked.left = max(asked.left - share, 1e-12)
         if all(check.holds(text) for check in grammar.opaque):
             asked.found.append((text, weight))

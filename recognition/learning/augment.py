@@ -89,7 +89,7 @@ def _cut_again(
 
 
 def _left_out(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
-    """Directions, the heights or the edges, lines of the scan, and spots of which nothing is known."""
+    """Drop directions, heights or edges, lines of the scan, and spots."""
     n, _, rows, columns = strips.shape
 
     def happens(share: float, *shape: int) -> Tensor:
@@ -97,7 +97,7 @@ def _left_out(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
 
     kept = torch.ones(n, 4, 1, 1)
     kept *= 1 - happens(0.3, 1) * happens(0.4, 4)
-    kept *= 1 - happens(0.15, 1)  # heights alone, as of an instrument
+    kept *= 1 - happens(0.15, 1)  # heights alone, as from an instrument
     strips[:, EDGES:KNOWN] *= kept
     none = (kept.amax(dim=1, keepdim=True) == 0).float()
     strips[:, HEIGHTS : HEIGHTS + 1] *= 1 - happens(0.12, 1) * (1 - none) * felt.reshape(n, 1, 1, 1)

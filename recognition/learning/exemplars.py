@@ -44,7 +44,7 @@ DEEP_PERCENT = 97.0
 
 
 class ExemplarError(MarksError):
-    """A part of which nothing can be cut."""
+    """No character of a part can be cut out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ def cut_scan(
         least_likely: posterior of a character, mean of the text, below which it does not fit the marks.
 
     Returns:
-        A cut a character, in order; those of which too little was felt are left out.
+        One exemplar per character, in order, without those of which too little was felt.
 
     Raises:
         ExemplarError: no text, no heights, or no marks that it fits.

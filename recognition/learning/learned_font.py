@@ -122,7 +122,7 @@ def learn_font(
         chars: (n,) what each exemplar is, one at least.
         reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
             not known (`recognition.learning.exemplars.Cut.relief`).
-        known: fonts of which the nearest stands for characters never felt.
+        known: known fonts; the nearest one provides characters that were never felt.
         vouching: whether it may vouch for exemplars with fewer than `FEWEST_SIBLINGS` that agree; else these teach
             nothing.
 

@@ -31,7 +31,7 @@ class ReadText(Protocol):
 
     @property
     def text(self) -> str:
-        """As read."""
+        """The serial that was read."""
 
     @property
     def decision(self) -> str:
@@ -49,7 +49,7 @@ class ReadText(Protocol):
 def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
     """Parts whose characters the lot learns from, and their texts, by name.
 
-    Those that were accepted, surest first, as long as each brings a character of which there are few.
+    Those that were accepted, surest first, as long as each adds a character that is still rare.
 
     Args:
         readings: readings of the lot, in any order.

@@ -24,7 +24,7 @@ from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 _BROAD = 0.4
 """Sigma, character heights: what is broader is the plate, not the mark."""
 _COARSENESS = 6
-"""Pixels to a character where it is blurred."""
+"""Pixels per character where it is blurred."""
 COLUMNS = 20
 """Columns of a strip are a multiple of this: 24 of the picture, three steps."""
 
@@ -125,7 +125,7 @@ class Recogniser(nn.Module):
         return kept
 
     def train(self, mode: bool = True) -> Recogniser:
-        """As torch has it, but what normalises stays as it was learned from print."""
+        """Switch the mode as torch does, but keep the statistics of normalisation learned from print."""
         super().train(mode)
         for module in self.body.modules():
             if isinstance(module, nn.BatchNorm2d):

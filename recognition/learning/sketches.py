@@ -25,7 +25,7 @@ from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 _FINE = ROWS // TALL_ROWS
 """Pixels of the sketch to one of the strip."""
 _H = HEIGHT_ROWS * _FINE
-"""Pixels to a character's height."""
+"""Pixels per character height."""
 
 
 def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[TrainingStrip]:

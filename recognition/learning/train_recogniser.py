@@ -170,7 +170,7 @@ def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, t
 
 
 def choose_strips(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
-    """Draw the strips to learn from in this round: fewer of the kinds of which there are many."""
+    """Draw the strips to learn from in this round: fewer of frequent kinds."""
     return [strip for strip in strips if rng.random() < _share(strip)]
 
 

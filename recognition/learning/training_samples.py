@@ -40,7 +40,7 @@ TALL_ROWS = 64
 WIDE_MARGIN = 0.8
 """Land before and after the line in a file, character heights."""
 VIEW_ROWS = 16
-"""Pixels of a view to a character's height."""
+"""Pixels of a view per character height."""
 
 
 @dataclass(frozen=True, eq=False)

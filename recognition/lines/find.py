@@ -25,7 +25,7 @@ from recognition.views.view import HEIGHTS, View
 
 WEIGHTS = Path(__file__).with_name("finder.onnx")
 FINDER_ROWS, CELL = 12, 4
-"""Pixels to a character's height that the network knows, and to a cell."""
+"""Pixels per character height that the network was trained on, and pixels per cell."""
 _TALLEST, _LOW = 0.95, 0.13
 """Characters looked for, of the view's smaller side; `recognition.lines.tiles` finds smaller ones."""
 _LEAST_PIXELS = 6.0

@@ -19,7 +19,7 @@ stamped parts, gothic, 32 characters each, default whisker and ball; micrometres
 Nothing of this is corrected. A place that stands above the land, filled over or heaped with dirt, has no depth: it
 counts as 0, never as less. In a V of 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom,
 13, 21, 29 and 54 micrometres here, and the truth is the deepest point, where strokes of a V meet.
-Such a mark is measured too shallow, never too deep. Of a raised SHARP mark the crest is averaged away, a third of it.
+Such a mark is measured too shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.
 
 The burr is the rim beside the strokes, averaged over a few points along them. Touch rounds it off: of a rim 0.04 mm
 high, K804217 of 5 mm, the share felt is 0.19 where it is 0.1 mm wide, 0.42 at 0.225, 0.67 at 0.4, 0.78 at 0.6 and 0.81
@@ -110,7 +110,7 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
         relief: the surface as felt; a margin of one sample is reckoned with.
         laid: the text.
         place: place of the character.
-        ahead_heights: distance along a normal by which its direction is told, character heights.
+        ahead_heights: distance along a normal at which its direction is determined, character heights.
     """
     line = centre_line(laid.font, laid.text[place], face=laid.face)
     on, ahead = (

@@ -38,7 +38,7 @@ LIMITS = {
 PASSING = 2
 """Least grade that asks for nothing: C, as is usual."""
 OWN_FIT = 0.75
-"""Mean correlation of edges from which an unnamed font is taken for the part's."""
+"""Least mean correlation of edges for an unnamed font to count as the part's own."""
 LETTERS = "FDCBA"
 Edges: TypeAlias = tuple[Image, Image]
 """Felt and predicted, (rows, columns, layers) each."""

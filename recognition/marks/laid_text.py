@@ -91,7 +91,7 @@ def laid_text(
         felt: the line.
         text: a character a place.
         fonts: fonts to choose from.
-        stand_ins: further fonts, one of which is taken where it suits clearly better.
+        stand_ins: further fonts; one of them is used if it fits clearly better.
         clearly: correlation by which. Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another
             one better by less than this, and 2 by 0.08.
     """

@@ -1,7 +1,7 @@
 """Data Matrix and QR codes in a photograph: their text and where they are.
 
 pixels --zxing-cpp--> Code                        decoded, with a correct checksum
-pixels, Code --inpainting--> pixels without it    a code's modules must not be taken for strokes
+pixels, Code --inpainting--> pixels without it    a code's modules must not look like strokes
 
         p0 +--------+ p1
            | # ## # |          corners of a code in its reading direction, in the photo frame

@@ -1,4 +1,4 @@
-"""The first pass over a part of which nothing is known: coarse, and at a scale that is always the same.
+"""The first pass over an unknown part: coarse, and always at the same scale.
 
     part --whiskers for 4 mm characters, every 0.15 mm, there and back--> view --find lines--> character heights
                                                                                                      |
@@ -92,7 +92,7 @@ def felt_heights_mm(
 
 
 def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None, first_lines: int = 26) -> Scan:
-    # first_lines: lines of the first pass to such a height: characters of half of it still have thirteen.
+    # first_lines: lines of the first pass per height of this size: characters half as high still have thirteen.
     plan = default_plan(
         (0.0, 0.0, *surface.size_mm),
         character_height_mm=FIRST_HEIGHT_MM,

@@ -34,7 +34,7 @@ class TextLine:
         height_mm: height of the characters.
 
     Raises:
-        ValueError: fewer than two points, points that are not finite, a curve or height of no length.
+        ValueError: fewer than two points, points that are not finite, or a curve or height of length 0.
     """
 
     centre_mm: Points

@@ -150,7 +150,7 @@ class View:
 
         Args:
             line: where it lies.
-            rows: shown, of which the line's middle is the middle.
+            rows: number of rows; the middle one is the middle of the line.
             margin: margin of land before and after it, character heights.
             zoom: pixels for one of a usual strip.
 

@@ -1,6 +1,6 @@
 """Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations.
 
-A `Bench` holds numbers by name, but for those that every whisker of a comb has of its own (`OF_GAUGE`).
+A `Bench` has its numbers by name, except those that differ from whisker to whisker (`OF_GAUGE`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Unknown(StrEnum):
     """A number that is found, gains apart.
 
     Attributes:
-        sd: standard deviation before anything is recorded; of radius and preload in parts of themselves.
+        sd: prior standard deviation; relative for radius and preload.
     """
 
     sd: float
@@ -62,7 +62,7 @@ MEMORY_SD = 0.02
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
 GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
-"""Standard deviation of a tip's radius, in parts of itself, as it is ground and after long use."""
+"""Relative standard deviation of a tip's radius, freshly ground and after long use."""
 LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
 """Leads of usual screws (ISO 3408-2, the small ones)."""
 TRAVEL_SD, WAVE_SD_MM = 0.023 / 300.0, 0.0025

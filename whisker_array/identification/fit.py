@@ -1,4 +1,4 @@
-r"""The bench that a recording speaks of: least squares on the contact simulation, and how sure each number is.
+r"""Identify a bench from a recording: least squares on the contact simulation, with the uncertainty of each number.
 
     minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
@@ -119,7 +119,7 @@ class Identified(OneLine):
 
     @property
     def misfit(self) -> float:
-        """Misfit, rms in parts of the uncertainty of a sample: 1 where the model explains all.
+        """Rms misfit divided by the uncertainty of a sample: 1 if the model explains all.
 
         The worst `_JUMPED` are left out: where a tip slips or jams otherwise than predicted they say no more than that.
         """
@@ -283,7 +283,7 @@ def _solve(
     before: NDArray[np.float64],
     free: NDArray[np.bool_],
 ) -> tuple[Fitted, NDArray[np.float64]]:
-    """Least squares on a plane, and (n,) the step there from its middle, which is so far away from nominal."""
+    """Least squares on a plane, and the step (n,) from its middle, which is `away` from the nominal parameters."""
     step = np.zeros(before.size)
     for wider in FEWER:
         left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))

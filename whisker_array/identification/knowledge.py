@@ -1,4 +1,4 @@
-"""How well the numbers of a whisker are known."""
+"""Uncertainty of the numbers of a whisker."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Knowledge(OneLine):
     """Covariance of a whisker's numbers.
 
     Attributes:
-        names: numbers, of `OF_WHISKER`; others count as known. The stiffness is in parts of the whisker's own.
+        names: numbers, of `OF_WHISKER`; others count as known. The stiffness is relative to the whisker's own.
         covariance: (n, n) of them.
 
     Raises:

@@ -23,9 +23,9 @@ from glyphs.compiled import CONTRACTED, kernel, read_only
 from whisker_array.identification.traces import Trace
 
 WALK = 0.03
-"""Step of a level's walk between two samples, in parts of their scatter: measured on benches of known numbers."""
+"""Step of a level's walk between two samples, divided by their scatter; measured on benches of known parameters."""
 BEGINS = 0.5
-"""Error of a level where a pass begins, in parts of the scatter of a sample."""
+"""Error of a level at the start of a pass, divided by the scatter of a sample."""
 FEW = 4.0
 """Sigmas beyond which a residual is no scatter."""
 

@@ -29,7 +29,7 @@ from whisker_array.whisker.touch import Touch
 
 _BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
 _MOMENT_SAMPLES = 16
-"""Samples of which the bench takes a reading: so short that creep is not in it."""
+"""Number of samples from which the bench takes a reading: too short for creep."""
 _BEYOND_HEIGHTS = 0.5
 """Run of whiskers beyond the part, at most, character heights."""
 

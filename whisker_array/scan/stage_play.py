@@ -57,7 +57,7 @@ def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
 
 
 def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
-    """The plan as the stage runs it, but for the screw's wave, which is not even along a line.
+    """The plan as the stage runs it, except for the screw's wave, which varies along a line.
 
     Args:
         plan: the requested plan.

@@ -35,7 +35,7 @@ class WhiskerModes(OneLine, Validated, error=WhiskerError):
         omega_rad_s: (modes,) natural frequencies of the free whisker, ascending.
         tip: (modes, 2) shift of the tip along x and y in each mode.
         moment: (modes,) moment at the sensor in each mode.
-        rest_moment_mm: (2,) moment at the sensor for a unit force on the tip, less what the modes carry.
+        rest_moment_mm: (2,) moment at the sensor for a unit force on the tip, minus the part of the modes.
         held_hz: (held modes,) frequencies with the tip held in height.
         damping: share of critical damping of every mode.
 

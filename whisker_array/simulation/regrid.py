@@ -90,7 +90,7 @@ def _factor(ratio: float) -> int:
 
 
 def _block(ratio: float) -> int:
-    """Samples to be averaged to one: odd, since such a block has its centre on a sample."""
+    """Number of samples to average to one: odd, so that a block has its centre on a sample."""
     block = int(np.floor(0.5 / ratio + 1e-6))
     return block - (1 - block % 2)
 

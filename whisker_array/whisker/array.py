@@ -228,7 +228,7 @@ def default_plan(
     two_way: bool = False,
     lines_per_height: int = LINES_PER_HEIGHT,
 ) -> RasterPlan:
-    """A raster scaled to the character height: 40 lines to a character, by the default comb.
+    """A raster scaled to the character height: 40 lines per character with the default comb.
 
     Samples are always as close as for 40 lines: they cost no stage time.
 

@@ -8,7 +8,7 @@
            '-' pit          '---------.       V pits       \\____/
                                         '----'  run together
 
-One account is kept: all rust there is was metal, `rust = ratio * loss`, less what washes away or falls. The steel lost
+Mass is conserved: all rust was metal, `rust = ratio * loss`, minus what washes away or falls. The steel lost
 follows a fractal field over a local time that starts in nests; hollows lose less, since the rust that packs them
 keeps the air out. Larger characters are taken to have lain out for longer, so that lengths go with their height.
 

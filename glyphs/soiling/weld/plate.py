@@ -12,8 +12,8 @@ drops, scale and land along, never a floor that lies below the disc), drops of t
 slips. All of it is metal or oxide and hard: nothing yields under a tip, and what had been soft below is burnt.
 
 Sources:
-    - Drops: 0.1 to 3 mm, most of them small (log-normal, as of liquid that bursts: A. H. Lefebvre, Atomization and
-      Sprays). Large ones arrive fast and spread, small ones freeze as beads at an arrested contact angle of 40 to
+    - Drops: 0.1 to 3 mm, most of them small (log-normal, like drops of a bursting liquid: A. H. Lefebvre, Atomization
+      and Sprays). Large ones arrive fast and spread, small ones freeze as beads at an arrested contact angle of 40 to
       90 degrees (S. Schiaffino, A. A. Sonin, Phys. Fluids 9, 1997; J. Chapuis et al., Exp. Therm. Fluid Sci. 48, 2013).
     - Scale: bluish-black FeO and Fe3O4, here 5 to 50 um (R. Y. Chen, W. Y. D. Yuen, Oxid. Met. 56, 2001), brittle:
       cracks across the strain, shorter ones between, plates that lift and spall (M. Schuetze, Protective Oxide

@@ -1,4 +1,4 @@
-"""What a confidence is worth: calibration, and risk against coverage.
+"""Calibration of confidences, and risk against coverage.
 
 Calibration: of all readings with confidence p, a share p should be right.
 
@@ -29,7 +29,7 @@ class ReliabilityBin:
     """Readings of about one confidence.
 
     Attributes:
-        confidence: mean of those said.
+        confidence: mean of the reported confidences.
         right: share that was right.
     """
 
@@ -51,7 +51,7 @@ class Reliability:
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: int = BINS) -> Reliability:
-    """The diagram over bins of equal width, each open below and closed above but for the first.
+    """The diagram over bins of equal width, each open below (except the first) and closed above.
 
     Raises:
         ValueError: lengths that differ or confidences out of 0 to 1.

@@ -2,7 +2,7 @@
 
 A part may be read several times, with other things given; its readings hang together, so that whole parts are drawn
 again (cluster bootstrap), never single readings. A thing given is compared on the same parts and beside the same
-other things given: where one was always given together with another, the two are not taken for each other.
+other facts: two facts that were always given together are not confused with each other.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ class Design(BaseModel):
         cross: factors crossed in full.
         alike: whether the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
         part: levels of every factor of a part: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`.
-        given: sets of facts that readers are told; every part is read with each set.
+        given: sets of facts that readers are given; every part is read with each set.
         sections: groups of parts, one after the other.
         fonts: font files that `part.font` may name.
         kept_out_soils: held-out soils: nothing in this repository may be fitted to them.
@@ -166,7 +166,7 @@ class Design(BaseModel):
         """Return a design of the same parts for readers that are given other facts.
 
         Raises:
-            SettingsError: a fact that readers cannot be told.
+            SettingsError: a fact that readers cannot be given.
         """
         checked = tuple(map(parse_given, given))
         return self.model_copy(update={"given": checked}) if checked else self

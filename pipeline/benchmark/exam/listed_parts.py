@@ -1,4 +1,4 @@
-"""Parts made elsewhere: in files with a table of their texts, or in such a table alone."""
+"""Parts made elsewhere: files with a table of their texts, or that table alone."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class ListedParts:
         """The parts of a CSV with the columns part and text; every other column is a factor.
 
         Raises:
-            FileError: not such a table, or a severity that cannot be.
+            FileError: the table lacks columns, or a severity is impossible.
         """
         known = []
         for number, line in enumerate(load_part_lines(table)):

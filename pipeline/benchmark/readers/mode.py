@@ -127,7 +127,7 @@ class PartReadings:
 
     @property
     def edges(self) -> EdgeMap:
-        """What touch felt, as an edge map.
+        """Edge map of the scan.
 
         Raises:
             MarksError: it felt no edges.
@@ -136,7 +136,7 @@ class PartReadings:
 
     @property
     def relief(self) -> Relief:
-        """What touch felt, as heights.
+        """Relief of the scan.
 
         Raises:
             MarksError: it felt no heights.

@@ -2,7 +2,7 @@
 
 mode         level                           passes                            stops
 active L     worth of a serial, stage s      chosen one step ahead             when sure, or not worth it
-uniform L    lines to half a height          along x, evenly                   never before its end
+uniform L    lines per half height           along x, evenly                   never before its end
 random L     budget, stage s                 ways drawn at random              never before its end
 whole L      lines to a height               four directions, as usual         never before its end
 

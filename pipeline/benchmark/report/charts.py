@@ -1,6 +1,6 @@
 """Charts of a benchmark's report, for screen and paper; series can be distinguished without colour.
 
-Accuracy against severity; risk against coverage; reliability of what was said.
+Accuracy against severity; risk against coverage; reliability of confidences.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def risk_figure(groups: Sequence[Group]) -> Figure:
 
 @styled
 def reliability_figure(groups: Sequence[Group]) -> Figure:
-    """Confidence said against the share right, of serials and of characters of every mode.
+    """Reported confidence against the share right, for serials and characters of every mode.
 
     A bin's mark is larger the more it holds; bars are Wilson's 95 % intervals.
     """
@@ -152,7 +152,7 @@ def reliability_figure(groups: Sequence[Group]) -> Figure:
             _diagram(axes, diagram, style_of(mode)[0])
             axes.set_title(f"{mode}, {name}\nECE {diagram.error:.3f}")
     for axes in panels[-1]:
-        axes.set_xlabel("confidence said")
+        axes.set_xlabel("reported confidence")
     for axes in panels[:, 0]:
         axes.set_ylabel("share right")
     return figure
@@ -164,7 +164,7 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.set(xlim=ends, ylim=ends, xticks=ticks, yticks=ticks, aspect="equal")
     axes.grid()
     if not diagram.bins:
-        axes.text(0.5, 0.5, "no confidence said", ha="center", va="center")
+        axes.text(0.5, 0.5, "no confidence reported", ha="center", va="center")
         return
     x, y, n, low, high = np.transpose(
         [(b.confidence, b.right.value, b.right.total, b.right.low, b.right.high) for b in diagram.bins]

@@ -35,12 +35,12 @@ class Study:
 
     @cached_property
     def serials(self) -> list[Agreement]:
-        """How far serials agree, of the reader and the reviewers."""
+        """Agreement of serials between the reader and the reviewers."""
         return agreements(self.texts, self.truth)
 
     @cached_property
     def decisions(self) -> list[Agreement]:
-        """How far the reader's decisions agree."""
+        """Agreement of the reader's decisions."""
         return agreements(_by_appraiser(self.measured, "decision"))
 
     @cached_property
@@ -66,7 +66,7 @@ class Study:
 
     @cached_property
     def depth(self) -> GaugeRR | None:
-        """How well the mean depth of a part is gauged; None where `no_depth` says why."""
+        """Gauge study of the mean depth of a part; None for the reason in `no_depth`."""
         return None if self.no_depth else gauge_rr(list(self.depths.values()))
 
     @property

@@ -227,7 +227,7 @@ class _Caller:
 
     Attributes:
         writer: writer to the connection.
-        spoken: it has said a line.
+        spoken: whether it has sent a line.
         idle: its next line is waited for.
     """
 

@@ -103,7 +103,7 @@ class WatchedFolder:
         self._task: asyncio.Task[None] | None = None
         # each file or set as it stood at the last look, and since when it has stood so
         self._seen: dict[str, tuple[dict[str, FileStamp], float]] = {}
-        # keys of files that are read, or of no use
+        # keys of files that are read, or cannot be used
         self._known: set[str] = set()
         # attempts that came to nothing, by the part's key: why, and when the next one is due by the monotonic clock
         self._failures: dict[str, tuple[str, float]] = {}
@@ -231,7 +231,7 @@ class WatchedFolder:
         return False
 
     def _copies(self, part: WatchedPart, folder: Path) -> list[Upload]:
-        """Copies of a part's photographs; one that is of no use is named in the log and left out.
+        """Copy a part's photographs; name unusable ones in the log and leave them out.
 
         Raises:
             Problem: there are too many, or one was written to meanwhile.

@@ -62,7 +62,7 @@ class Connection:
 
     @property
     def why(self) -> str:
-        """What is wrong, and what to do about it; empty where nothing is."""
+        """The problem and its remedy; empty without one."""
         return self.error or next(iter(self.refused.values()), "")
 
     @property

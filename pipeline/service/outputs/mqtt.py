@@ -11,7 +11,7 @@
 * paho's network thread calls back; everything here happens in the event loop.
 * There is one connection at a time, made anew when it is next needed: for a result, or the next `ping`.
 * Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
-  after another one has said "offline".
+  after another one has published "offline".
 """
 
 from __future__ import annotations

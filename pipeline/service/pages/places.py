@@ -142,7 +142,7 @@ def why_not_accepted(part: PartRecord) -> tuple[str, ...]:
 
 
 def part_cells(part: PartRecord) -> tuple[Cell, ...]:
-    """The text of a part as it stands; what a person has said holds no doubt."""
+    """The present text of a part; a text from a person has no doubts."""
     cells = cells_of(part.text, places_of(part.reading))
     return cells if part.review is None else tuple(Cell(c.char, c.place, "") for c in cells)
 

@@ -152,7 +152,7 @@ def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:
 
 
 def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
-    """Keep what a person has said of a part; the next part.
+    """Store a person's answer for a part; return the next part.
 
     Raises:
         ConflictError: the part has changed since the page was made; ClaimedError, another person has it.

@@ -246,7 +246,7 @@ def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
 
     Args:
         named: module and callable, "module:callable"; called without arguments.
-        verbs: methods of which the driver must have one: open, feel, take.
+        verbs: open, feel, take; the driver must have one of these methods.
 
     Raises:
         SettingsError: no such module or callable, or a driver without any of the methods.

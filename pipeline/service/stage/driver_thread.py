@@ -73,7 +73,7 @@ class DriverThread:
         return outcome
 
     async def call_async(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
-        """As `call`, in a coroutine."""
+        """Do the same as `call` in a coroutine."""
         made = self._submit(work, timeout_s)
         answer = asyncio.wrap_future(made.future)
         try:

@@ -41,7 +41,7 @@ BODY_PATIENCE_S = 30.0
 BODY_MOST_S = 600.0
 """Longest time that a whole upload may take, s, even if data keeps arriving."""
 GONE = 499
-"""Status in the log, as of proxies, of a caller who has gone during an upload."""
+"""Status in the log for a caller who left during an upload, as proxies log it."""
 _SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _METHODS = frozenset({*_SAFE_METHODS, "POST", "PUT", "PATCH", "DELETE"})

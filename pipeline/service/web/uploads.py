@@ -86,7 +86,7 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
         number: number of the photograph, if there are several.
 
     Raises:
-        Problem: 415 for a file of no kind that is read, 422 for an empty one.
+        Problem: 415 for an unsupported kind of file, 422 for an empty one.
     """
     import anyio.to_thread
 
@@ -118,7 +118,7 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
         head: its first bytes, as many as `HEAD_BYTES`.
 
     Raises:
-        Problem: 415, a file of no kind that is read.
+        Problem: 415 for an unsupported kind of file.
     """
     if role == "photo":
         kind = kind_of(head)
@@ -158,7 +158,7 @@ class _Parser(MultiPartParser):
 class FormRoute(APIRoute):
     """A route that takes files, also those whose name is given as `filename*` alone (RFC 5987).
 
-    Older HTTP libraries send it so; the library that takes forms apart takes such a file for text.
+    Older HTTP libraries send it so; the form parser then treats the file as text.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
