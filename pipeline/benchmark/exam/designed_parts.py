@@ -23,6 +23,7 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
 from pipeline.common.settings import SettingsError
+from pipeline.common.texts import without_blanks
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 _LAND = 0.5
@@ -142,7 +143,7 @@ class DesignedParts:
         boxes = tuple(b for b, char in zip(stamped.boxes_mm, stamped.text, strict=True) if char != " ")
         return Specimen(
             part=item.part,
-            truth="".join(stamped.text.split()),
+            truth=without_blanks(stamped.text),
             height_map=part.height_map,
             soil=part.soil,
             take_photo=lambda: spec.photograph(part),
@@ -156,7 +157,7 @@ class DesignedParts:
 
     def truth_of(self, item: Item) -> str:
         """Return the text stamped on a part, without making the part."""
-        return "".join(text_of(self.spec(item.condition), item.number).split())
+        return without_blanks(text_of(self.spec(item.condition), item.number))
 
     def font_of(self, condition: Condition) -> str:
         """See `Parts`."""

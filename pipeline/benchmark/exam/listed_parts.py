@@ -12,6 +12,7 @@ from glyphs.fonts.serials import allowed_characters
 from pipeline.benchmark.exam.condition import Condition, Level
 from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.common.settings import SettingsError
+from pipeline.common.texts import without_blanks
 from pipeline.common.version import key_of
 from pipeline.formats.find_parts import discover
 from pipeline.formats.table_file import number_of
@@ -55,7 +56,7 @@ class ListedParts:
         if not found:
             raise FileError(truth, "has no row for these parts", "name the parts as their files")
         known = tuple(
-            Item(part.name, number, condition, files=part, truth="".join(text.split()))
+            Item(part.name, number, condition, files=part, truth=without_blanks(text))
             for number, (part, text) in enumerate(found)
         )
         folders = sorted({str(Path(part.height_map or part.name).parent) for part, _ in found})
@@ -81,7 +82,7 @@ class ListedParts:
             if severity is not None and not (isinstance(severity, float) and 0.0 <= severity <= 1.0):
                 what = f"line {line.line}: the severity is {severity!r}"
                 raise FileError(table, what, "it lies between 0 and 1")
-            known.append(Item(line.part, number, condition, truth="".join(line.text.split())))
+            known.append(Item(line.part, number, condition, truth=without_blanks(line.text)))
         return cls(tuple(known), table, {"truth": key_of({item.part: item.truth for item in known})})
 
     def items(self) -> list[Item]:

@@ -19,6 +19,7 @@ from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM, peer_reading
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.common.settings import SettingsError
+from pipeline.common.texts import without_blanks
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
@@ -125,7 +126,7 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
 
 def reading_of_answer(answer: Answer) -> Reading:
     """An answer as a reading."""
-    text = "".join(answer.text.split())
+    text = without_blanks(answer.text)
     # the confidence is in the whole text: each character has its share of it
     each = answer.confidence ** (1.0 / max(1, len(text)))
     accepted = answer.confidence >= ACCEPTED_FROM if answer.accepted is None else answer.accepted

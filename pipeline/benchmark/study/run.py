@@ -120,7 +120,7 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
             unknown[line.part] = None
             continue
         times.setdefault(who, Counter())[line.part] += 1
-        number, text = times[who][line.part], "".join(line.text.split())
+        number, text = times[who][line.part], without_blanks(line.text)
         answers.append(Trial(line.part, number, {RECORDED: True}, who, truth="", text=text))
     if not answers:
         raise FileError(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
+from pipeline.common.texts import without_blanks
 from pipeline.runs.journal import Journal
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class Trial:
 def answer_of(reading: Reading) -> dict[str, Any]:
     """The fields of a trial that a reading fills."""
     return {
-        "text": "".join(reading.text.split()),
+        "text": without_blanks(reading.text),
         "decision": reading.decision.value,
         "confidence": round(float(reading.confidence), 6),
         "characters": tuple(
