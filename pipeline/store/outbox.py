@@ -10,7 +10,7 @@ for longer than `LONGEST_WAIT_S`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -40,7 +40,7 @@ def put_in_outbox(
 
 
 def lease(
-    tx: Transaction, owner: str, targets: Collection[str], *, lease_s: float, limit: int = 100
+    tx: Transaction, owner: str, target: str, *, lease_s: float, limit: int = 100
 ) -> tuple[Delivery, ...]:
     """Take what is to be sent now, first what was never tried: until the lease ends it is the owner's to send.
 
@@ -50,9 +50,9 @@ def lease(
     Args:
         tx: the transaction.
         owner: name of a dispatcher that no other has.
-        targets: targets that it can send to.
+        target: target that it sends to.
         lease_s: time for which the others leave it alone, at most `LONGEST_LEASE_S`.
-        limit: most of them for each target.
+        limit: most of them.
     """
     # services on different machines share the database's clock; theirs may differ by more than a lease
     now = tx.execute(sa.select(sa.func.now())).scalar_one() if tx.postgresql else tx.now
@@ -68,10 +68,10 @@ def lease(
         until > now + timedelta(seconds=2.0 * LONGEST_LEASE_S),
     )
     is_due = sa.or_(due <= tx.now, due > tx.now + timedelta(seconds=LONGEST_WAIT_S))
-    asked = sa.select(outbox).where(free, is_due, ~waits).order_by(due, outbox.c.id).limit(limit)
-    asked = asked.with_for_update(skip_locked=True)  # another may be about to lease them
-    rows = [row for target in sorted(targets) for row in tx.execute(asked.where(outbox.c.target == target))]
-    if rows:
+    asked = sa.select(outbox).where(outbox.c.target == target, free, is_due, ~waits)
+    asked = asked.order_by(due, outbox.c.id).limit(limit)
+    # another may be about to lease them
+    if rows := tx.execute(asked.with_for_update(skip_locked=True)).all():
         taken = sa.update(outbox).where(outbox.c.id.in_([row.id for row in rows]))
         ends = now + timedelta(seconds=min(lease_s, LONGEST_LEASE_S))
         tx.execute(taken.values(owner=fit(owner, "the owner", limit=32), leased_until=ends))

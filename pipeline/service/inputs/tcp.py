@@ -28,7 +28,7 @@ from glyphs.plain_text import is_hidden
 from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString
 from pipeline.service.inputs.trigger import SparingLog, Trigger, in_words, one_of_the_busiest
 from pipeline.service.tasks import end_tasks
-from pipeline.service.web.own_user import is_in
+from pipeline.service.web.access import is_in
 
 if TYPE_CHECKING:
     from pipeline.service.settings import TcpSettings

@@ -215,7 +215,7 @@ class Dispatcher:
                 leased = await asyncio.to_thread(
                     self._outbox.lease,
                     self._owner,
-                    [target],
+                    target,
                     lease_s=pace.lease_s,
                     limit=1 if rests else pace.together,
                 )

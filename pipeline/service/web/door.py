@@ -24,8 +24,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import body_limit
 from starlette.requests import ClientDisconnect, HTTPConnection
 
+from pipeline.service.web.access import is_in, is_own_user
 from pipeline.service.web.addresses import without_prefix
-from pipeline.service.web.own_user import is_in, is_own_user
 from pipeline.service.web.problem import Problem, busy, problem_answer, problem_of, stopping
 
 if TYPE_CHECKING:

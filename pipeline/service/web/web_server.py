@@ -25,7 +25,7 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from pipeline.service.web.own_user import is_in
+from pipeline.service.web.access import is_in
 
 MOST_CONNECTIONS = 1000
 KEEP_ALIVE_S = 30

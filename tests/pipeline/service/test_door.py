@@ -25,8 +25,7 @@ from pipeline.common.records import PartState, Scope
 from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
-from pipeline.service.web.access import COOKIE
-from pipeline.service.web.own_user import is_in, is_own_user, user_of
+from pipeline.service.web.access import COOKIE, is_in, is_own_user, user_of
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.web.web_server import patient_protocol
 from pipeline.store.store import Store

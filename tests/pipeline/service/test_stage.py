@@ -64,12 +64,6 @@ def test_recording_lies_in_the_frame_of_the_order(
     assert lines.min() == pytest.approx(y0 + off[1])
 
 
-def test_region_is_cut_to_the_plate(plates: Path, tmp_path: Path) -> None:
-    plan = replace(STAGE_PLAN, region_mm=(-50.0, -50.0, 50.0, 50.0))
-    made = feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
-    assert read_scan(made).sweeps[0].plan.line_mm.min() >= 0.0
-
-
 def test_the_same_part_gives_the_same_moments(plates: Path, tmp_path: Path) -> None:
     moments = []
     for name in ("a", "b"):

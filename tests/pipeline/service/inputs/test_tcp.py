@@ -90,16 +90,6 @@ async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
         writer.close()
 
 
-async def test_a_return_at_the_end_of_a_packet_is_answered_without_waiting_for_a_line_feed() -> None:
-    async with listening() as port:
-        reader, writer = await asyncio.open_connection(port.host, port.port)
-        writer.write(b"PING\r")
-        assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
-        writer.write(b"\nPING\r\n")
-        assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
-        writer.close()
-
-
 def test_what_is_not_understood_is_told() -> None:
     assert answer_to(b"GO\r\n") == b"ERROR;unknown command, send TRIGGER name, TRIGGER:job name, or PING\r\n"
     for line in (b"PING PONG", b"PING:left", b"TRIGGER: P17", b"TRIGGERS:left P17"):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,82 +16,47 @@ import structlog
 from glyphs.errors import FileError
 from pipeline.common.private import open_no_link
 from pipeline.common.records import PartRecord
+from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.watch_folder import WatchedFolder
-from pipeline.service.intake import NewPart, Received, Touch
+from pipeline.service.intake import NewPart, Received
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import StoreError
-from pipeline.store.parts import IdempotencyKey
-from tests.support.line_fakes import LONG_S, part
-from tests.support.service_fixtures import inline_service
+from tests.support.line_fakes import LONG_S, reading
+from tests.support.service_fixtures import Served, inline_service
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 
 
-class Parts:
-    """What the folder submits to: keeps what it was given, and knows a key again."""
+class Bench:
+    """A folder, and a service that looks at it when it is told to; `anew` is a restart."""
 
-    def __init__(self, folder: Path) -> None:
-        self.open = True
-        self._folder = folder
-        self.received: list[tuple[NewPart, str, bytes]] = []
-        self.by_key: dict[str, PartRecord] = {}
+    def __init__(self, folder: Path, served: Served, *, a_set: int = 0, settle_s: float = 0.0) -> None:
+        self.folder = folder / "in"
+        self.folder.mkdir()
+        service, client = served
+        self.intake, self.store, self.portal = service.intake, service.store, client.portal
+        self.a_set, self.settle_s = a_set, settle_s
         self.problem: Exception | None = None
         self.problems: dict[str, Exception] = {}
         self.tried: set[str] = set()
-        self.store = self  # of which the folder asks what was read
-        self.meanwhile: Callable[[], object] = lambda: None
+        self._receive = self.intake.receive
+        self.intake.receive = self.receive  # type: ignore[method-assign]
+        service.jobs.save("housing-left", {"format": "A9"})
+        self.anew()
 
-    def can_read(self, _: str) -> bool:
-        return self.open
-
-    @contextlib.contextmanager
-    def work_folder(self) -> Iterator[Path]:
-        made = self._folder / f"work-{len(self.received)}"
-        made.mkdir(parents=True)
-        try:
-            yield made
-        finally:
-            shutil.rmtree(made)
-
-    async def receive(
-        self, new: NewPart, photos: Sequence[Upload], *, idempotency: IdempotencyKey
-    ) -> Received:
-        self.meanwhile()
+    async def receive(self, new: NewPart, photos: Sequence[Upload], **more: Any) -> Received:
         self.tried.add(new.name)
         if (problem := self.problems.get(new.name, self.problem)) is not None:
             raise problem
-        if idempotency.key in self.by_key:
-            return Received(self.by_key[idempotency.key], replayed=True)
-        self.received.append(
-            (new, " ".join(p.name for p in photos), b"".join(p.path.read_bytes() for p in photos))
-        )
-        self.by_key |= dict.fromkeys((idempotency.key, *idempotency.files), part(new.name))
-        return Received(self.by_key[idempotency.key])
-
-    def known_keys(self, asked: Iterable[str]) -> frozenset[str]:
-        return frozenset(asked) & self.by_key.keys()
-
-    @property
-    def names(self) -> list[str]:
-        return [new.name for new, _, _ in self.received]
-
-
-class Bench:
-    """A folder and what it submits to; `anew` is a restart."""
-
-    def __init__(self, folder: Path, *, a_set: int = 0, settle_s: float = 0.0) -> None:
-        self.folder = folder / "in"
-        self.folder.mkdir()
-        self.parts, self.a_set, self.settle_s = Parts(folder / "work"), a_set, settle_s
-        self.anew()
+        return await self._receive(new, photos, **more)
 
     def anew(self) -> None:
         settings = WatchSettings(
             folder=self.folder, job="housing-left", every_s=0.05, photos=self.a_set, settle_s=self.settle_s
         )
-        self.watched = WatchedFolder(settings, self.parts, most_bytes=1000, at_once=1)  # type: ignore[arg-type]
+        self.watched = WatchedFolder(settings, self.intake, most_bytes=1000, at_once=1)
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
         path = self.folder / name
@@ -111,20 +75,37 @@ class Bench:
                 said.setdefault(one["file"], []).append(one["why"])
         return said
 
+    @property
+    def parts(self) -> list[PartRecord]:
+        """All parts, the first one first."""
+        return [*reversed(self.store.parts())]
+
+    @property
+    def names(self) -> list[str]:
+        return [part.name for part in self.parts]
+
+    def sent(self, index: int) -> list[tuple[str, bytes]]:
+        """Name and content of the files kept for a part."""
+        kept = self.store.evidence(self.parts[index].id)
+        return [(one.name, self.intake.evidence.path(one.sha256).read_bytes()) for one in kept]
+
     def look(self, times: int = 2) -> list[str]:
         """Look so often; names of all parts so far."""
-
-        async def looks() -> None:
-            for _ in range(times):
-                await self.watched.look()
-
-        asyncio.run(looks())
-        return self.parts.names
+        for _ in range(times):
+            self.portal.call(self.watched.look)
+        return self.names
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
+def served(tmp_path: Path) -> Iterator[Served]:
+    read = ReadPart((reading(),))
+    with inline_service(tmp_path / "service", instead=lambda *_: read) as both:
+        yield both
+
+
+@pytest.fixture
+def bench(tmp_path: Path, served: Served) -> Bench:
+    return Bench(tmp_path, served)
 
 
 def test_whether_a_job_can_be_read_is_not_asked_in_the_event_loop(
@@ -132,7 +113,7 @@ def test_whether_a_job_can_be_read_is_not_asked_in_the_event_loop(
 ) -> None:
     asked_in: list[object] = []
     monkeypatch.setattr(
-        bench.parts, "can_read", lambda _: asked_in.append(asyncio._get_running_loop()) is None
+        bench.intake, "can_read", lambda _: asked_in.append(asyncio._get_running_loop()) is None
     )
     bench.put("part-3.png")
     assert bench.look() == ["part-3"]
@@ -144,11 +125,9 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
     assert bench.look(1) == []
     assert bench.look(1) == ["part-3"]
     assert bench.look(3) == ["part-3"]
-    new, name, data = bench.parts.received[0]
-    assert (new.touch, new.expected, name, data) == (Touch.STAGE, "", "part-3.png", PNG)
-    assert new.job == "housing-left"
+    assert (bench.parts[0].job, bench.sent(0)) == ("housing-left", [("part-3.png", PNG)])
     assert (bench.folder / "part-3.png").read_bytes() == PNG
-    assert not list((bench.folder.parent / "work").iterdir())
+    assert not list(bench.intake.evidence.incoming.iterdir())
 
 
 def test_one_that_is_being_written_waits(bench: Bench) -> None:
@@ -174,7 +153,7 @@ def test_one_that_is_written_to_while_it_is_copied_waits(
         patch.setattr(shutil, "copyfileobj", slowly)
         assert bench.look(2) == []
     assert bench.look(2) == ["a"]
-    assert bench.parts.received[0][2] == PNG + b"more"
+    assert bench.sent(0) == [("a.png", PNG + b"more")]
 
 
 def test_a_restart_submits_nothing_twice(bench: Bench) -> None:
@@ -225,7 +204,7 @@ def test_what_is_no_picture_is_told_of_once_a_start_and_left(bench: Bench) -> No
     assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
     bench.anew()
     assert bench.left() == said
-    assert bench.parts.names == ["good"]
+    assert bench.names == ["good"]
     assert len(list(bench.folder.iterdir())) == 7
 
 
@@ -240,16 +219,16 @@ def test_a_file_that_has_become_a_link_or_a_pipe_is_neither_followed_nor_waited_
 
 def test_a_photograph_that_cannot_be_read_is_left_until_it_changes(bench: Bench) -> None:
     bench.put("a.png")
-    bench.parts.problem = Problem(422, "a.png is cut short")
+    bench.problem = Problem(422, "a.png is cut short")
     assert bench.look(4) == []
-    bench.parts.problem = None
+    bench.problem = None
     assert bench.look(3) == []
     bench.put("a.png", PNG + b"the rest")
     assert bench.look(3) == ["a"]
 
 
 def test_what_cannot_be_taken_now_waits(bench: Bench) -> None:
-    busy = bench.parts.problems = {
+    busy = bench.problems = {
         "full": Problem(503, "full"),
         "fault": Problem(500, "fault of the program"),
         "away": StoreError("away"),
@@ -261,15 +240,15 @@ def test_what_cannot_be_taken_now_waits(bench: Bench) -> None:
         bench.put(f"{name}.png")
 
     async def looks() -> None:
-        while bench.parts.tried != set(busy):
+        while bench.tried != set(busy):
             await bench.watched.look()
-        assert bench.parts.names == []
-        bench.parts.problems = {}
-        while sorted(bench.parts.names) != sorted(busy):
+        assert bench.names == []
+        bench.problems = {}
+        while sorted(bench.names) != sorted(busy):
             await bench.watched.look()
             await asyncio.sleep(0.01)
 
-    asyncio.run(asyncio.wait_for(looks(), LONG_S))
+    bench.portal.call(asyncio.wait_for, looks(), LONG_S)
 
 
 def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
@@ -307,7 +286,7 @@ def test_a_store_that_does_not_answer_is_asked_again(bench: Bench, monkeypatch: 
 
     bench.put("a.png")
     with monkeypatch.context() as patch:
-        patch.setattr(bench.parts, "known_keys", away)
+        patch.setattr(bench.store, "known_keys", away)
         with pytest.raises(StoreError):
             bench.look(3)
     assert bench.look(3) == ["a"]
@@ -331,9 +310,9 @@ def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(
     for name in ("a", "b"):
         bench.put(f"{name}.png")
     with monkeypatch.context() as patch:
-        patch.setattr(bench.parts, "receive", forever)
-        asyncio.run(watched())
-    assert bench.parts.names == []
+        patch.setattr(bench.intake, "receive", forever)
+        bench.portal.call(watched)
+    assert bench.names == []
     bench.anew()
     assert bench.look(3) == ["a", "b"]
 
@@ -351,14 +330,14 @@ def test_photographs_of_several_lights_are_one_part(bench: Bench) -> None:
         bench.put(f"part-3.light-{number}.png", PNG + bytes([number]))
     bench.put("part-4.png")
     assert sorted(bench.look()) == ["part-3", "part-4"]
-    name = next(name for new, name, _ in bench.parts.received if new.name == "part-3")
-    assert set(name.split()) == {f"part-3.light-{number}.png" for number in (1, 2, 10)}
+    names = {name for name, _ in bench.sent(bench.names.index("part-3"))}
+    assert names == {f"part-3.light-{number}.png" for number in (1, 2, 10)}
     bench.anew()
     assert len(bench.look(3)) == 2
 
 
-def test_a_set_waits_for_its_last_light(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, a_set=3, settle_s=LONG_S)
+def test_a_set_waits_for_its_last_light(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, a_set=3, settle_s=LONG_S)
     for number in (1, 2):
         bench.put(f"a.light-{number}.png")
     assert bench.look(4) == []
@@ -366,8 +345,8 @@ def test_a_set_waits_for_its_last_light(tmp_path: Path) -> None:
     assert bench.look() == ["a"]
 
 
-def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, a_set=3, settle_s=0.2)
+def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, a_set=3, settle_s=0.2)
     bench.put("a.light-1.png")
     assert bench.look() == []
     time.sleep(0.25)
@@ -377,15 +356,15 @@ def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path) -> None
     bench.look()
     time.sleep(0.25)
     assert bench.look(1) == ["a", "a"]
-    assert bench.parts.received[1][1] == "a.light-1.png a.light-2.png"
+    assert [name for name, _ in bench.sent(1)] == ["a.light-1.png", "a.light-2.png"]
 
 
 def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> None:
     bench.put("a.light-1.png")
     broken = bench.put("a.light-2.png", b"no picture at all")
     ((why,),) = (said := bench.left()).values()
-    assert bench.parts.names == ["a"]
-    assert bench.parts.received[0][1] == "a.light-1.png"
+    assert bench.names == ["a"]
+    assert [name for name, _ in bench.sent(0)] == ["a.light-1.png"]
     assert list(said) == [broken.name]
     assert "not a picture" in why
     bench.anew()
@@ -397,4 +376,4 @@ def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
         bench.put(f"a.shot-{number}.png")
     ((why,),) = bench.left().values()
     assert "12 of a part" in why
-    assert bench.parts.names == []
+    assert bench.names == []

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from starlette.testclient import TestClient
 
 from pipeline.common.records import EvidenceKind, PartState
 from tests.support.page_shop import Shop, goes_to, reading
@@ -26,35 +25,6 @@ def strict(tmp_path: Path) -> Iterator[Shop]:
     """Where two people must agree."""
     with contextlib.closing(Shop(tmp_path, review={"second_reader": True})) as made:
         yield made
-
-
-def hold(client: TestClient, part_id: str, **more: str) -> str:
-    """What an open page's script asks, and the answer."""
-    answer = client.post(f"/review/{part_id}/claim", data=more)
-    assert answer.status_code == 200
-    return answer.text
-
-
-def test_a_part_that_is_open_elsewhere_is_told_and_the_next_one_given(shop: Shop) -> None:
-    first, second = shop.add(name="P-1"), shop.add(name="P-2")
-    other = shop.another()
-    other.get("/review")  # gives the browser its cookie
-    shop.client.get("/review")
-    page = shop.client.get(f"/review/{first}").text
-    assert hold(shop.client, first, who="Ada") == ""
-    assert "is at this part" not in page
-    assert "Ada is at it" in other.get("/review").text
-    assert "Ada is at this part now" in other.get(f"/review/{first}").text
-    assert goes_to(other.get("/review/next")) == f"/review/{second}"
-    assert goes_to(shop.client.get("/review/next")) == f"/review/{first}"
-    assert shop.say(first, "KX407257", who="Eve", client=other) == 409
-    assert "Your input is not saved" in shop.answer.text
-    assert 'value="KX407257"' in shop.answer.text  # what was typed
-    other.get(f"/review/{second}")
-    assert shop.say(first, SERIAL) == 303
-    assert goes_to(shop.answer) == f"/review?done={first}"  # the other one is Eve's
-    hold(other, second, release="1")
-    assert goes_to(shop.client.get("/review/next")) == f"/review/{second}"
 
 
 def shown_to_nobody_else(page: str) -> None:
