@@ -24,13 +24,15 @@ HIDDEN = re.compile(r'<input type="hidden" name="([^"]+)" value="([^"]*)"')
 
 
 def character(
-    char: str, place: int = 0, *, state: str = "read", probability: float = 0.99
+    char: str, place: int = 0, *, state: str = "read", probability: float = 0.99, rivals: str = ""
 ) -> CharacterRecord:
+    """A character as it was read, beside one rival, or confused with several."""
     x_mm = 3.0 + 4.0 * place
-    rival = CandidateRecord("B" if char != "B" else "8", 1.0 - probability, 0.5)
-    return CharacterRecord(
-        (CandidateRecord(char, probability, 0.9), rival), (x_mm, 4.0, x_mm + 3.0, 9.0), state
-    )
+    chars, shares = char + ("8" if char == "B" else "B"), (probability, 1.0 - probability)
+    if rivals:
+        chars, shares, state = char + rivals, (0.5, 0.3, 0.1, 0.05, 0.02), "confused"
+    candidates = (CandidateRecord(c, share, 0.5) for c, share in zip(chars, shares, strict=False))
+    return CharacterRecord(tuple(candidates), (x_mm, 4.0, x_mm + 3.0, 9.0), state)
 
 
 def reading(text: str, *, source: str = "fused", decision: str = "review", **more: object) -> ReadingRecord:

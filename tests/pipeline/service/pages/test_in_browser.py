@@ -17,37 +17,19 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from tests.support.line_fakes import serving
-from tests.support.page_shop import Shop
+from tests.support.page_shop import MM, Shop, character, reading
 from tests.support.programs import program
 from tests.support.waiting import wait_until
 
-MM = 0.05
-CELL, LEFT, TOP, TALL = 80, 60, 70, 90  # pixels of the drawings
+CELL, LEFT, TOP, TALL = 80, 60, 80, 100  # pixels of the drawings, where the places of a reading lie
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 SETTLED_MS = 350
 """An Enter sooner after a page has come is taken for one meant for the page before."""
 NO = ("sandbox", "first-run")
 DISABLE = ("gpu", "background-networking", "component-update", "sync")
 ARGUMENTS = [*(f"--no-{what}" for what in NO), *(f"--disable-{what}" for what in DISABLE)]
-
-
-def character(char: str, place: int, rivals: str = "") -> CharacterRecord:
-    x0, y0 = (LEFT + CELL * place) * MM, TOP * MM
-    box = (x0, y0, x0 + (CELL - 12) * MM, y0 + TALL * MM)
-    if not rivals:
-        return CharacterRecord((CandidateRecord(char, 0.998, 0.93),), box, "read", "A")
-    shares = np.array([0.5, 0.3, 0.1, 0.05, 0.02])
-    made = tuple(CandidateRecord(c, float(p), 0.8) for c, p in zip(char + rivals, shares, strict=False))
-    return CharacterRecord(made, box, "confused", "D")
-
-
-def reading(text: str, *, source: str, unsure: dict[int, str]) -> ReadingRecord:
-    places = tuple(character(c, k, unsure.get(k, "")) for k, c in enumerate(text))
-    told = ("low confidence",)
-    return ReadingRecord(source, text, "review", 0.62, places, told, "gothic", 5.0, seconds=0.4)
 
 
 class Service(Shop):
@@ -73,7 +55,8 @@ class Service(Shop):
     def put(self, text: str, *, unsure: dict[int, str] | None = None, around: int = 0, **more: Any) -> str:
         """A part to be reviewed, or audited."""
         unsure = {5: "B38E"} if unsure is None else unsure
-        readings = tuple(reading(text, source=source, unsure=unsure) for source in ("vision", "fused"))
+        places = tuple(character(c, k, rivals=unsure.get(k, "")) for k, c in enumerate(text))
+        readings = tuple(reading(text, source=source, characters=places) for source in ("vision", "fused"))
         evidence = tuple(self.draw(text, kind, around=around) for kind in PICTURES.values())
         return self.add(text, readings=readings, evidence=evidence, **more)
 

@@ -208,7 +208,8 @@ def test_before_touch_the_photograph_is_shown_and_what_touch_is_asked_for(shop: 
     plan = ScanPlanRecord(
         (1.0, 2.0, 41.5, 12.0), (0, 180), 3, 0.05, 0.02, 40.0, 0.3, 12.5, 5.0, "unsure of <K>"
     )
-    seen, touch = reading("KX", source="vision", decision="reject"), TouchWait(False, datetime.now(UTC))
+    seen = reading("KX", source="vision", decision="reject")
+    touch = TouchWait(False, datetime.now(UTC) + timedelta(hours=1))
     part_id = shop.add(
         readings=(seen,), evidence=shop.pictures()[:1], state=PartState.TOUCH_NEEDED, plan=plan, touch=touch
     )
