@@ -1,4 +1,4 @@
-"""Posteriors of one line: the number of places, and the character at each.
+"""Posteriors of one line: the number of places, the character at each, and the gaps between words.
 
     Steps of each look --places of the format--> posteriors --mean of looks--> the recogniser's lattice
     lattices of recogniser and templates --geometric mean--> the lattice that the format decides on
@@ -13,7 +13,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ from recognition.experts.ctc import PlaceBelief
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.views.text_line import HEIGHT_ROWS
 
 Floats = NDArray[np.float64]
 _LEAST = 1e-12
@@ -210,3 +213,45 @@ def _lattice(
     log = np.mean([np.mean(of_view, axis=0) for of_view in logs.values()], axis=0)
     log = log - np.logaddexp.reduce(log, axis=1)[:, None] + np.log(np.mean(read, axis=0))[:, None]
     return Lattice(tuple(looks[0].chars), np.minimum(log, 0.0)), np.asarray(np.mean(columns, axis=0))
+
+
+def word_gaps(
+    columns: NDArray[np.float64],
+    looks: Sequence[Steps] = (),
+    *,
+    least_gap: float = 0.4,
+    least_wide_gap: float = 0.1,
+    wide_heights: float = 0.5,
+    wide_ratio: float = 1.45,
+) -> frozenset[int]:
+    """Find the places after which there is a space: a probable one, or a wide step with a less probable one.
+
+    Args:
+        columns: (places,) column of each place.
+        looks: the recogniser's outputs along the line.
+        least_gap: probability of a word gap between two places from which there is one.
+        least_wide_gap: the same if the step is wider than a narrow sign can explain.
+        wide_heights: a wide step exceeds the usual step by more than this many character heights.
+        wide_ratio: a wide step exceeds the usual step by more than this factor.
+    """
+    if columns.size < 3:
+        return frozenset()
+    step = np.diff(columns) / HEIGHT_ROWS
+    usual = float(np.median(step))
+    wide = (step > usual + wide_heights) & (step > wide_ratio * usual)
+    believed = greatest_between(list(pairwise(columns)), looks, "gap")
+    if believed is not None:
+        wide = (wide & (believed > least_wide_gap)) | (believed > least_gap)
+    return frozenset(int(k) for k in np.flatnonzero(wide))
+
+
+def greatest_between(
+    spans: Sequence[tuple[float, float]], looks: Sequence[Steps], what: Literal["gap", "small"]
+) -> NDArray[np.float64] | None:
+    """Find the greatest probability along each span, mean of all looks, shape (spans,); None if no look has it."""
+    each = [
+        [float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0)) for low, high in spans]
+        for look in looks
+        if (values := getattr(look, what)) is not None
+    ]
+    return np.mean(each, axis=0) if each else None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
-from itertools import pairwise
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.belief.line_belief import greatest_between, word_gaps
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
@@ -23,7 +23,6 @@ from recognition.language.constrained_decoding import Choice, blind_warnings, ch
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
-from recognition.views.text_line import HEIGHT_ROWS
 
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line holds something else."""
@@ -302,54 +301,12 @@ def small_letters(
     if columns.size < 2:
         return ()
     half = 0.5 * float(np.diff(columns).min())
-    believed = _greatest_between([(c - half, c + half) for c in columns], looks, "small")
+    believed = greatest_between([(c - half, c + half) for c in columns], looks, "small")
     if believed is None or not (small := np.flatnonzero(believed > least_small)).size:
         return ()
     k = int(small[0])
     words = f"{text[k]} at place {k + 1} may be a small letter (a format says which: A or a)"
     return (Finding(ReadingFlag.CASE_UNKNOWN, words, (k + 1,)),)
-
-
-def _greatest_between(
-    spans: Sequence[tuple[float, float]], looks: Sequence[Steps], what: Literal["gap", "small"]
-) -> NDArray[np.float64] | None:
-    """Find the greatest probability along each span, mean of all looks, shape (spans,); None if no look has it."""
-    each = [
-        [float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0)) for low, high in spans]
-        for look in looks
-        if (values := getattr(look, what)) is not None
-    ]
-    return np.mean(each, axis=0) if each else None
-
-
-def word_gaps(
-    columns: NDArray[np.float64],
-    looks: Sequence[Steps] = (),
-    *,
-    least_gap: float = 0.4,
-    least_wide_gap: float = 0.1,
-    wide_heights: float = 0.5,
-    wide_ratio: float = 1.45,
-) -> frozenset[int]:
-    """Find the places after which there is a space: a probable one, or a wide step with a less probable one.
-
-    Args:
-        columns: (places,) column of each place.
-        looks: the recogniser's outputs along the line.
-        least_gap: probability of a word gap between two places from which there is one.
-        least_wide_gap: the same if the step is wider than a narrow sign can explain.
-        wide_heights: a wide step exceeds the usual step by more than this many character heights.
-        wide_ratio: a wide step exceeds the usual step by more than this factor.
-    """
-    if columns.size < 3:
-        return frozenset()
-    step = np.diff(columns) / HEIGHT_ROWS
-    usual = float(np.median(step))
-    wide = (step > usual + wide_heights) & (step > wide_ratio * usual)
-    believed = _greatest_between(list(pairwise(columns)), looks, "gap")
-    if believed is not None:
-        wide = (wide & (believed > least_wide_gap)) | (believed > least_gap)
-    return frozenset(int(k) for k in np.flatnonzero(wide))
 
 
 def hull(boxes: Sequence[Box]) -> Box | None:

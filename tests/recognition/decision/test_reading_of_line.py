@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from recognition.belief.line_belief import line_belief
+from recognition.belief.line_belief import line_belief, word_gaps
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import Reading
-from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters, word_gaps
+from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
