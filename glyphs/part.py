@@ -107,7 +107,7 @@ class Part:
                 others of the first.
 
         Raises:
-            MapError: a light, pixel or picture that cannot be.
+            MapError: an invalid light, pixel or picture.
         """
         rng = self._rng(_PHOTO_STREAM)
         drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)

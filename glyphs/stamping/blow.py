@@ -1,4 +1,4 @@
-"""One blow: where it lands and how it cuts."""
+"""Draw a blow and strike it into the relief."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from glyphs.surface.display import OneLine
 
 @dataclass(frozen=True, repr=False)
 class Blow(OneLine):
-    """One character's blow: where it lands (plate offset of the ink's centre, mm) and how.
+    """The blow of one character: position (plate offset of the ink's centre, mm), depth, tilt and wear.
 
-    `lean_deg` is the side to which it leans, in the plate frame: there the burr is the higher by `pile_up_lean`, and
-    `flank_loss` of the depth is missing at the wall.
+    `lean_deg` is the direction in which it leans, in the plate frame: on that side the burr is higher by
+    `pile_up_lean`, and the wall lacks the share `flank_loss` of the depth.
     """
 
     x_mm: float
@@ -39,13 +39,13 @@ class Blow(OneLine):
 
 
 def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw the stances of a line, from a stream of their own: `rng` goes on as if there were none.
+    """Draw the stances of a line from a random stream of their own, so that `rng` is unchanged.
 
-    A hand leans to one side all along a part, within about 25 degrees.
+    A hand leans in one direction all along a part, within about 25 degrees.
 
     Returns:
-        (count, 2): the side to which the stamp leans, degrees of the plate frame, and how far the baseline has wandered
-        by then, fraction of the height.
+        (count, 2): direction in which the stamp leans, degrees in the plate frame, and shift of the baseline so far,
+        fraction of the height.
     """
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
         return np.zeros((count, 2))
@@ -55,7 +55,7 @@ def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator
     steps = jumps * how.jump_fraction * np.clip(own.standard_normal(count), -2.0, 2.0)
     rises = np.zeros(count)
     for k in range(count):
-        # a hand that strayed notices: half of what it rose is left after the next jump
+        # the hand corrects itself: half of the shift is left after the next jump
         before = rises[k - 1] if k else 0.0
         rises[k] = before * (0.5 if jumps[k] else 1.0) + steps[k]
     return np.stack([leans, rises], axis=1)
@@ -70,7 +70,7 @@ def draw_blow(
     height_mm: float,
     rotation_deg: float,
 ) -> Blow:
-    """Draw one blow. The number of draws never depends on the values, so parts differ only where asked."""
+    """Draw one blow. The number of draws never depends on the values, so parts differ only where settings do."""
     normal = np.clip(rng.standard_normal(8), -2.5, 2.5)
     chance = rng.uniform(size=4)
     along = normal[0] * how.spacing_fraction * height_mm
@@ -185,7 +185,7 @@ def _blow_relief(
 
 
 def _towards(distance_mm: NDArray[np.float32], lean_deg: float) -> NDArray[np.float32]:
-    """Cosine between the way out of the groove and a direction of the plate, -1..1, sample by sample."""
+    """Cosine of the angle between the way out of the groove and a direction of the plate, for every sample."""
     down, right = np.gradient(distance_mm)
     length = np.maximum(np.hypot(down, right), np.float32(1e-9))
     lean = math.radians(lean_deg)

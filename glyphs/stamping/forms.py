@@ -1,4 +1,4 @@
-"""Forms of bent plates: cylinders, saddles and bows, each axis of the plate an arc of a circle.
+"""Forms of bent plates: cylinders, saddles and bows. Along each axis the plate is an arc of a circle.
 
     radius > 0: the plate falls off to both its edges        x_mm, y_mm: as seen from above (the plate frame)
     radius < 0: it rises to them                             skin: along the surface, as a tape measures it
@@ -6,8 +6,8 @@
       /      |      \\     s = R asin(x / R)        z = sqrt(R^2 - x^2) - R
              R
 
-Marks keep their measures along the skin, so that seen from above those near the edges are narrower: what is stamped
-around a shaft was rolled on. The die follows the surface; depth is straight down.
+Marks keep their size along the skin, so that those near the edges look narrower from above: marks around a shaft are
+rolled on. The die follows the surface; depth is vertical.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from glyphs.stamping.errors import StampError
 from glyphs.surface.display import OneLine
 
 MAX_SAG_MM = 3.0
-"""Most rise or fall of a form from the middle to an edge: beyond it neither an array of whiskers on a straight rail
-nor a camera's depth of field reaches."""
+"""Greatest rise or fall of a form from the middle to an edge: whiskers on a straight rail and the depth of field of a
+camera reach no further."""
 _STEEPEST = 0.9
-"""Most half width over the radius: slopes of up to 64 degrees at the edge."""
+"""Greatest half width over the radius: slopes of up to 64 degrees at the edge."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,7 +33,7 @@ class PlateForm(OneLine):
     """Radii of a plate about its two axes; default: flat.
 
     Attributes:
-        radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: none.
+        radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: flat.
         radius_y_mm: radius of the arc along y (a line along a shaft), likewise. Both with one sign make a bow or a
             dish, with two signs a saddle.
 
@@ -60,17 +60,17 @@ class PlateForm(OneLine):
         """Height (rows, cols) over the middle, mm, at plate coordinates x (cols,) and y (rows,) from the middle.
 
         Raises:
-            StampError: a plate too large for the radius: more than MAX_SAG_MM from the middle to an edge.
+            StampError: the plate is too large for the radius: more than MAX_SAG_MM from the middle to an edge.
         """
         across, down = _arc(x_mm, self.radius_x_mm), _arc(y_mm, self.radius_y_mm)
         return np.asarray(across[None, :] + down[:, None], dtype=np.float32)
 
 
 def seen_mm(skin_mm: float, radius_mm: float) -> float:
-    """Half width of a plate as seen from above that measures `skin_mm` along its skin.
+    """Half width, seen from above, of a plate whose half width along the skin is `skin_mm`.
 
     Raises:
-        StampError: a plate that would reach too far around.
+        StampError: the plate would reach too far around.
     """
     if math.isinf(radius_mm):
         return skin_mm
@@ -80,7 +80,7 @@ def seen_mm(skin_mm: float, radius_mm: float) -> float:
 
 
 def along_skin_mm(seen: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
-    """Places along the skin of places as seen from above, both mm from the middle."""
+    """Convert positions seen from above to positions along the skin, both mm from the middle."""
     return seen if math.isinf(radius_mm) else abs(radius_mm) * np.arcsin(seen / abs(radius_mm))
 
 
@@ -98,6 +98,7 @@ def _arc(at_mm: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
 
 def _too_far(half_mm: float, radius_mm: float) -> StampError:
     return StampError(
-        f"a plate of {2 * half_mm:.3g} mm bent to a radius of {radius_mm:.3g} mm goes further than {MAX_SAG_MM:g} mm",
+        f"a plate of {2 * half_mm:.3g} mm bent to a radius of {radius_mm:.3g} mm "
+        f"rises or falls by more than {MAX_SAG_MM:g} mm",
         hint="use a larger radius or stamp less on it",
     )

@@ -32,7 +32,7 @@ MAX_PIXELS = 64_000_000
 
 
 class MapError(MarksError):
-    """A map that cannot be one."""
+    """An invalid map."""
 
 
 class TraceDirection(IntEnum):

@@ -188,7 +188,7 @@ def read_bench(path: Path) -> BenchSettings:
     """Read bench.toml; a whisker's file is looked for beside it.
 
     Raises:
-        FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.
+        FileError: no file, no TOML, unknown or missing keys, invalid numbers.
     """
     settings = read_toml(path, BenchSettings)
     if settings.comb.whisker is None:

@@ -27,7 +27,7 @@ class CommandError(MarksError):
 
 
 class UsageError(CommandError):
-    """Arguments that cannot be, or not together."""
+    """Invalid arguments, or arguments that contradict each other."""
 
     def __init__(self, what: str, hint: str = "") -> None:
         super().__init__(what, hint=hint, status=USAGE)

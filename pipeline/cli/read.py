@@ -1,4 +1,4 @@
-"""`tactile-marks read` and `inspect`: parts in, serials or a picture out."""
+"""Commands `tactile-marks read` and `inspect`."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def read(
 ) -> int:
     """Read the serials of parts: height maps, scans and photographs, folders, globs and manifests of them.
 
-    With --out rows are kept as they come: an interrupted run goes on when the same command is given again. The exit
-    status is 1 if any part could not be read, and with --verify unless every part is confirmed.
+    With --out rows are written as parts are read: an interrupted run continues with the same command. The exit status
+    is 1 if any part could not be read, and with --verify unless every part is confirmed.
 
     Parameters
     ----------
     inputs
         Height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5) and photographs (.png, .jpg ...), or folders and globs
-        of them; files that differ in their endings only are one part. URLs (s3://, gs:// ...) with the extra cluster,
+        of them; files that differ only in their endings are one part. URLs (s3://, gs:// ...) with the extra cluster,
         and manifests.
     """
     if not (inputs or run.manifest):
@@ -50,7 +50,7 @@ def inspect(
 ) -> None:
     """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
 
-    A photograph beside the file with the same name is shown, too, where it is read.
+    A photograph with the same name beside the file is also shown, if it is read.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
 
     Raises:
         FileError: a file that cannot be used.
-        CommandError: it holds several parts.
+        CommandError: the file has several parts.
     """
     from pipeline.formats.find_parts import discover
     from pipeline.plots.pictures import save_figure
@@ -84,7 +84,7 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
 
     parts = discover([file], beside=True, height_images=settings.height_image)
     if len(parts) > 1:
-        raise CommandError(f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file")
+        raise CommandError(f"{file}: has {len(parts)} parts", hint="inspect draws one part: name its file")
     (part,) = parts
     found = PartReader(open_reader(settings), settings).read(part)
     save_figure(reading_figure(found, title=part.name), picture)

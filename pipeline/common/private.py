@@ -1,4 +1,4 @@
-"""Files and folders that only their owner can read: they hold serials, photographs of parts and hashes of tokens."""
+"""Files and folders that only their owner can read, for serials, photographs of parts and hashes of tokens."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def private_folder(path: Path) -> None:
-    """Make the folder if it is missing, for its owner alone; one that is there is closed as `close_to_others` does.
+    """Make a folder for its owner alone; if it exists, remove the access of others (`close_to_others`).
 
     Raises:
         OSError: it cannot be made.
@@ -20,10 +20,10 @@ def private_folder(path: Path) -> None:
 
 
 def private_file(path: Path) -> None:
-    """Make an empty file if it is missing, for its owner alone; one that is there is closed as `close_to_others` does.
+    """Make an empty file for its owner alone; if it exists, remove the access of others (`close_to_others`).
 
-    One that is there is not opened: to close a file again lets go of all locks that the process has on it, and another
-    process would take away the log of a store that is open here.
+    An existing file is not opened: closing it would release all locks that this process has on it, and another process
+    could then remove the log of a store that is open here.
 
     Raises:
         OSError: it cannot be made.
@@ -36,7 +36,7 @@ def private_file(path: Path) -> None:
 def close_to_others(path: Path) -> None:
     """Remove the access of everybody but the owner; a group that may write keeps its access.
 
-    A file that is not there, or another user's, stays as it is.
+    Missing files and other users' files are ignored.
     """
     with contextlib.suppress(FileNotFoundError, PermissionError):
         mode = stat.S_IMODE(path.stat().st_mode)
@@ -46,7 +46,7 @@ def close_to_others(path: Path) -> None:
 
 
 def open_no_link(path: Path) -> BufferedReader:
-    """Open a file that may have become a link or a pipe since it was looked at; neither is followed or waited for.
+    """Open a file that may have become a link or a pipe since it was checked; do not follow or wait for either.
 
     Raises:
         OSError: it is a link, or cannot be opened.

@@ -22,7 +22,7 @@ from pipeline.common.texts import listed
 
 
 class SettingsError(MarksError):
-    """A setting or argument that cannot be, or that contradicts another."""
+    """An invalid setting or argument, or one that contradicts another."""
 
 
 class Settings(BaseModel):
@@ -57,7 +57,7 @@ class Settings(BaseModel):
         """The settings given, as a program gives them.
 
         Raises:
-            SettingsError: an unknown one, one that cannot be.
+            SettingsError: an unknown or invalid one.
         """
         for name in given:
             if name not in cls.model_fields:

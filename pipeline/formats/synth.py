@@ -138,7 +138,7 @@ def write_parts(
     Raises:
         FileError: the folder is not empty and not to be overwritten, or cannot be written.
         MapError: a photograph too large.
-        SettingsError: an impossible number of parts.
+        SettingsError: an invalid number of parts.
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")

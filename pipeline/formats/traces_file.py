@@ -132,7 +132,7 @@ def read_traces_file(path: Path) -> TracesFile:
     """Read a description of trace files.
 
     Raises:
-        FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.
+        FileError: no file, no TOML, unknown or missing keys, invalid numbers.
     """
     hidden = ("constrained-str", "constrained-int")
     return read_toml(path, TracesFile, format_version=_FORMAT_VERSION, hidden=hidden)

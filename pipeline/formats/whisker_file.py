@@ -169,7 +169,7 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     """Read a whisker and its use.
 
     Raises:
-        FileError: no file, no TOML, unknown or missing keys, numbers that cannot be, a whisker that jams on
+        FileError: no file, no TOML, unknown or missing keys, invalid numbers, a whisker that jams on
             the land.
     """
     written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)

@@ -73,7 +73,7 @@ class Service:
             FileError: a folder that cannot be made, an invalid certificate, an unusable job.
             SettingsError: a certificate that does not fit this program and these settings, a watched folder's job that
                 is not there.
-            ValueError: settings that cannot be.
+            ValueError: invalid settings.
         """
         self.settings = settings
         self._started_s = time.monotonic() if started_s is None else started_s

@@ -28,7 +28,7 @@ def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
     """Settings that somebody asks for, as they are to stand in a job's file.
 
     Raises:
-        Problem: settings that cannot be, or that name a file of the service's machine.
+        Problem: invalid settings, or settings that name a file of the service's machine.
     """
     if not isinstance(asked, dict):
         raise Problem(422, "the body is not a JSON object of settings")
@@ -71,7 +71,7 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
         before: text that was shown.
 
     Raises:
-        Problem: no such job, one that has changed meanwhile, settings that cannot be.
+        Problem: no such job, one that has changed meanwhile, invalid settings.
     """
     with jobs.lock:
         if text_to_edit(jobs, name) != before:

@@ -38,7 +38,7 @@ def senders_of(settings: ServiceSettings) -> dict[str, Sender]:
 
     Raises:
         MissingExtraError: a library of an extra is not installed.
-        SettingsError: a webhook's secret that cannot be.
+        SettingsError: an invalid webhook secret.
     """
     senders: dict[str, Sender] = {}
     if settings.webhook.url:
@@ -61,7 +61,7 @@ class Ports:
         Raises:
             FileError: an unusable folder to watch.
             MissingExtraError: a library of an extra is not installed.
-            ValueError: an address or format that cannot be.
+            ValueError: an invalid address or format.
         """
         self._intake, self._grace_s = intake, settings.shutdown_grace_s
         self._dispatcher = Dispatcher(intake.store, senders)

@@ -106,7 +106,7 @@ class WorkPool(Executor):
             at_once: start all processes now; else when there are jobs for them.
 
         Raises:
-            SettingsError: numbers that cannot be.
+            SettingsError: invalid numbers.
         """
         queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:

@@ -1,4 +1,4 @@
-"""Contracts that a reading keeps beside its text: a certificate, the part's codes, and what its font was taught.
+"""Contracts beside the format: a certificate, the part's codes, and the characters that a learned font was taught.
 
 A reading that breaks one goes to review, whatever its score is.
 """
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from recognition.views.codes import Code
 
 DIGITS = 6
-"""To which confidences are kept in records, on which a certificate rests."""
+"""Decimals of a confidence in records; certificates are computed from records."""
 
 
 @dataclass(frozen=True)
 class CertifiedAcceptance:
-    """Readings that a certificate lets pass, beside the settings.
+    """Limits of a certificate for acceptance, in addition to the settings.
 
     Attributes:
         confidence: least confidence, 0 to 1.
@@ -35,11 +35,11 @@ class CertifiedAcceptance:
 
 
 def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Reading:
-    """The reading, sent to review where a certificate does not vouch for it; as it is without a certificate."""
+    """Send a reading to review if a certificate does not cover it; without a certificate nothing changes."""
     if allowed is None or reading.decision is not Decision.ACCEPT:
         return reading
     if reading.source not in allowed.sources:
-        why = f"the certificate says nothing of what is read so ({reading.source})"
+        why = f"the certificate does not cover this sense ({reading.source})"
     elif round(reading.confidence, DIGITS) < allowed.confidence:
         why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
     else:
@@ -48,12 +48,12 @@ def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Readi
 
 
 def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
-    """The reading with its part's codes, in review where none holds the serial and one holds another.
+    """Add the part's codes; send the reading to review if no code has its serial and one has another serial.
 
-    A code that holds the serial as it was read shows which way up the part lies, too.
+    A code with the same serial also shows which way up the part lies.
 
     Args:
-        reading: decided.
+        reading: a decided reading.
         codes: codes of the part's photographs.
     """
     made = replace(reading.without_flags(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
@@ -77,17 +77,17 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
 def doubted_guesses(
     reading: Reading, laid: LaidText, places: Sequence[str] | None, *, near_fit: float = 0.05
 ) -> Reading:
-    """The reading, sent to review where a character of it may be one that its font was never taught.
+    """Send a reading to review if one of its characters may be missing from its learned font.
 
-    Where O was never enrolled, its shape is another font's, and the Q that was answers a true O about as well. A
+    If O was never enrolled, its shape comes from another font, and an enrolled Q fits a true O about as well. A
     character is doubted if it is such a guess, or if a guess comes near it.
 
     Args:
         reading: reading of the line.
         laid: its text in the templates of a font.
         places: characters allowed at each place of a known format, or None.
-        near_fit: correlation by which a guess may fall short and still be meant: where a character that was felt
-            answered instead of the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O).
+        near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
+            over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
     """
     guessed = {c for c, glyph in laid.font.glyphs.items() if glyph.guessed}
     if not guessed:

@@ -25,7 +25,7 @@ INCH_MM = 25.4
 
 
 class DepthRuleError(MarksError, ValueError):
-    """A rule that is not known, or that cannot be one."""
+    """An unknown or invalid rule."""
 
 
 @dataclass(frozen=True)

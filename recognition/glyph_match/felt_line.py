@@ -185,7 +185,7 @@ class FeltLine:
         ]
 
     def suits(self, text: Sequence[str], font: Font, face: Face = Face.FLAT) -> float:
-        """Mean correlation of a text's characters about their places; 0 of those that the font has not got.
+        """Mean correlation of a text's characters about their places; 0 of those that the font lacks.
 
         Args:
             text: one character for each place.

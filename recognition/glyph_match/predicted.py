@@ -1,4 +1,4 @@
-"""Templates: what the ideal array feels on the ideal die, by the same physics that makes the scan.
+"""Templates: the edges that an ideal array feels on ideal marks, by the same physics as the scan.
 
 All glyphs of a font are laid out on one virtual plate, each in its own cell, and felt once::
 
@@ -6,7 +6,7 @@ All glyphs of a font are laid out on one virtual plate, each in its own cell, an
     |   A   |   B   |   C   |  ...     middle of its ink across, half the cap height up
     +-------+-------+-------+
 
-Plates are flat and lines run along their rows: a strip of a view is straightened the same way.
+Plates are flat and lines run along their rows; strips of a view are straightened to match.
 """
 
 from __future__ import annotations
@@ -52,15 +52,15 @@ PIXELS = 40
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """All that decides what a template set looks like, free of scale.
+    """All parameters on which a template set depends, without scale.
 
     Attributes:
         raised: raised marks.
         compliance: D11 over its yy element, row by row.
         arm: third row of T1 over its length.
-        preload, tip_radius: over the character height.
-        friction: nominal.
-        die: at the canonical height.
+        preload, tip_radius: both divided by the character height.
+        friction: nominal friction.
+        die: die at the canonical height.
     """
 
     raised: bool
@@ -90,11 +90,11 @@ def template_key(
     face: Face = Face.FLAT,
     step: float = 0.1,
 ) -> TemplateKey:
-    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set.
+    """Key of the templates for a touch and a character height; rounded, so that similar parts share a set.
 
     Args:
         font: font of the characters.
-        touch: with which they are felt.
+        touch: touch with which they are felt.
         height_mm: height of the characters.
         raised: whether they stand out.
         face: face of the die.
@@ -122,7 +122,7 @@ def round_to_ladder(value: float, step: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TemplateSet:
-    """A font's characters side by side on a plate, as they are felt.
+    """Felt templates of a font's characters, side by side on a plate.
 
     Attributes:
         font: name of the font.
@@ -133,7 +133,7 @@ class TemplateSet:
         patches: (T, directions, rows, cols) float32 edges, PIXELS to the height, the glyph's reference point in the
             middle pixel; rows and cols odd.
         half_width: (T,) half the ink's width, character heights.
-        work: place for what is derived from the plate and its patches, kept as long as the set.
+        work: cache for values derived from the plate and its patches.
     """
 
     font: str
@@ -147,7 +147,7 @@ class TemplateSet:
 
     @property
     def line(self) -> TextLine:
-        """Along the plate, from the middle of the first character to that of the last."""
+        """The line along the plate, from the middle of the first character to that of the last."""
         return line_of(self.middles_mm, self.height_mm)
 
     def derive(self, key: object, make: Callable[[], Any]) -> Any:
@@ -159,14 +159,14 @@ class TemplateSet:
 
 @dataclass(frozen=True, eq=False)
 class IdealPlate:
-    """A font's characters side by side, each struck without fault.
+    """A plate with a font's characters side by side, each struck perfectly.
 
     Attributes:
         surface: the plate.
         middles_mm: (T, 2) x, y of the glyphs' reference points.
         half_width: (T,) half the ink's width, character heights.
         shape: (rows, cols) of a character's part of the plate, PIXELS to the height, both odd.
-        rows: those of its rows that its cell has.
+        rows: rows of the part that belong to the character's cell.
     """
 
     surface: HeightMap
@@ -202,8 +202,8 @@ def ideal_plate(
         land_heights: land that the plate has above and below all glyphs, character heights.
 
     Raises:
-        FontError: a character that the font has not got.
-        StampError, MapError: a die or a scale that cannot be.
+        FontError: a character that the font lacks.
+        StampError, MapError: an invalid die or scale.
     """
     height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
     shapes = [die_glyph(font.glyph(c), die, height_mm=height) for c in chars]
@@ -240,8 +240,8 @@ def lit_views(
 
     Args:
         plate: plate to be seen.
-        lights: under which.
-        albedo: share of the light that it throws back.
+        lights: the lights.
+        albedo: share of the light that the plate reflects.
         roughness: roughness of brushed metal, 0 to 1.
         reflectance: reflectance of brushed metal, 0 to 1.
         middle_grey: mean of a well exposed photograph, linear.
@@ -266,8 +266,8 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
     """Feel the ideal plate of a font's characters and cut out the cells.
 
     Raises:
-        FontError: a character that the font has not got.
-        StampError, MapError: a die or a scale that cannot be.
+        FontError: a character that the font lacks.
+        StampError, MapError: an invalid die or scale.
     """
     found = kept(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
     x_mm, y_mm, pitch_mm = found["grid"].tolist()

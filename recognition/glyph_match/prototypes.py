@@ -82,8 +82,8 @@ def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) 
         lights: under which photographs are predicted.
 
     Raises:
-        FontError: a character that the font has not got.
-        StampError: a die that cannot be.
+        FontError: a character that the font lacks.
+        StampError: an invalid die.
     """
 
     def make() -> Arrays:
@@ -202,7 +202,7 @@ def cosines(
 def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice, *, sharpness: float = 28.0) -> Lattice:
     """Turn cosines into a lattice over the characters that another lattice allows.
 
-    Of what a font has not got it says nothing: as likely as its least likely one.
+    A character that a font lacks counts as likely as its least likely one.
 
     Args:
         cosine: (places, T).

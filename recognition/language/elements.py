@@ -89,7 +89,7 @@ def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
     """The regular expression, and the check digits, of what follows `fields:`.
 
     Raises:
-        FormatError: an identifier that is not known, a mask that cannot be, a check digit whose place is not fixed.
+        FormatError: an identifier that is not known, an invalid mask, a check digit whose place is not fixed.
     """
     expression, checks = "", []
     place: int | None = 1

@@ -1,8 +1,8 @@
-"""The recogniser's training: strips of known text, by connectionist temporal classification.
+"""Train the recogniser on strips of known text, by connectionist temporal classification.
 
-    files of strips --rounds--> some 4,000 strips --batches--> alike widths --surroundings, covers--> Batch --> loss
+    files of strips --rounds--> some 4,000 strips --batches--> similar widths --surroundings, covers--> Batch --> loss
 
-Batches are made ready by worker processes. Accuracy is that of the best class of every step, without any format.
+Worker processes prepare the batches. Accuracy is that of the best class of every step, without a format.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.views.view import LAYERS
 
 _SIZES = (0.003, 0.1)
-"""Least and greatest size of weights by which their rate is measured."""
+"""Limits of the size of weights by which their learning rate is scaled."""
 _FILES = 12
-"""Read at a time: some 4,000 strips, a gigabyte."""
+"""Files read at a time: some 4,000 strips, a gigabyte."""
 _SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
-"""Share of the strips of a kind that are used each time: of a part there are six photographs and one scan."""
+"""Share of the strips of a kind that are used in each round: a part has six photographs and one scan."""
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
-    """The recogniser and what it learns.
+    """The recogniser and its training data.
 
-    A rate says how far a step moves a weight, of the usual size of the weights it stands among (default: 1e-3). Folded
-    into its convolutions are normalisations, so their weights differ in size a hundredfold; one rate for all, of
-    1.5e-4, destroyed what the public network knows.
+    The learning rate of a group is relative to the root mean square of its weights (default: 1e-3). The convolutions
+    include their normalisation, so their weights differ in size a hundredfold; one rate for all, of 1.5e-4, destroyed
+    what the public network had learned.
 
     Args:
         folders: folders of strips to learn from.
@@ -64,7 +64,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         MarksError: the public network to start from is not there.
     """
     network = Recogniser(load_start(), CHARACTERS)
-    if how.noise:  # what training is worth without the public start
+    if how.noise:  # to measure the benefit of the public start
         for module in network.modules():
             if isinstance(module, nn.Conv2d | nn.Linear):
                 module.reset_parameters()
@@ -110,7 +110,7 @@ def _size(weights: Tensor) -> float:
 
 
 def _loss(network: Recogniser, batch: Batch, draw: torch.Generator, *, of_nothing: int = 8) -> Tensor:
-    """Return the loss a character; a strip that says nothing counts as so many."""
+    """Mean loss per character; a strip without text counts as `of_nothing` characters."""
     device = draw.device
     with torch.no_grad(), device:
         tall, columns = batch.tall.to(device).float(), batch.columns.to(device)
@@ -131,7 +131,7 @@ def _loss(network: Recogniser, batch: Batch, draw: torch.Generator, *, of_nothin
 
 
 def plain(strip: TrainingStrip) -> NDArray[np.float32]:
-    """A strip as it is cut for reading, (LAYERS, ROWS, columns)."""
+    """Cut a strip to the size used for reading, (LAYERS, ROWS, columns)."""
     tall = strip.layers.astype(np.float32)
     up = (TALL_ROWS - ROWS) // 2
     cut = round((WIDE_MARGIN - MARGIN) * HEIGHT_ROWS)
@@ -139,13 +139,13 @@ def plain(strip: TrainingStrip) -> NDArray[np.float32]:
 
 
 def as_read(strip: TrainingStrip) -> NDArray[np.float32]:
-    """A strip as the network is given it: widened, and filled up to whole steps."""
+    """Prepare a strip as input of the network: widen it and pad it to whole steps."""
     wide = widen(plain(strip))
     return np.pad(wide, ((0, 0), (0, 0), (0, -wide.shape[2] % COLUMNS)))
 
 
 def decode(beliefs: NDArray[np.float32]) -> str:
-    """The best class of every step, (steps, classes), repeats and blanks left out."""
+    """Decode the best class of every step, (steps, classes), without repeats and blanks."""
     best = beliefs.argmax(axis=1)
     kept = [k for k, before in zip(best, [0, *best[:-1]], strict=True) if k and k != before]
     return "".join(CHARACTERS[k - 1] for k in kept).strip()
@@ -153,7 +153,7 @@ def decode(beliefs: NDArray[np.float32]) -> str:
 
 @torch.no_grad()
 def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, tuple[int, int, int]]:
-    """Characters, mistakes and lines by source and severity; spaces do not count."""
+    """Count characters, errors and lines by source and severity; spaces are ignored."""
     network.eval()
     found: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for strip in strips:
@@ -175,14 +175,14 @@ def choose_strips(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> 
 
 
 def _share(strip: TrainingStrip, *, unreadable: float = 0.45, unreadable_share: float = 0.6) -> float:
-    # unreadable, unreadable_share: severity from which dirt hides most of a photograph, and the share of these that
-    # is kept: they teach little.
+    # unreadable, unreadable_share: severity from which dirt hides most of a photograph, and the share of such
+    # photographs that is kept: they teach little
     hidden = strip.source == "photo" and strip.severity >= unreadable
     return _SHARES[strip.source] * (unreadable_share if hidden else 1.0)
 
 
 def gather(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
-    """(n, LAYERS, TALL_ROWS, columns) filled from the left, and (n,) how many columns are each strip's own."""
+    """(n, LAYERS, TALL_ROWS, columns) filled from the left, and (n,) number of columns of each strip."""
     columns = torch.tensor([s.layers.shape[2] for s in strips])
     tall = torch.zeros(len(strips), LAYERS, TALL_ROWS, int(columns.max()))
     for row, strip in enumerate(strips):
@@ -199,7 +199,7 @@ def targets(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
 def batches(
     strips: Sequence[TrainingStrip], size: int, rng: np.random.Generator
 ) -> Iterator[list[TrainingStrip]]:
-    """All strips in another order each time, those of alike widths together."""
+    """Yield all strips in random order, in groups of similar width."""
     order, many = rng.permutation(len(strips)), size * 32
     for first in range(0, len(order), many):
         part = sorted(order[first : first + many], key=lambda i: strips[i].layers.shape[2])
@@ -210,13 +210,13 @@ def batches(
 
 @dataclass(frozen=True)
 class Batch:
-    """Strips to learn from at once.
+    """Strips of one training step.
 
     Attributes:
         tall: (n, LAYERS, TALL_ROWS, columns) float16, each filled from the left.
-        columns: (n,) how many of them are its own.
+        columns: (n,) number of columns of each strip.
         classes: classes of all texts, one after the other.
-        lengths: (n,) of the texts.
+        lengths: (n,) lengths of the texts.
     """
 
     tall: Tensor
@@ -226,12 +226,12 @@ class Batch:
 
 
 class Batches(IterableDataset[Batch]):
-    """Batches for ever; each worker process draws its own.
+    """Endless batches; each worker process draws its own.
 
     Args:
         folders: folders of files of strips.
-        size: strips to a batch.
-        covers: lay covers over the strokes that tell characters apart.
+        size: strips per batch.
+        covers: cover strokes that distinguish characters.
         seed: seed of order, surroundings and covers.
     """
 
@@ -242,7 +242,7 @@ class Batches(IterableDataset[Batch]):
         """Yield batches.
 
         Raises:
-            ValueError: no strips, or fewer than a batch has.
+            ValueError: there are fewer strips than a batch needs.
         """
         worker = get_worker_info()
         seed = self.seed if worker is None else self.seed + 1000 * (worker.id + 1)

@@ -1,4 +1,4 @@
-"""The loop that trains a network by the clock: rates, running mean of the weights, reports, the better of both."""
+"""Train a network for a given time: learning rates, running mean of the weights, reports, the better of both."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 
 @dataclass(frozen=True)
 class Training:
-    """Settings of a training.
+    """Settings of a training run.
 
     Attributes:
         minutes: minutes of wall-clock time.
         seed: seed of weights, batches and augmentation.
-        batch: samples to a step (default: the network's own).
+        batch: samples per step (default: the network's own).
         rate: greatest learning rate (default: the network's own).
         frozen_share: share of the time in which early layers stay as they were: a step costs a third less then.
-        start: weights to go on from.
-        noise: begin the recogniser from noise instead of public weights.
-        covers: lay covers over the strokes that tell characters apart.
-        workers: processes that make batches ready.
+        start: weights to start from.
+        noise: start the recogniser from random instead of public weights.
+        covers: cover strokes that distinguish characters.
+        workers: processes that prepare batches.
         times: number of times that a batch is used, augmented anew each time.
     """
 
@@ -51,16 +51,16 @@ class Training:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A network and what it learns.
+    """A network and its training data.
 
     Attributes:
         network: network to be trained.
         optimiser: optimiser of its weights; the rate of each group is its greatest one.
         batches: batches to learn from, without end.
         loss: loss of a batch; the generator, on the network's device, is the only source of randomness.
-        measure: on samples held out, a figure that is the lower the better, and the result in words.
-        write: the network as ONNX, into a file.
-        early: weights that stay as they are in the first share of the time.
+        measure: returns a figure on held-out samples (lower is better), and the result in words.
+        write: writes the network to an ONNX file.
+        early: weights that stay frozen in the first share of the time.
     """
 
     network: nn.Module
@@ -73,7 +73,7 @@ class Task:
 
 
 def load_batches(batches: IterableDataset[Any], how: Training) -> Iterator[Any]:
-    """Load batches that worker processes prepare, each of them as often as asked."""
+    """Load batches that worker processes prepare, each `how.times` times."""
     ahead = 4 if how.workers else None
     for batch in DataLoader(batches, batch_size=None, num_workers=how.workers, prefetch_factor=ahead):
         yield from repeat(batch, how.times)
@@ -94,11 +94,11 @@ def fit(
 
     Args:
         task: task of the network.
-        how: for how long, from which seed.
-        out: ONNX file; the weights as torch has them lie beside it.
-        log: a line of JSON a report is added to it.
-        average_steps, average_share: steps between two looks of the running mean at the weights, and what one counts.
-        report_steps, measure_s: steps from one report to the next, and seconds after which one holds a measurement.
+        how: settings.
+        out: ONNX file; the torch weights are written beside it.
+        log: file to which each report adds a line of JSON.
+        average_steps, average_share: steps between two updates of the running mean, and the weight of an update.
+        report_steps, measure_s: steps between two reports, and seconds between two reports with a measurement.
     """
     network, weights_at = task.network, out.with_suffix(".pt")
     for path in (out, log):
@@ -146,7 +146,7 @@ def fit(
 
 
 def _rate(share: float, *, first: float = 0.03) -> float:
-    """Share of the greatest rate when this share of the time is gone: it rises first, then falls as a cosine."""
+    """Share of the greatest rate after this share of the time: it rises first, then falls as a cosine."""
     return (
         share / first if share < first else 0.5 * (1.0 + math.cos(math.pi * (share - first) / (1.0 - first)))
     )
@@ -160,13 +160,13 @@ def _report(log: Path, line: dict[str, Any]) -> None:
 def export(
     network: nn.Module, example: Tensor, out: Path, *, names: tuple[str, str], axes: Sequence[dict[int, str]]
 ) -> None:
-    """Write ONNX.
+    """Write a network to an ONNX file.
 
     Args:
         network: network to be written.
         example: example of its input.
         out: file.
-        names: of input and output.
+        names: names of input and output.
         axes: for each of them, the axes that may differ in length.
     """
     network.eval().to("cpu", memory_format=torch.contiguous_format)

@@ -90,7 +90,7 @@ class SensorChain(Gauges):
         adc_bits: resolution, 2 to 32 bits for the whole range from - to +; None: no conversion.
 
     Raises:
-        SensorError: as in `Gauges`, negative rms values, an impossible converter.
+        SensorError: as in `Gauges`, negative rms values, an invalid converter.
     """
 
     noise_n_mm: NotNegative = 0.0

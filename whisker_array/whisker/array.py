@@ -56,7 +56,7 @@ class WhiskerArray(Comb):
         body: space that a whisker takes; None: whiskers are points, as in a prediction.
 
     Raises:
-        WhiskerError: a number that cannot be; whiskers that would touch.
+        WhiskerError: an invalid number; whiskers that would touch.
     """
 
     body: Body | None = field(default=None, repr=False)

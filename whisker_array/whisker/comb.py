@@ -233,7 +233,7 @@ class Comb(Validated, error=WhiskerError):
             place of its own tip.
 
     Raises:
-        WhiskerError: a number that cannot be.
+        WhiskerError: an invalid number.
     """
 
     n_whiskers: AtLeastOne

@@ -113,7 +113,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
         offset_mm: see `SweepPlan`; of a comb, `WhiskerArray.offset_mm`.
 
     Raises:
-        WhiskerError: no whiskers, an empty stretch, a number that cannot be.
+        WhiskerError: no whiskers, an empty stretch, an invalid number.
     """
 
     direction: TraceDirection

@@ -92,7 +92,7 @@ def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:
 
 def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading], reader: Reader) -> Mode:
     if "touch" in uses:
-        _ = reader.touch  # settings that cannot be, before anything is read
+        _ = reader.touch  # refuse invalid settings before anything is read
     if uses != ("touch",):
         _ = reader.vision
     return Mode.of(uses, lambda senses: read(senses, reader))

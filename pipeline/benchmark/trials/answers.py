@@ -1,6 +1,6 @@
-"""Answers of any program to an exam, as trials: a table of its readings, scored against the truth.
+"""Load a table of any program's answers to an exam, as trials with their truth.
 
-part,text,confidence,decision        file and serial will do for part and text, accepted for decision
+part,text,confidence,decision        also allowed: file for part, serial for text, accepted for decision
 rust-0.3-0000,KR804217,0.93,accept   confidence 0 to 1; accept, review or reject
 lines/rust-0.3-0001-photo.png,KB7A   a picture of `benchmark export` stands for its part
 """
@@ -35,9 +35,9 @@ class Answers:
     """The answers of one reader to an exam.
 
     Attributes:
-        trials: one a part; a part without an answer counts as read empty.
+        trials: one per part; a part without an answer counts as read empty.
         missing: parts without an answer.
-        unknown: parts that were answered and are not in the exam.
+        unknown: answered parts that are not in the exam.
     """
 
     trials: tuple[Trial, ...]
@@ -46,7 +46,7 @@ class Answers:
 
 
 def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) -> Answers:
-    """A table of answers, see the module.
+    """Load a table of answers (format: see the module).
 
     Args:
         path: the table.
@@ -55,7 +55,8 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
         given: facts that it knew beside the parts.
 
     Raises:
-        FileError: no such table; or a line, which is named, that names a part twice or says what cannot be.
+        FileError: there is no such table, or a line names a part twice or has an impossible value; the message names
+            it.
     """
     known = {item.part for item in items}
     answered: dict[str, PartLine] = {}
@@ -67,10 +68,14 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
             continue
         if part in answered:
             earlier = answered[part].line
-            raise FileError(path, f"lines {earlier} and {line.line} answer {part}", "keep one line a part")
+            raise FileError(
+                path, f"lines {earlier} and {line.line} answer {part}", "keep one line for each part"
+            )
         answered[part] = line
     if not answered:
-        raise FileError(path, "answers no part of the exam", f"name the parts as {items[0].part}")
+        raise FileError(
+            path, "answers no part of the exam", f"use the names of the exam, such as {items[0].part}"
+        )
     trials = []
     for item in items:
         said = _fields_of(path, answered[item.part]) if item.part in answered else _fields("", 0.0, None)
@@ -81,7 +86,7 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
 
 
 def _part_of(name: str, known: set[str]) -> str:
-    """The part that a name means; a picture of the export has its view behind it."""
+    """Part of a name in the table; the name of an exported picture ends with its view."""
     stem, _, view = name.rpartition("-")
     return stem if name not in known and view in PICTURES and stem in known else name
 
@@ -102,7 +107,7 @@ _HINTS = {
 
 
 def _fields_of(path: Path, line: PartLine) -> dict[str, Any]:
-    """The fields of a trial that an answer fills."""
+    """Fields of a trial from an answer."""
     written = {name: line.others[name].lower() for name in _HINTS if line.others.get(name)}
     try:
         cells = _Cells.model_validate(written)

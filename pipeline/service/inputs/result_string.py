@@ -37,7 +37,7 @@ _LONGEST = 500
 
 
 class ResultStringError(MarksError):
-    """A format of result strings that cannot be."""
+    """An invalid format of result strings."""
 
 
 class ResultString:

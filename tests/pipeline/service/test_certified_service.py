@@ -30,7 +30,7 @@ def test_a_trigger_has_the_stage_feel_what_the_certificate_does_not_cover(
     with inline_service(tmp_path / "data", reading=certified, **around) as served:
         part, store = triggered(served, "clean"), served[0].store
         first, last = store.story(part.id).readings
-        assert "the certificate says nothing of what is read so (vision)" in first.messages
+        assert "the certificate does not cover this sense (vision)" in first.messages
         assert "touch_needed" in [event.kind for event in store.story(part.id).events]
         assert (first.source, last.source) == ("vision", "fused")
         assert last.passes
