@@ -22,6 +22,7 @@ from glyphs.camera.photo import Photo
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.output_paths import check_writable
 from pipeline.errors import DataError, reading
+from pipeline.formats.grid import MM
 from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, kind_of, refusal
 from pipeline.formats.raw_map import RawMap, check_size
 
@@ -104,10 +105,12 @@ _INCH_MM = 25.4
 _LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
 _MEANINGLESS_DPI = (72.0, 96.0)
 """Written by programs that know nothing of the scale."""
+_IMAGEJ_UNIT = re.compile(r"(?sm)\AImageJ=.*?^unit=(\S+)")
+"""In the description of a TIFF: the unit in which its resolution counts."""
 _ORIENTATION = 274
 """Tag of EXIF and TIFF."""
-_COLUMNS, _ROWS, _BITS = 256, 257, 258
-"""Tags of TIFF."""
+_COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 283)
+"""Tags of TIFF; of the resolution along x and y."""
 _SUBFILE, _REDUCED = 254, 1
 """Tag of a TIFF page, and its bit for a smaller copy of another page."""
 _MOST_PAGES = 24
@@ -200,10 +203,17 @@ def _pitch_mm(image: ImageFile) -> float | None:
     # what EXIF says is a camera's habit, no scale; WebP has nothing else
     if image.format == "WEBP" or (image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit")):
         return None
-    x_dpi, y_dpi = (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
-    if not (x_dpi > 0.0 and y_dpi > 0.0) or any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI):
+    unit_mm, (x_dpi, y_dpi) = _INCH_MM, (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
+    if image.format == "TIFF":
+        tags = image.tag_v2  # type: ignore[attr-defined]
+        if imagej := _IMAGEJ_UNIT.match(str(tags.get(_DESCRIPTION, ""))):
+            unit_mm = MM.get(imagej[1].replace("\\u00B5", "µ"), 0.0)
+            x_dpi, y_dpi = (float(tags.get(tag, 0.0)) for tag in _RESOLUTION)
+    if not (x_dpi > 0.0 and y_dpi > 0.0) or (
+        unit_mm == _INCH_MM and any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI)
+    ):
         return None
-    x_mm, y_mm = _INCH_MM / x_dpi, _INCH_MM / y_dpi
+    x_mm, y_mm = unit_mm / x_dpi, unit_mm / y_dpi
     plausible = _LEAST_PITCH_MM <= x_mm <= _MOST_PITCH_MM and abs(x_mm - y_mm) <= 0.01 * x_mm
     return x_mm if plausible else None
 

@@ -222,6 +222,16 @@ def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
     assert read_photo(path).pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
 
 
+@pytest.mark.parametrize(
+    ("unit", "count"), [("mm", 20.0), ("micron", 0.02), ("inch", 508.0), ("pixel", None)]
+)
+def test_the_pitch_that_imagej_states(unit: str, count: float | None, tmp_path: Path) -> None:
+    tags = {270: f"ImageJ=1.54f\nunit={unit}\n", 282: count or 20.0, 283: count or 20.0, 296: 1}
+    Image.fromarray(COLOUR).save(tmp_path / "part.tif", tiffinfo=tags)
+    found = read_photo(tmp_path / "part.tif").pitch_mm
+    assert found == (None if count is None else pytest.approx(0.05, rel=1e-4))
+
+
 def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif.update({282: 300.0, 283: 300.0, 296: 2})
