@@ -148,14 +148,14 @@ def test_a_tilted_plate(make_part: Make, reader: Readers) -> None:
 
 def test_a_turned_line(make_part: Make, reader: Readers) -> None:
     part = make_part(line_rotation_deg=-8.0)
-    reading = reader().read(part.height_map)
+    reading = reader(format="A9A99").read(part.height_map)
     check(reading, part)
     assert reading.rotation_deg == pytest.approx(-8.0, abs=LEAN_SHARE * 8.0)
 
 
 def test_a_slanted_line(make_part: Make, reader: Readers) -> None:
     """Its height is known less well than a level one's: it was learned on those."""
-    reading = reader().read(make_part(line_rotation_deg=-140.0).height_map)
+    reading = reader(format="A9A99").read(make_part(line_rotation_deg=-140.0).height_map)
     assert (reading.text, reading.decision) == ("K7B29", Decision.ACCEPT)
     assert reading.rotation_deg == pytest.approx(-140.0, abs=LEAN_SHARE * 30.0)
 

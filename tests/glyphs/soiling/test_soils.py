@@ -75,8 +75,8 @@ def test_the_same_seed_lays_the_same(soil: str) -> None:
 def test_more_of_it_is_more(soil: str) -> None:
     clean = _coat().z_mm
     changes = [
-        np.mean([np.abs(_soiled(soil, amount, seed).z_mm - clean).mean() for seed in range(4)])
-        for amount in (0.05, 0.3, 0.6, 1.0)
+        np.mean([np.abs(_soiled(soil, amount, seed).z_mm - clean).mean() for seed in range(3)])
+        for amount in (0.05, 0.4, 1.0)
     ]
     assert all(b > a for a, b in pairwise(changes)), changes
 

@@ -144,7 +144,7 @@ def test_double_strikes_come_as_often_and_as_far_apart_as_asked() -> None:
 
 
 @pytest.mark.parametrize("height_mm", [2.0, 12.0])
-@pytest.mark.parametrize("text", ["K7", "KR8512BQ", "1M8GDM9AXKP042788"])
+@pytest.mark.parametrize("text", ["K7", "1M8GDM9AXKP042788"])
 @pytest.mark.parametrize("plate", PLATES)
 def test_a_plate_of_any_size_can_be_made(plate: str, text: str, height_mm: float) -> None:
     for layout in LAYOUTS:

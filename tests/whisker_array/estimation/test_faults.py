@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import Touch, default_touch
 
 TOUCH = default_touch(5.0)
+Found = Callable[[FaultKind], tuple[Scan, tuple[Fault, ...]]]
 OF_ONE = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN)
 
 
@@ -36,12 +39,24 @@ def faulty(ideal: Scan, kind: FaultKind | None, *, seed: int = 0) -> Scan:
     return recorded(ideal, rng=np.random.default_rng(seed), fault=kind, whisker=1)
 
 
+@pytest.fixture(scope="module")
+def found(ideal: Scan) -> Found:
+    """A recording with a fault, and what is found in it; each is made once."""
+
+    @cache
+    def made(kind: FaultKind) -> tuple[Scan, tuple[Fault, ...]]:
+        scan = faulty(ideal, kind)
+        return scan, find_faults(scan)
+
+    return made
+
+
 @pytest.mark.parametrize("kind", [k for k in FaultKind if k is not FaultKind.WORN])
-def test_each_fault_is_named_with_its_whisker_and_nothing_else_is(ideal: Scan, kind: FaultKind) -> None:
-    found = find_faults(faulty(ideal, kind))
-    assert [(f.kind, f.whisker) for f in found] == [(kind, 1 if kind in OF_ONE else None)]
-    assert kind.value in found[0].text
-    assert found[0].text.endswith(f"({kind.hint})")
+def test_each_fault_is_named_with_its_whisker_and_nothing_else_is(found: Found, kind: FaultKind) -> None:
+    (fault,) = found(kind)[1]
+    assert (fault.kind, fault.whisker) == (kind, 1 if kind in OF_ONE else None)
+    assert kind.value in fault.text
+    assert fault.text.endswith(f"({kind.hint})")
 
 
 def on_grooves(touch: Touch) -> Scan:
@@ -76,24 +91,24 @@ def test_a_stage_too_high_is_not_eight_dead_whiskers(ideal: Scan) -> None:
     assert "hardly touch" in fault.text
 
 
-def test_the_vibration_is_named_by_its_frequency(ideal: Scan) -> None:
-    (fault,) = find_faults(faulty(ideal, FaultKind.VIBRATION))
+def test_the_vibration_is_named_by_its_frequency(found: Found) -> None:
+    (fault,) = found(FaultKind.VIBRATION)[1]
     hz = float(fault.text.partition(" at ")[2].partition(" Hz")[0])
     # a pass of half a second tells frequencies 2 Hz apart
     assert hz == pytest.approx(50.0, abs=2.0)
 
 
-def test_the_height_that_is_wrong_is_told_in_millimetres(ideal: Scan) -> None:
-    (fault,) = find_faults(faulty(ideal, FaultKind.HEIGHT))
+def test_the_height_that_is_wrong_is_told_in_millimetres(found: Found) -> None:
+    (fault,) = found(FaultKind.HEIGHT)[1]
     off = float(fault.text.partition("about ")[2].partition(" mm")[0])
     assert off == pytest.approx(0.5 * TOUCH.preload_mm, rel=0.1)  # gains of the whiskers are 3 % wrong
     assert "too high" in fault.text
 
 
-def test_what_a_dead_whisker_would_have_felt_is_taken_from_crossing_passes(ideal: Scan) -> None:
+def test_what_a_dead_whisker_would_have_felt_is_taken_from_crossing_passes(ideal: Scan, found: Found) -> None:
     """Against the same recording with all whiskers alive, under the dead one's lines and where no lines cross."""
-    dead = faulty(ideal, FaultKind.DEAD)
-    usable = flag_faults(dead, find_faults(dead))
+    dead, faults = found(FaultKind.DEAD)
+    usable = flag_faults(dead, faults)
     for sweep in usable.sweeps:
         assert (sweep.flags[:, 1] & SampleFlag.FAULTY == SampleFlag.FAULTY).all()
         assert not (np.delete(sweep.flags, 1, axis=1) & SampleFlag.FAULTY).any()
@@ -113,9 +128,9 @@ def test_what_a_dead_whisker_would_have_felt_is_taken_from_crossing_passes(ideal
     assert abs(np.corrcoef(truth, hurt.enhancement[ahead][under])[0, 1]) < 0.5
 
 
-def test_spikes_are_left_out_sample_by_sample(ideal: Scan) -> None:
-    spiked = faulty(ideal, FaultKind.SPIKES)
-    usable = flag_faults(spiked, find_faults(spiked))
+def test_spikes_are_left_out_sample_by_sample(ideal: Scan, found: Found) -> None:
+    spiked, faults = found(FaultKind.SPIKES)
+    usable = flag_faults(spiked, faults)
     flagged = np.concatenate([(s.flags & SampleFlag.FAULTY != 0).ravel() for s in usable.sweeps])
     assert 3e-4 < flagged.mean() < 3e-3  # one in a thousand was made
     sound = edge_map(faulty(ideal, None)).enhancement
@@ -123,8 +138,8 @@ def test_spikes_are_left_out_sample_by_sample(ideal: Scan) -> None:
     assert far[1] < 0.5 * far[0]
 
 
-def test_few_directions_leave_lines_out_without_inventing_them(ideal: Scan) -> None:
-    dead = faulty(ideal, FaultKind.DEAD)
+def test_few_directions_leave_lines_out_without_inventing_them(found: Found) -> None:
+    dead, _ = found(FaultKind.DEAD)
     along = replace(dead, sweeps=tuple(s for s in dead.sweeps if s.plan.direction.along_x))
     usable = flag_faults(along, [Fault(FaultKind.DEAD, "", 1)])
     left = edge_map(usable)
