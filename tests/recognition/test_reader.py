@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.glyph import FontError
-from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import StampedPart
-from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.depth_rules import depth_rule
@@ -86,17 +84,6 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
     assert found.height_mm == pytest.approx(found.trace.line.height_mm, rel=0.06)
     assert found.trace.edge_map is not None
     assert found.trace.height_map is not None
-
-
-def test_candidates_are_sorted_and_their_shares_are_beliefs(
-    plain: tuple[StampedPart, Reading],
-) -> None:
-    for character in plain[1].characters:
-        shares = [c.probability for c in character.candidates]
-        assert shares == sorted(shares, reverse=True)
-        assert len({c.char for c in character.candidates}) == len(shares) > 1
-        assert 0.0 < sum(shares) <= 1.0 + 1e-9
-        assert character.margin >= 0.0
 
 
 @pytest.mark.parametrize(
@@ -202,16 +189,7 @@ def test_a_format_leaves_only_what_it_allows(make_part: Make, reader: Readers) -
         assert all(c.char.isdigit() == (k % 2 == 1) for c in character.candidates)
 
 
-def empty_plate() -> HeightMap:
-    x, y = np.arange(200) * 0.08, np.arange(100) * 0.08
-    rng = np.random.default_rng(2)
-    plate = PlateVariation()
-    return HeightMap(plate_form(x, y, plate, rng=rng) + plate_texture(x, y, plate, rng=rng), 0.08)
-
-
-@pytest.mark.parametrize(
-    "surface", [empty_plate(), HeightMap(np.zeros((40, 60)), 0.1), HeightMap(np.ones((2, 2)), 1.0)]
-)
+@pytest.mark.parametrize("surface", [HeightMap(np.zeros((40, 60)), 0.1), HeightMap(np.ones((2, 2)), 1.0)])
 def test_a_plate_without_marks_has_no_characters(surface: HeightMap, reader: Readers) -> None:
     # of any height: test_no_text.py
     reading = reader(height_mm=5.0).read(surface)
@@ -248,8 +226,6 @@ def test_fonts_that_nobody_named_are_stood_in_for_whatever_the_format_needs() ->
     # the gothic has no plus, and no font has a euro
     for format_ in ("A-9", r"A\+9", "A€9"):
         assert tuple(f.name for f in Repertoire(ReaderSettings(format=format_)).fonts) == STAND_INS
-    with pytest.raises(FontError, match="€"):
-        Reader(ReaderSettings(fonts=("gothic",), format="A€9"))
 
 
 @pytest.mark.parametrize(("shape", "height_mm"), [((8, 8), 0.5), ((8, 8), 50.0), ((2, 300), None)])

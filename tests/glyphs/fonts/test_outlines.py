@@ -5,7 +5,6 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from matplotlib.path import Path as PlotPath
 from scipy.spatial import cKDTree
 
@@ -15,10 +14,6 @@ from glyphs.fonts.serials import SIGNS
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 CFF_LIKE_STIX = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "STIXGeneral.ttf"
-
-coordinates = st.floats(-0.5, 1.5)
-letters = st.sampled_from(SERIAL_CHARACTERS)
-fonts = st.sampled_from((*BUILTIN_FONTS, DEJAVU))
 
 
 @pytest.mark.parametrize("name", BUILTIN_FONTS)

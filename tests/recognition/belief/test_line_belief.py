@@ -102,22 +102,18 @@ def test_a_line_is_read_with_and_without_a_format() -> None:
     looks = [steps("A8B", sure=0.9, rival="BAA")]
     free = line_belief(looks, None)
     assert free is not None
-    assert text_of(free.lattice) == "A8B"
+    assert free.lattice.text == "A8B"
     assert free.evidence == 0.0
     # columns of steps 1, 3 and 5
     np.testing.assert_allclose(free.columns, [14.0, 42.0, 70.0], atol=1.0)
     forced = line_belief(looks, Grammar(sets=("AB", "AB", "AB")))
     assert forced is not None
-    assert text_of(forced.lattice) == "AAB"
+    assert forced.lattice.text == "AAB"
     assert np.isneginf(forced.lattice.log_belief[:, CHARS.index("8")]).all()
     # what the format leaves of all that is believed: the rival's tenth at one place
     assert forced.evidence == pytest.approx(np.log(0.1), abs=0.05)
     assert free.promise > forced.promise
-    assert text_of(forced.open_places[0]) == "A8B"
-
-
-def text_of(belief: Lattice) -> str:
-    return "".join(belief.chars[k] for k in belief.log_belief.argmax(axis=1))
+    assert forced.open_places[0].text == "A8B"
 
 
 def test_of_several_lengths_the_one_that_explains_most() -> None:
@@ -125,7 +121,7 @@ def test_of_several_lengths_the_one_that_explains_most() -> None:
     for text in ("AB", "AB8A"):
         found = line_belief([steps(text)], grammar)
         assert found is not None
-        assert text_of(found.lattice) == text
+        assert found.lattice.text == text
         assert set(found.by_expert) == {"network"}
 
 

@@ -14,7 +14,6 @@ from recognition.belief.line_reader import LineReader, apart
 from recognition.belief.line_search import LineSearch, SearchLimits, promise_of
 from recognition.belief.part_lines import LineFormat, stands_in
 from recognition.language.grammar import Grammar
-from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.lines.moves import move_line
 from recognition.views.levelling import level
@@ -32,18 +31,14 @@ def reader_of(format: str) -> LineReader:
     return LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC))
 
 
-def text_of(belief: Lattice) -> str:
-    return "".join(belief.chars[k] for k in belief.log_belief.argmax(axis=1))
-
-
 @pytest.mark.parametrize(
     ("format", "meant", "other"), [("AAA9999", "KXB4071", "2938174"), ("9999999", "2938174", "KXB4071")]
 )
 def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
     part = reader_of(format).read(VIEW)
     assert part.main is not None
-    assert text_of(part.main.belief.lattice) == meant
-    assert [text_of(one.belief.open_places[0]) for one in part.others] == [other]
+    assert part.main.belief.lattice.text == meant
+    assert [one.belief.open_places[0].text for one in part.others] == [other]
 
 
 def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
@@ -83,8 +78,8 @@ def test_another_line_is_named_where_it_reads_and_stands_as_asked(
 ) -> None:
     lines = {"lot": LineFormat(Grammar(format=asked), region)}
     part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC), lines).read(VIEW)
-    assert [text_of(one.belief.lattice) for one in part.named.values()] == ([named] if named else [])
-    assert [text_of(one.belief.open_places[0]) for one in part.others] == ([] if named else ["2938174"])
+    assert [one.belief.lattice.text for one in part.named.values()] == ([named] if named else [])
+    assert [one.belief.open_places[0].text for one in part.others] == ([] if named else ["2938174"])
 
 
 @pytest.mark.parametrize(("region", "meant"), [(UPPER, "KXB4071"), (LOWER, "2938174")])
@@ -94,7 +89,7 @@ def test_the_serial_stands_in_its_region(
     either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
     part = LineReader(LineSearch(either, ALPHANUMERIC, region=region)).read(VIEW)
     assert part.main is not None
-    assert text_of(part.main.belief.lattice) == meant
+    assert part.main.belief.lattice.text == meant
     assert len(part.others) == 1
 
 
@@ -111,7 +106,7 @@ def test_what_lies_upside_down_is_read() -> None:
     over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
     part = reader_of("AAA9999").read(heights_view(level(over)))
     assert part.main is not None
-    assert text_of(part.main.belief.lattice) == "KXB4071"
+    assert part.main.belief.lattice.text == "KXB4071"
     assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
 
 

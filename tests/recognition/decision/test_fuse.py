@@ -111,23 +111,6 @@ def test_touch_is_believed_where_the_camera_is_as_sure_of_another_character() ->
     assert choose(fuse_lattices(of_text("AB12", 0.9), of_text("BA21", 0.9)), None).text == "AB12"
 
 
-@settings(deadline=None, max_examples=40)
-@given(lattices())
-def test_a_sense_that_read_nothing_says_nothing(one: Lattice) -> None:
-    blank = lattice(np.full((3, len(CHARS)), 1e-12))
-    uniform = lattice(np.full((3, len(CHARS)), 1.0 / len(CHARS)))
-    share = np.exp(one.log_belief - np.logaddexp.reduce(one.log_belief, axis=1)[:, None])
-    np.testing.assert_allclose(fuse_lattices(one, blank).log_belief.argmax(1), share.argmax(1))
-    # what is believed of the characters does not change, nor that nothing stands there
-    looked = one.log_belief.copy()
-    total = np.exp(np.logaddexp.reduce(looked, axis=1))
-    spread = np.exp(looked) + ((1.0 - total) / len(CHARS))[:, None]
-    np.testing.assert_allclose(
-        np.exp(fuse_lattices(one, blank).log_belief), total[:, None] * spread, rtol=1e-6
-    )
-    np.testing.assert_allclose(np.exp(fuse_lattices(one, uniform).log_belief).argmax(1), share.argmax(1))
-
-
 def test_a_text_is_no_surer_of_both_than_the_number_of_its_characters_is_of_touch() -> None:
     sure, seen = touch(of_text("AB1234", 0.9999)), vision(of_text("AB1234", 0.999))
     counted = sure.with_trace(odds=0.0)  # of touch, whether there are six characters is open
@@ -187,13 +170,6 @@ def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
     one = replace(touch(of_text(text, 0.999) if text else None), seconds=MappingProxyType({"read": 2.0}))
     other = replace(vision(of_text("AB1234", 0.999)), seconds=MappingProxyType({"read": 3.0}))
     assert fuse(one, other, SETTINGS).seconds == {"read": 2.0, "vision read": 3.0}
-
-
-def test_doubts_of_touch_that_vision_cannot_lift_stay() -> None:
-    doubtful = touch(of_text("AB1234", 0.9999), flags=ReadingFlag.UNREAD_MARKS)
-    read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)
-    assert read.decision is Decision.REVIEW
-    assert ReadingFlag.UNREAD_MARKS in read.flags
 
 
 LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})

@@ -21,10 +21,6 @@ def test_a_box_does_not_run_backwards(corners: tuple[float, float, float, float]
         Box(*corners)
 
 
-def test_a_box_may_be_a_point() -> None:
-    assert Box(1.0, 1.0, 1.0, 1.0).x1_mm == 1.0
-
-
 def test_a_character_has_a_candidate() -> None:
     with pytest.raises(ValueError, match="at least one"):
         CharacterReading((), BOX)
@@ -52,33 +48,9 @@ def test_seven_characters_one_in_doubt_say_more_than_a_sure_one() -> None:
     assert reading(0.0).nats_read == -2.0
 
 
-@pytest.mark.parametrize(("spaces", "text"), [((), "ABC"), ((0,), "A BC"), ((0, 1), "A B C"), ((2,), "ABC ")])
-def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) -> None:
-    reading = Reading(
-        characters=tuple(character((c, 1.0)) for c in "ABC"),
-        confidence=1.0,
-        spaces_after=frozenset(spaces),
-    )
-    assert reading.text == text
-
-
-def test_an_empty_reading_has_no_text() -> None:
-    reading = Reading(characters=(), confidence=0.0)
-    assert reading.text == ""
-    assert reading.box is None
-
-
 def test_every_flag_has_words_of_its_own() -> None:
     assert all(flag.text for flag in ReadingFlag)
     assert len({flag.text for flag in ReadingFlag}) == len(ReadingFlag)
-
-
-def test_a_reading_cannot_be_changed() -> None:
-    reading = Reading(characters=(), confidence=0.0)
-    with pytest.raises(AttributeError):
-        reading.confidence = 1.0  # type: ignore[misc]
-    with pytest.raises(TypeError):
-        reading.seconds["scan"] = 1.0  # type: ignore[index]
 
 
 def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:

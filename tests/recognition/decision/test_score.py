@@ -59,12 +59,6 @@ def test_log_odds_and_shares_undo_each_other() -> None:
     assert (log_odds(1.0), log_odds(0.0), share(-math.inf)) == (math.inf, -math.inf, 0.0)
 
 
-def test_a_reading_is_as_sure_as_its_text_where_nothing_else_speaks() -> None:
-    made = with_score(of_photo())
-    assert made.confidence == pytest.approx(share(6.0))
-    assert (made.decision, made.messages()) == (Decision.ACCEPT, ())
-
-
 def test_what_keeps_a_sure_text_from_acceptance_is_named() -> None:
     noisy = of_photo(noise=10.0)
     grain = measures_of(noisy)[Measure.GRAIN]

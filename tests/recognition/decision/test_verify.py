@@ -89,14 +89,6 @@ def test_as_by_writing_every_case_out(seed: int) -> None:
     assert found.refutation == pytest.approx(differs, abs=1e-9)
 
 
-@given(st.floats(0.0, 0.9), st.floats(0.0, 0.09))
-def test_more_belief_in_the_expected_never_hurts(low: float, more: float) -> None:
-    weak, strong = (
-        verify(line("AB", beliefs={1: {"B": p, "8": 0.005}}), "AB").probability for p in (low, low + more)
-    )
-    assert strong >= weak - 1e-12
-
-
 @pytest.mark.parametrize(
     ("found", "left_over"),
     [("B123456", (None, "A")), ("AB23456", (None, "1")), ("AB12345", (None, "6"))],

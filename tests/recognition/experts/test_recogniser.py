@@ -17,9 +17,6 @@ from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import Layers, heights_view
 
-SINGLE = 1e-3
-"""Of logarithms of beliefs: sums of thousands of products in single precision, in other orders."""
-
 
 def strip_of(part: StampedPart) -> Layers:
     boxes = np.array(part.boxes_mm)

@@ -36,11 +36,6 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a.ravel(), b.ravel())[0, 1])
 
 
-def steps_of(patch: np.ndarray) -> np.ndarray:
-    """(2, rows, columns) half differences of opposite directions, which answer steps of the surface."""
-    return 0.5 * (patch[:2] - patch[2:])
-
-
 def key_of(font: Font, touch: Touch, height_mm: float = 5.0, **options: float) -> TemplateKey:
     return template_key(font, touch, height_mm=height_mm, **options)
 

@@ -27,8 +27,6 @@ from recognition.views.view import KNOWN, LAYERS
 
 FONTS = ("gothic", "futuram")
 SEED = 11
-SIXTEEN_BITS = 2.0**-10
-"""Relative: strips are kept in half precision."""
 
 
 def drawn(seed: int) -> TrainingPart:

@@ -76,18 +76,6 @@ def wiped(laid: LaidText, share: float) -> LaidText:
     return with_edges(laid, edges)
 
 
-def littered(laid: LaidText, count: int) -> LaidText:
-    """Grains with steep sides where the character has no stroke: left and below of a 7's."""
-    edges, window = spoilt(laid)
-    rows, cols = window.shape[1], round(0.4 * window.shape[2])
-    strongest = float(np.abs(window).max())
-    rng = np.random.default_rng(3)
-    for _ in range(count):
-        r, c = int(rng.integers(rows // 2, rows - 4)), int(rng.integers(0, cols - 3))
-        window[:, r : r + 3, c : c + 3] = strongest * np.array([1.0, 1.0, -1.0, -1.0])[:, None, None]
-    return with_edges(laid, edges)
-
-
 def with_char(laid: LaidText, char: str) -> LaidText:
     """The line with another character at one place."""
     return replace(laid, text=(*laid.text[:SPOILT], char, *laid.text[SPOILT + 1 :]))
@@ -118,22 +106,6 @@ def test_the_more_is_wiped_the_less_complete(laid: LaidText, grades: Grades) -> 
     # nobody else is the worse for it
     for k in set(range(len(TEXT))) - {SPOILT}:
         assert found[-1][k] == found[0][k]
-
-
-def test_a_mark_that_is_gone_is_no_mark(laid: LaidText, grades: Grades) -> None:
-    gone = grades(wiped(laid, 1.0))[SPOILT]
-    assert gone.letter == "F"
-    assert gone.action is not Action.NONE
-
-
-def test_litter_is_told_from_strokes(laid: LaidText, grades: Grades) -> None:
-    found = [grades(littered(laid, count))[SPOILT] for count in (0, 3, 30)]
-    assert (np.diff([value(g, "contamination") for g in found]) > 0.0).all()
-    worst = found[-1]
-    assert worst.grade < 3
-    assert worst.limiting == "contamination"
-    # what is felt of the strokes stays
-    assert value(worst, "completeness") == pytest.approx(value(found[0], "completeness"), abs=0.05)
 
 
 def test_a_faint_line_has_less_contrast(laid: LaidText, grades: Grades) -> None:

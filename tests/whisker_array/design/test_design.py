@@ -292,23 +292,6 @@ def test_a_threshold_serves_where_no_wall_is_steeper() -> None:
     assert math.isnan(f[1])
 
 
-def test_no_whisker_peaks_between_its_poles() -> None:
-    """F is a linear fraction of tan(alpha - atan(mu)) for any shape, so it only rises or only falls."""
-    rng = np.random.default_rng(3)
-    alpha = np.radians(np.linspace(-50.0, 80.0, 400))
-    for _ in range(30):
-        whisker = LShaped(
-            30.0,
-            30.0 * rng.uniform(0.0, 0.5),
-            rng.uniform(-60.0, 20.0),
-            rng.uniform(0.0, 0.7),
-            Rectangle(0.3, 3.0),
-        )
-        f = factors(whisker, alpha_rad=alpha, mu=np.array([rng.uniform(0.0, 0.5)]))[:, 0]
-        steps = np.diff(f[np.isfinite(f)])
-        assert (steps > 0.0).all() or (steps < 0.0).all()
-
-
 @pytest.mark.parametrize("degrees", [5.0, 85.0, math.nan])
 def test_inclinations_that_cannot_be_singled_out(degrees: float) -> None:
     with pytest.raises(DesignError, match="cannot be singled out"):

@@ -13,7 +13,6 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from tests.support.h5_edits import Edit, attribute, drop, put
 from tests.support.scans import assert_same_scan
-from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan, only, trace_scan
@@ -78,16 +77,6 @@ def test_each_kind_feels_as_if_it_were_alone(fidelity: Fidelity) -> None:
             np.testing.assert_array_equal(a.moment_n_mm, b.moment_n_mm)
             np.testing.assert_array_equal(a.flags, b.flags)
             np.testing.assert_array_equal(a.plan.line_mm, b.plan.line_mm)
-
-
-@pytest.mark.parametrize("fidelity", list(Fidelity))
-def test_the_edge_map_of_a_mixed_two_way_scan_is_that_of_its_first_kind_dragged(fidelity: Fidelity) -> None:
-    ours = edge_map(mixed(fidelity))
-    plain = edge_map(trace_scan(surface(), touch=TOUCH, plan=PLAN, fidelity=fidelity))
-    assert ours.directions == plain.directions
-    assert (ours.pitch_mm, ours.origin_mm) == (plain.pitch_mm, plain.origin_mm)
-    np.testing.assert_array_equal(ours.valid, plain.valid)
-    np.testing.assert_array_equal(ours.enhancement, plain.enhancement)
 
 
 @pytest.mark.parametrize("fidelity", list(Fidelity))
