@@ -90,13 +90,6 @@ def test_another_serial_is_a_review_with_both_shown(reader: Reader, photo: Photo
     )
 
 
-def test_a_code_that_cannot_be_decoded_changes_no_word(reader: Reader, photo: Photo) -> None:
-    # far smaller than characters: nothing that could be read either
-    found = reader.read(with_code(photo, "SER KB740216", module_px=1.0, contrast=0.3))
-    assert (found.text, found.codes) == (TEXT, ())
-    assert not found.flags & ReadingFlag.CODE_DISAGREES
-
-
 def test_one_code_of_several_is_enough() -> None:
     other, own = code("(01)09501101530003"), code("SER KB740215")
     assert checked_by_codes(READ, (other, own)).decision is Decision.ACCEPT
