@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: a temporary one in the same folder takes the name at the end."""
+"""Write files that appear whole or not at all: a temporary file in the same folder is renamed at the end."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names of a folder's files on the disk; Windows does so by itself.
+    """Flush the names of a folder's files to the disk; Windows does so by itself.
 
     Raises:
         OSError: it cannot be done.
@@ -62,7 +62,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def sync_names(folder: Path) -> None:
-    """Call `sync_folder` where the file system has it; others keep names by themselves."""
+    """Call `sync_folder` if the file system supports it; others keep names by themselves."""
     with contextlib.suppress(OSError):
         sync_folder(folder)
 

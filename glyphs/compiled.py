@@ -1,4 +1,4 @@
-"""Kernels: loops that numba compiles at their first call and keeps on disk.
+"""Kernels: loops that numba compiles at their first call and caches on disk.
 
 The first reading on a machine waits for all kernels to be compiled, a tenth of a second for the least of them, so
 they are lean:
@@ -58,7 +58,7 @@ def inline_kernel(function: Function) -> Function:
 
 
 def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
-    """The array, contiguous and of a type, as a view that cannot be written to.
+    """Return a contiguous read-only view of an array with a given dtype.
 
     For numba what can be written to and what cannot are two types: so there is one.
     """

@@ -39,7 +39,7 @@ def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
 
 
 def report_start(*, kept: bool = True) -> None:
-    """Show that a kernel is compiled, for it is not on this machine's disk.
+    """Show that a kernel is being compiled, because it is not in this machine's cache.
 
     Args:
         kept: whether it will be.
@@ -52,7 +52,7 @@ def report_start(*, kept: bool = True) -> None:
 
 
 def report_end(seconds: float) -> None:
-    """Show that a kernel is compiled; another may follow."""
+    """Show that a kernel has been compiled; another may follow."""
     _Watch.seconds += seconds
     if _Watch.show is not None and _Watch.seconds - max(_Watch.told_s, 0.0) >= PROGRESS_S:
         _Watch.show(f"compiling kernels: {_Watch.seconds:.0f} s so far")
@@ -60,7 +60,7 @@ def report_end(seconds: float) -> None:
 
 
 def end_part() -> None:
-    """Show the time of all kernels compiled for a piece of work that is done."""
+    """Show the time of all kernels compiled for a finished piece of work."""
     if _Watch.at_it and _Watch.show is not None and (_Watch.told_s or _Watch.seconds >= LEAST_S):
         _Watch.show(f"kernels compiled in {_Watch.seconds:.0f} s")
     _Watch.at_it, _Watch.seconds, _Watch.told_s = False, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Errors that a user can mend: wrong input, settings, files, machines. Anything else is a fault of the program."""
+"""Errors that a user can correct: wrong input, settings, files, machines. Anything else is a fault of the program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled kernels on disk: numba's cache, with a digest of each kernel, that no state of its files can break.
+"""Cache of compiled kernels on disk: numba's cache with a digest of each kernel; damaged files are ignored.
 
 The files are derived data: what is damaged is thrown away and compiled again, and where nothing can be written the
 kernels are compiled at every start.
@@ -24,7 +24,7 @@ _runtime: Any = rtsys
 
 
 class _Sealed(_Impl):  # type: ignore[misc]
-    """Kernels with the digest of their bytes and of the source: damaged machine code would end the process."""
+    """Kernels with digests of their bytes and source, because damaged machine code would crash the process."""
 
     def reduce(self, data: Any) -> tuple[bytes, bytes]:
         body: bytes = _dumps(super().reduce(data))
@@ -47,7 +47,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
     _impl_class = _Sealed
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The kernel of a signature; None where it is not on disk, or not as it was written."""
+        """Load the kernel of a signature; None if it is missing or damaged."""
         try:
             # all that a kernel on disk calls; numba would import here what compiling needs, for a third of a second
             _runtime.initialize(target_context)
@@ -80,7 +80,7 @@ def cache_of(function: Callable[..., Any]) -> Any:
 
 
 def folder_of(function: Callable[..., Any]) -> Path | None:
-    """The folder that `cache_of` keeps the kernels of a function in, made if needed; None where there is none."""
+    """Folder of `cache_of` for the kernels of a function, created if needed; None without one."""
     try:
         locator = _Sealed(function).locator
         locator.ensure_cache_path()

@@ -11,7 +11,7 @@ from glyphs.errors import MarksError
 
 
 def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) -> Any:
-    """The object of that name; modules of the working folder are found, too.
+    """Load the object of that name; modules in the working folder are found, too.
 
     Args:
         name: module and object, `module:function`.

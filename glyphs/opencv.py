@@ -1,4 +1,4 @@
-"""OpenCV, checked to be whole: `from glyphs.opencv import cv2` in place of `import cv2`.
+"""OpenCV with a check of its installation: `from glyphs.opencv import cv2` in place of `import cv2`.
 
 All its packages write the same folder `cv2`, and the extra `vision` brings a second one. Installed in either order,
 the last is complete and works; but whichever is removed takes files of the other along, and what is left imports

@@ -72,7 +72,7 @@ class Part:
 
     @property
     def height_map(self) -> HeightMap:
-        """The surface as an instrument or a camera finds it: the top of the dirt."""
+        """The surface that an instrument or a camera sees: the top of the dirt."""
         return self.stamped.height_map if self.soiling.clean else self.soiled.height_map
 
     @property
@@ -82,7 +82,7 @@ class Part:
 
     @cached_property
     def soiled(self) -> SoiledPart:
-        """The part with its dirt and its look, made when first asked for."""
+        """The part with its dirt and its look, made on first use."""
         return soil_part(self.stamped, self.soiling, rng=self._rng(_SOIL_STREAM))
 
     def photograph(
@@ -95,7 +95,7 @@ class Part:
         pixel_mm: float = DEFAULT_PIXEL_MM,
         lights: int = 1,
     ) -> Photo:
-        """Take a picture of the part; by default light and camera are drawn, the same whatever lies on the part.
+        """Take a picture of the part; by default light and camera are drawn, the same for any dirt.
 
         Args:
             light: lighting.

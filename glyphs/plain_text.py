@@ -1,4 +1,4 @@
-"""Text that can be seen: no control characters, no terminal escapes, no marks that turn the order of what follows."""
+"""Make text safe to show: no control characters, no terminal escapes, no marks that reverse the text after them."""
 
 from __future__ import annotations
 

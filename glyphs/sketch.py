@@ -1,4 +1,4 @@
-"""Marks of a second hand: lines of text sketched on a plate, far more varied than the stamped parts.
+"""Marks of a second generator: lines of text sketched on a plate, far more varied than the stamped parts.
 
     text --outlines--> ink --profile of the tool--> marks --plate, dirt, wear--> surface
 
@@ -89,14 +89,14 @@ def sketch(font: Font, text: str, rng: np.random.Generator, *, clean: bool = Fal
 
 
 def noise(shape: tuple[int, int], cell: tuple[float, float], rng: np.random.Generator) -> Field:
-    """Smooth noise of spread 1, a value every so many rows and columns."""
+    """Smooth noise with standard deviation 1, interpolated from a coarser grid."""
     small = [max(2, round(n / c)) for n, c in zip(shape, cell, strict=True)]
     field = rng.standard_normal(small).astype(np.float32)
     return np.asarray(cv2.resize(field, shape[::-1], interpolation=cv2.INTER_CUBIC), dtype=np.float32)
 
 
 def rough_noise(shape: tuple[int, int], coarsest: float, rng: np.random.Generator) -> Field:
-    """Noise of four sizes, from so many pixels downwards."""
+    """Noise of four sizes, the largest of the given number of pixels."""
     fall = float(rng.uniform(0.35, 0.75))
     layers = [fall**k * noise(shape, (max(1.0, coarsest / 2**k),) * 2, rng) for k in range(4)]
     total = np.sum(layers, axis=0, dtype=np.float32)
@@ -104,7 +104,7 @@ def rough_noise(shape: tuple[int, int], coarsest: float, rng: np.random.Generato
 
 
 def blur(field: Field, sigma: float) -> Field:
-    """Blur by a Gaussian of so many pixels; one of a fifth or less changes nothing."""
+    """Blur by a Gaussian with a standard deviation in pixels; up to 0.2 nothing changes."""
     return np.asarray(cv2.GaussianBlur(field, (0, 0), sigma), dtype=np.float32) if sigma > 0.2 else field
 
 
@@ -164,7 +164,7 @@ def _add_clutter(mask: NDArray[np.uint8], rng: np.random.Generator) -> None:
 
 
 def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
-    """The tool's section, 0 on the land to 1 at the floor of the mark."""
+    """Section of the tool: 0 on the land, 1 at the floor of the mark."""
     kind = 0.0 if dotted else rng.random()
     ink = (mask > 0.5).astype(np.uint8)
     grown = round(float(rng.normal(0.0, 0.02)) * _H)
@@ -187,7 +187,7 @@ def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
 
 
 def _peen(ink: NDArray[np.uint8], rng: np.random.Generator) -> Field:
-    """Peened: a dot every so far along the middle of the strokes."""
+    """Replace strokes by peened dots along their middle."""
     pitch = float(rng.uniform(0.08, 0.16)) * _H
     field = np.zeros(ink.shape, dtype=np.float32)
     jitter = float(rng.uniform(0.0, 0.12)) * pitch
@@ -224,7 +224,7 @@ def _plate(shape: tuple[int, int], depth: float, rng: np.random.Generator) -> Fi
 def _soil(
     shape: tuple[int, int], mask: Field, depth: float, severity: float, rng: np.random.Generator
 ) -> Field:
-    """Thickness of what lies on the part: what fills marks, lumps on the land, crumbs."""
+    """Thickness of the dirt: filled marks, lumps on the land, crumbs."""
     soil = np.zeros(shape, dtype=np.float32)
     if rng.random() < 0.75:
         full = np.clip(

@@ -80,7 +80,7 @@ class Camera(OneLine, Validated, error=MapError):
 def apply_homography(
     homography: NDArray[np.float64], x: ArrayLike, y: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points through a homography."""
+    """Apply a homography to points."""
     h = homography
     u, v = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     w = h[2, 0] * u + h[2, 1] * v + h[2, 2]
@@ -88,7 +88,7 @@ def apply_homography(
 
 
 def draw_camera(rng: np.random.Generator, *, pitch_mm: float = DEFAULT_PIXEL_MM) -> Camera:
-    """A camera as set up in a shop: the part within half a millimetre and a degree, mostly in focus."""
+    """Draw a camera as set up in a shop: within half a millimetre and a degree of the part, mostly in focus."""
     n = np.clip(rng.standard_normal(6), -2.5, 2.5)
     return Camera(
         pitch_mm=pitch_mm,

@@ -1,4 +1,4 @@
-"""Light thrown towards a camera straight above, from heights and `Look`.
+"""Light reflected towards a camera straight above, from heights and `Look`.
 
 Sums of a directional light and a dome of ambient light, each reflected diffusely (Lambert) and by microfacets
 (Trowbridge-Reitz, also called GGX, with Schlick's Fresnel factor)::
@@ -109,7 +109,7 @@ def _normals(z: Field, pitch_mm: float) -> tuple[Field, Field, Field]:
 
 
 def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
-    """Density of microfacet normals at an angle of that cosine from the mean one, per steradian."""
+    """Density of microfacet normals at an angle from the mean normal, given its cosine, per steradian."""
     a2 = alpha * alpha
     below = cosine * cosine * (a2 - 1.0) + 1.0
     return np.asarray(a2 / (np.pi * below * below), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Dotted fonts: what dot-peen markers and dot-matrix dies write.
+"""Dotted fonts, as dot-peen markers and dot-matrix dies write them.
 
 #####        o o o o o
 #            o                 a matrix of five by seven; a finer grid; or a dot every so far
@@ -27,7 +27,7 @@ _PIXELS = 80
 
 
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
-    """Capitals, figures and the characters of a text as dots; each dot is a stroke of one point.
+    """Font of dots with capitals, figures and the characters of a text; each dot is a stroke of one point.
 
     Args:
         font: has them all.

@@ -16,7 +16,7 @@ MOST_COMPONENTS = 256
 
 
 class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]
-    """Draws a composite glyph with a limit on its parts: thirty levels of two each would be a thousand million."""
+    """Draw a composite glyph with a limit on its parts: thirty levels of two each would be a thousand million."""
 
     _components = 0
 
@@ -60,7 +60,7 @@ class _PolygonPen(_FewComponents):
 
 
 def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, dict[str, _Outline]]:
-    """Polygons and advances of the characters that a font has, scaled to a cap height of 1.
+    """Polygons and advances of a font's characters, scaled to a cap height of 1.
 
     Args:
         file: an open `fontTools.ttLib.TTFont`.

@@ -1,4 +1,4 @@
-"""Names of fonts: built-in ones and those of files; apart from what loads them, which is slow to import."""
+"""Names of fonts: built-in ones and files. The module that loads them is separate, because it is slow to import."""
 
 from __future__ import annotations
 

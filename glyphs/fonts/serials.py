@@ -1,4 +1,4 @@
-"""Serial formats: which characters may stand where, and random serials that obey them."""
+"""Serial formats: the characters allowed at each position, and random serials that follow a format."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
 
 
 def random_text(format: str, *, rng: np.random.Generator, exclude: str = "") -> str:
-    """A serial drawn evenly from all that obey the format.
+    """Draw a serial evenly from all that follow the format.
 
     Args:
         format: as in `allowed_characters`.

@@ -1,1 +1,1 @@
-"""Dirt and damage: what lies on a part, what yields under the tip, what wore off."""
+"""Dirt and damage of a part: deposits, their softness, and wear."""

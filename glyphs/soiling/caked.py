@@ -1,4 +1,4 @@
-"""Caked grime: dust bound by oil and grease, as it grows for years on machinery that is never cleaned.
+"""Caked grime: dust bound by oil and grease that builds up for years on machinery that is never cleaned.
 
 Layer settles upon layer. Grooves catch first and fill to the brim; the cake then climbs over it, mark and land alike::
 
@@ -66,7 +66,7 @@ class _Cake:
 
     @property
     def solid_mm(self) -> Field:
-        """All but the void."""
+        """Thickness without the void."""
         return np.asarray(self.packed_mm + self.built_mm)
 
 
@@ -95,7 +95,7 @@ def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Ranks 0 to 1 (see `share`) of noise of that length, drawn on a thinned grid."""
+    """Ranks 0 to 1 (see `share`) of noise of a given length, drawn on a coarse grid."""
     step = max(1, int(length_mm / (4.0 * coat.pitch_mm)))
     return stretch(share(coarse_noise(coat, length_mm, step, rng)), step, coat.shape)
 
@@ -193,7 +193,7 @@ def _wipe_and_press(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Gene
 
 
 def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
-    """Share that one stroke takes off, 0 to 1: 6 to 16 mm wide, streaked by the folds of the cloth."""
+    """Share that one stroke removes, 0 to 1: 6 to 16 mm wide, streaked by the folds of the cloth."""
     along, across = _turned_axes(coat, rng)
     firm = np.clip(rng.uniform(-0.4, 1.2), 0.0, 0.95)
     wide, far = rng.uniform(6.0, 16.0), rng.uniform(8.0, 30.0)

@@ -1,4 +1,4 @@
-"""A part's surface while dirt settles on it, and how it looks.
+"""A part's surface while dirt settles on it, and its optical properties.
 
 Every kind of dirt is a function from one `Coat` to the next (`wear`, `films`, `grime`, `debris`).
 """
@@ -116,7 +116,7 @@ class Coat(OneLine):
         roughness: ArrayLike | None = None,
         reflectance: ArrayLike | None = None,
     ) -> Coat:
-        """The coat with another look where `cover` (0 to 1) says so.
+        """The coat with another look, mixed in by `cover` (0 to 1).
 
         Args:
             cover: share of the new look.
@@ -137,7 +137,7 @@ class Coat(OneLine):
 
 
 def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
-    """A clean part: its surface, nothing that yields, and the look of machined steel.
+    """A clean part: its surface, no soft dirt, and the look of machined steel.
 
     Raises:
         MapError: dropouts in the height map (a surface with holes cannot be soiled).

@@ -1,4 +1,4 @@
-"""Axes of a coat, and fields on grids that are as coarse as their lengths allow."""
+"""Axes of a coat, and fields on the coarsest grids that their lengths allow."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def resize(values: Field, shape: tuple[int, ...], *, how: str = "linear") -> Fie
 
 
 def blur(values: NDArray[Any], sigma: float, *, mirror: bool = False) -> Field:
-    """Blur a field by a Gaussian of `sigma` samples; beyond its borders it goes on as at them, or as in a mirror."""
+    """Blur a field by a Gaussian of `sigma` samples; beyond the borders it continues constant, or mirrored."""
     from glyphs.opencv import cv2
 
     border = cv2.BORDER_REFLECT if mirror else cv2.BORDER_REPLICATE

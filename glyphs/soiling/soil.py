@@ -1,4 +1,4 @@
-"""Soil: dirt that yields under the tip, and the friction of what is touched.
+"""Soil: dirt that yields under the tip, and the friction of the surface.
 
 The height map of a soiled part is its *top*, as an instrument or a camera sees it. Under it::
 

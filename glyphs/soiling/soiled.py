@@ -66,7 +66,7 @@ class Soiling(OneLine, Validated, error=StampError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SoiledPart(OneLine):
-    """A part with what lies on it.
+    """A part with its soil.
 
     Attributes:
         part: the part when it was clean.
@@ -123,7 +123,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
 
 def _lay_soil(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Lay one soil on a surface; errors of a user's own soil name it, and are not reported as faults of the program."""
+    """Apply one soil to a surface; errors of a user's own soil name it and are no faults of the program."""
     model = soil_model(name)
     if name in SOILS:
         return model(coat, amount, rng=rng)
@@ -140,7 +140,7 @@ def _lay_soil(coat: Coat, name: str, amount: float, *, rng: np.random.Generator)
 
 
 def _stream(seed: np.random.SeedSequence, before: int, soil: str) -> np.random.Generator:
-    """A generator of its own for each soil, whichever others there are; `before`: children spawned by then."""
+    """Random generator of one soil, independent of the other soils; `before`: children spawned before."""
     key = seed.spawn_key
     if soil != WORKSHOP:
         key, before = (*key, before, crc32(soil.encode())), 0

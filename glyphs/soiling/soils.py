@@ -1,4 +1,4 @@
-"""Soils by name: each a model of its own physics, behind one call.
+"""Soils by name: each is a physical model behind one function.
 
     coat, amount, rng --SoilModel--> coat      what is on top, what of it yields, how it throws light back
 

@@ -1,4 +1,4 @@
-"""Thin things laid over a grid: points along a line, spread across it, the largest value kept a sample."""
+"""Draw thin objects on a grid: points along a line and across it; each sample keeps the largest value."""
 
 from __future__ import annotations
 

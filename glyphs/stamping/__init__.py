@@ -1,1 +1,1 @@
-"""Dies and what they cut: faces, plates, blows and whole serials."""
+"""Dies and their marks: faces, plates, blows and whole serials."""

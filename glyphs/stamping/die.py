@@ -1,4 +1,4 @@
-"""Relief that a die cuts of a glyph, and one faultless character on a flat plate."""
+"""Relief of a glyph cut by a die, and one perfect character on a flat plate."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees at a ti
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdealGlyph(OneLine):
-    """The relief of one faultless character.
+    """The relief of one perfect character.
 
     Attributes:
         height_map: the relief, plate frame.
@@ -98,7 +98,7 @@ def ideal_relief(
     margin_mm: float,
     raised: bool = False,
 ) -> IdealGlyph:
-    """One faultless character on a flat plate.
+    """Make one perfect character on a flat plate.
 
     Args:
         glyph: the character.
@@ -167,7 +167,7 @@ def plate_box(
 
 
 def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:
-    """(n, 2) points whose hull, grown by half a stroke, holds the ink; the cell's corners if none."""
+    """(n, 2) points whose hull, grown by half a stroke, contains the ink; corners of the cell without ink."""
     if not shape.inked:
         x0, y0, x1, y1 = shape.ink_box
         return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) * height_mm

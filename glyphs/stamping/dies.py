@@ -1,4 +1,4 @@
-"""Dies by name: the edge that cuts, and what it does to the metal beside the groove."""
+"""Dies by name: their edge, and their effect on the metal beside the groove."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DieKind:
         bevel_deg: float = 45.0,
         depth_mm: float | None = None,
     ) -> Die:
-        """The die for characters of that height; arguments and errors as `default_die`."""
+        """Die for a character height; arguments and errors as in `default_die`."""
         usual = default_die(height_mm, font=font, face=self.face, bevel_deg=bevel_deg, depth_mm=depth_mm)
         if self.tip == 0.0:
             return usual

@@ -1,4 +1,4 @@
-"""The die's face: its measures, and the profile that turns a distance from the ink into a height.
+"""The die's face: its dimensions, and the profile that turns a distance from the ink into a height.
 
 Everything here is a pure function of the signed distance, so the same die cuts strokes and outlines alike.
 Bevels are measured from the land: a wall falls by tan(bevel) per millimetre. A corner with radius r is a
@@ -49,7 +49,7 @@ class Face(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Die(OneLine, Validated, error=StampError):
-    """A die's cutting geometry, as the mark it leaves.
+    """Geometry of a die, given as that of its mark.
 
     Attributes:
         face: shape of the floor.
@@ -83,7 +83,7 @@ class Die(OneLine, Validated, error=StampError):
 
 
 def default_depth_mm(height_mm: float) -> float:
-    """Usual depth of a mark of that character height: linear in the table, proportional outside it.
+    """Usual depth of a mark of a character height: linear in the table, proportional outside it.
 
     Raises:
         StampError: the height is not positive.
@@ -102,7 +102,7 @@ def default_die(
     bevel_deg: float = 45.0,
     depth_mm: float | None = None,
 ) -> Die:
-    """A well-kept die without burr for characters of that height.
+    """A well-kept die without burr for a character height.
 
     The stroke is the font's. FLAT and ROUND are widened, by a quarter at most, if the walls would meet before
     the floor; SHARP takes the width at which its V reaches the depth, between 0.4 and 1.25 of the font's

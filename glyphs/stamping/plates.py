@@ -1,4 +1,4 @@
-"""Plates by name: what a plate is bent to and what its tools left on it, in measures of what is stamped on it."""
+"""Plates by name: form and tool marks, relative to the size of the stamped text."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
 
 
 def _radius(height_mm: float, length_mm: float) -> float:
-    """The radius about which a line falls by `_FALL` heights to either end, but a shaft's at least."""
+    """Radius at which a line falls by `_FALL` heights to either end, but at least that of a shaft."""
     fall = min(_FALL * height_mm, _MOST_FALL_MM)
     return max(15 * height_mm, ((length_mm / 2) ** 2 + fall**2) / (2 * fall))
 
 
 def _shaft(height_mm: float, length_mm: float) -> float:
-    """The radius of a shaft that a line runs along: 8 heights, or what room for another line or an arc asks for."""
+    """Radius of a shaft along which a line runs: 8 heights, or more if another line or an arc needs it."""
     half = 1.3 * height_mm + max(0.08 * length_mm, 0.75 * height_mm)
     return max(8 * height_mm, half**2 / (1.9 * MAX_SAG_MM))

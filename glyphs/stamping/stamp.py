@@ -1,4 +1,4 @@
-"""A serial on a plate, as hammers and presses leave it."""
+"""Stamp a serial on a plate with a hammer or press."""
 
 from __future__ import annotations
 
@@ -151,13 +151,13 @@ def stamp_line(
 
 @dataclass(frozen=True)
 class _Axis:
-    """One axis of the plate: places as seen from above, evenly spaced, and along the skin, mm."""
+    """One axis of the plate: evenly spaced positions seen from above, and along the skin, mm."""
 
     seen_mm: NDArray[np.float64]
     skin_mm: NDArray[np.float64]
 
     def seen(self, skin_mm: float) -> float:
-        """Convert a place on the skin to one as seen from above."""
+        """Convert a position along the skin to one seen from above."""
         if self.skin_mm is self.seen_mm:
             return skin_mm
         return float(np.interp(skin_mm, self.skin_mm, self.seen_mm))

@@ -92,7 +92,7 @@ class Turning(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Grinding(Validated, error=StampError):
-    """Countless fine lines of unlike depth, as a belt or a wheel leaves them, each of its own length.
+    """Many fine lines of different depth and length, as a belt or a wheel leaves them.
 
     Attributes:
         ra_um: arithmetic mean roughness.
@@ -149,7 +149,7 @@ class Sand(Validated, error=StampError):
 
 
 def _cusps(turn: NDArray[np.float64], share: NDArray[np.float64], depth_um: float) -> Field:
-    """Round grooves side by side, one a turn, with sharp crests between; mean about zero."""
+    """Round grooves side by side, one per turn, with sharp crests between; mean about zero."""
     t = 2.0 * (turn - np.floor(turn)) - 1.0
     return np.asarray(depth_um * 1e-3 * share * (t * t - 1.0 / 3.0), dtype=np.float32)
 

@@ -98,12 +98,13 @@ class StampingVariation(OneLine, Validated, error=StampError):
 
     @classmethod
     def none(cls) -> StampingVariation:
-        """A faultless press on a perfect plate: the relief is the ideal one."""
+        """A perfect press on a perfect plate: the relief is the ideal one."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, PlateVariation.none())
 
     @classmethod
     def hand(cls) -> StampingVariation:
-        """Single stamps held by hand and struck with a hammer, one after the other, along a line drawn or guessed.
+        """Single stamps held by hand and struck with a hammer, one after the other, along a line that is drawn or
+        guessed.
 
         Gaps, tilts and turns of each are some two to three times those of a holder's, blows are of unlike force, and
         where the hand is set down anew the baseline goes on elsewhere.

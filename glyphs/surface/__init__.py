@@ -1,1 +1,1 @@
-"""Surfaces as height maps, and the random fields that textures are made of."""
+"""Surfaces as height maps, and random fields for textures."""

@@ -1,4 +1,4 @@
-"""Blurring and sampling of fields, compiled: what `scipy.ndimage` gives bit for bit, several times as fast.
+"""Compiled blurring and sampling of fields: bit for bit the results of `scipy.ndimage`, several times as fast.
 
 Sums run in float64 and in scipy's order, so that a picture is the same whichever made it; only the inner loop goes
 along rows, where it runs in vectors.
@@ -43,7 +43,7 @@ def _blur(z, weights, out, line, total):  # type: ignore[no-untyped-def]
 
 
 def gaussian_blur(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
-    """Blur a field by a Gaussian; beyond its borders it goes on as at them.
+    """Blur a field by a Gaussian; beyond the borders it continues constant.
 
     Args:
         z: (rows, cols).
@@ -81,7 +81,7 @@ def _sample(z, row, col, out):  # type: ignore[no-untyped-def]
 
 
 def sample_bilinear(z: Field, row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
-    """A field at fractional rows and columns; beyond its borders it goes on as in a mirror.
+    """Sample a field at fractional rows and columns; beyond the borders it is mirrored.
 
     Returns:
         float32 of the shape of `row`: `scipy.ndimage.map_coordinates(z, [row, col], order=1, mode="mirror")`.

@@ -1,4 +1,4 @@
-"""Representations of values: a short line at the prompt, and over it a small picture in a notebook."""
+"""Representations of values: a short line at the prompt; in a notebook also a small picture."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PICTURE_ROWS, _PICTURE_COLS = 160, 640
 
 
 def one_line(value: Any) -> str:
-    """A dataclass on one line: what differs from its defaults, arrays as shape and range, long values cut."""
+    """Show a dataclass on one line: fields that differ from their defaults, arrays as shape and range."""
     parts: list[str] = []
     for item in fields(value):
         held = getattr(value, item.name)

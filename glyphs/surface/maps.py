@@ -1,4 +1,4 @@
-"""Value types of a surface and of what touch makes of it.
+"""Value types of a surface and of its edge map.
 
 The *plate frame*, used everywhere a surface is meant::
 
@@ -61,7 +61,7 @@ OPPOSITE_DIRECTIONS = (
 
 
 def read_only_copy(array: NDArray[np.generic], dtype: DTypeLike) -> NDArray[np.generic]:
-    """A contiguous read-only array of the dtype; copied unless it is one already."""
+    """Return a contiguous read-only array of a dtype; copied only if necessary."""
     out: NDArray[np.generic] = np.ascontiguousarray(array, dtype=dtype)
     if out.flags.writeable:
         out = out.copy() if out is array else out

@@ -1,4 +1,4 @@
-"""Random fields with a length: what dirt's patches and textures are made of."""
+"""Random fields with a correlation length, for patches of dirt and textures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def smooth_noise(
 
 
 def share(noise: Field) -> Field:
-    """The noise as ranks 0 to 1: thresholding at 1 - f covers a share f of the plane, whatever its length."""
+    """Noise as ranks 0 to 1: thresholding at 1 - f covers a share f of the plane for any length."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(noise), dtype=np.float32)
@@ -57,7 +57,7 @@ def ramp(values: Field, low: float | np.float32 | Field, high: float | np.float3
 
 
 def bilinear(values: NDArray[np.floating], row: NDArray[np.floating], col: NDArray[np.floating]) -> Field:
-    """Values of a thinned grid at fractional rows and columns; constant beyond its last sample."""
+    """Values of a coarse grid at fractional rows and columns; constant beyond its last sample."""
     r, c = np.clip(row, 0, values.shape[0] - 1), np.clip(col, 0, values.shape[1] - 1)
     r0, c0 = np.minimum(r.astype(int), values.shape[0] - 2), np.minimum(c.astype(int), values.shape[1] - 2)
     down, right = (r - r0.astype(r.dtype))[:, None], (c - c0.astype(c.dtype))[None, :]

@@ -1,1 +1,1 @@
-"""Design of whiskers: the search, the limits, and what they cost."""
+"""Design of whiskers: search, limits and their cost."""

@@ -61,7 +61,7 @@ class ArrayRequest(Validated, error=DesignError):
 
     @property
     def region_mm(self) -> tuple[float, float, float, float]:
-        """Region that is felt: the line and land around it."""
+        """Region to feel: the line and land around it."""
         h = self.character_height_mm
         length = self.length_mm or LENGTH_HEIGHTS * h
         return (0.0, 0.0, length + 2.0 * BESIDE_HEIGHTS * h, (1.0 + 2.0 * BESIDE_HEIGHTS) * h)
@@ -69,7 +69,7 @@ class ArrayRequest(Validated, error=DesignError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArrayChoice(OneLine):
-    """An array, its plan, and what they give.
+    """An array, its plan, and their accuracy and time.
 
     Attributes:
         whisker: whisker of the comb.
@@ -94,7 +94,7 @@ def ribbon_mm(whisker: LShaped) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Build:
-    """A whisker that combs are made of, whose rows stand whole steps apart."""
+    """A whisker for combs whose rows stand whole steps apart."""
 
     whisker: LShaped
     body: Body
@@ -134,7 +134,7 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
 
 
 def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:
-    """Pitches worth a look, in lines: blocks that just cover the region either way, and whiskers side by side."""
+    """Pitches to try, in lines: blocks that just cover the region in either direction, and whiskers side by side."""
     pitch = request.character_height_mm / lines
     x0, y0, x1, y1 = request.region_mm
     found = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}

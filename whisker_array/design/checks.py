@@ -32,7 +32,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Checked(OneLine):
-    """A whisker in use, against a request and limits: everything that a search needs, as arrays.
+    """A whisker in use, compared with a request and limits: all values for a search, as arrays.
 
     Attributes:
         contrast: steps at the edges over the land moment, any shape; NaN where it jams.
@@ -45,7 +45,7 @@ class Checked(OneLine):
     limits: Mapping[Bound, tuple[float, bool]] = field(repr=False)
 
     def reserve(self) -> dict[Bound, Values]:
-        """ln(limit / value) or ln(value / limit): positive where held; straight on below a tenth of a limit."""
+        """ln(limit / value) or ln(value / limit): positive if the limit holds; linear below a tenth of a limit."""
         out = {}
         for bound, value in self.values.items():
             limit, at_most = self.limits[bound]
@@ -74,7 +74,7 @@ def _section(whisker: LShaped) -> Section:
 
 @functools.lru_cache(maxsize=128)
 def _tip(whisker: LShaped) -> TipModel:
-    """The tip model, once for all that is asked of one whisker."""
+    """Tip model of a whisker, cached."""
     return whisker.tip_model()
 
 
@@ -165,7 +165,7 @@ def first_frequency_hz(whisker: LShaped) -> float:
 
 
 def linear_force_error(whisker: LShaped, *, lift_mm: float, mu: float, alpha_rad: float = 0.0) -> float:
-    """First order of the linear beam's error in force, (linear - exact) / exact: what the elastica comes to.
+    """First-order error of the linear beam's force against the elastica, (linear - exact) / exact.
 
     (lift / l1 c) [0.6 tan(beta) + 1.2 tan(beta + alpha - atan(mu))] + 3.375 k lift / l1: the beam shortens as
     it bends, the pull along it stiffens it, and the tip arm swings out (a term exact for beta = 0, mu = 0).
@@ -188,7 +188,7 @@ def check(
     n_mu: int = 5,
     n_alpha: int = 1,
 ) -> Checked:
-    """Everything about one whisker in one use.
+    """Check one whisker in one use against all limits.
 
     All bounds are monotone in slope and friction, so the corners of the ranges tell (eq. (16) is a linear fraction of
     tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, not in friction.
@@ -262,5 +262,5 @@ def check(
 
 
 def _finite(values: Values) -> Values:
-    """Jammed corners count as a very large number, which a search can walk away from."""
+    """Replace jammed corners by a very large number, from which a search can move away."""
     return np.where(np.isfinite(values), np.minimum(np.nan_to_num(values, nan=1e6), 1e6), 1e6)

@@ -98,7 +98,7 @@ class Worst:
 
 @dataclass(frozen=True, repr=False)
 class Design(OneLine):
-    """A whisker, its use, and how it stands to every limit.
+    """A whisker, its use, and its distance from every limit.
 
     Attributes:
         request: the request; ball, lines and samples follow from it.
@@ -159,7 +159,7 @@ def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tupl
 
 
 def land_linear_error(whisker: LShaped, request: Request, *, preload_mm: float) -> float:
-    """The elastica's word: greatest error of the linear beam's force or moment on the land, as a share."""
+    """Greatest error of the linear beam's force or moment on the land against the elastica, as a share."""
     try:
         return max(linear_error(whisker, lift_mm=preload_mm, mu=mu).worst for mu in request.mu)
     except ElasticaError:
@@ -173,7 +173,7 @@ def design_whisker(
     section: Literal["auto", "ribbon", "round"] = "auto",
     seed: int = SEED,
 ) -> Design:
-    """The whisker with the largest worst-case edge contrast; see the head of the module.
+    """Design the whisker with the largest worst-case edge contrast; see the module's docstring.
 
     Args:
         request: purpose of the whisker.
@@ -219,7 +219,7 @@ def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
 
 
 def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
-    """Search on with the linear beam's error scaled to the elastica's, until it is kept and not overdone."""
+    """Repeat the search with the linear beam's error scaled to the elastica's, until the limit is just kept."""
     limit = problem.limits.linear_error
     kept: tuple[Problem, Candidate] | None = None
     for _ in range(_ELASTICA_ROUNDS):
@@ -243,7 +243,7 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
 
 
 def describe_design(whisker: LShaped, request: Request, *, limits: Limits, preload_mm: float) -> Design:
-    """Everything about a whisker in one use, good or not.
+    """Describe a whisker in one use, whether it keeps the limits or not.
 
     Raises:
         DesignError: it jams on a wall of the request.
@@ -281,7 +281,7 @@ def describe_design(whisker: LShaped, request: Request, *, limits: Limits, prelo
 
 
 def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
-    """Ranges of what can be made, as lines of the table: the nearer end of each."""
+    """Limits of sizes that can be made, as lines of the table: the nearer end of each range."""
     section = whisker.segments()[0].section_at(0.0)
     low, high = limits.beta_rad
     ranges = [

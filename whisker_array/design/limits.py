@@ -34,7 +34,7 @@ class DesignError(MarksError):
 
 
 class Bound(enum.Enum):
-    """The constraints of a design; see the head of the module."""
+    """The constraints of a design; see the module's docstring."""
 
     JAMMING = "jamming"
     STRESS = "stress"
@@ -100,12 +100,12 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def least_speed_mm_s(self) -> float:
-        """Least scan speed; default: 10 heights a second, at most SAFE_SPEED_MM_S."""
+        """Least scan speed; default: 10 heights per second, at most SAFE_SPEED_MM_S."""
         return self.speed_mm_s or min(10.0 * self.character_height_mm, SAFE_SPEED_MM_S)
 
     @property
     def line_pitch_mm(self) -> float:
-        """Forty lines a character height, as `array.default_plan`."""
+        """Forty lines per character height, as in `array.default_plan`."""
         return self.character_height_mm / LINES_PER_HEIGHT
 
     @property
@@ -115,7 +115,7 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def sample_pitch_mm(self) -> float:
-        """Half a line pitch, as `array.default_plan`, but at least two samples on the steepest wall."""
+        """Half a line pitch, as in `array.default_plan`, but at least two samples on the steepest wall."""
         return min(self.line_pitch_mm / SAMPLES_PER_LINE_PITCH, self.narrowest_wall_mm / 2.0)
 
     @property
@@ -131,7 +131,7 @@ class Request(OneLine, Validated, error=DesignError):
 
 @dataclass(frozen=True, repr=False)
 class Limits(OneLine):
-    """Limits of making and use; see the head of the module.
+    """Limits of manufacture and use; see the module's docstring.
 
     Attributes:
         l1_mm: shortest and longest beam.

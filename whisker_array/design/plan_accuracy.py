@@ -46,7 +46,7 @@ class PlanCounts(OneLine):
 
     @property
     def spread(self) -> float:
-        """Standard error of that share, serials taken to be wrong in eight independent characters."""
+        """Standard error of that share, if serials have eight independent characters."""
         p = (self.right + 1.0) / (self.characters + 2.0)
         return math.sqrt(p * (1.0 - p) / self.characters)
 
@@ -59,5 +59,5 @@ def measured_plans() -> tuple[PlanCounts, ...]:
 
 
 def ways_words(directions: Sequence[int]) -> str:
-    """Directions as people name them."""
+    """Directions in words."""
     return ", ".join(f"{int(d)}°" for d in directions)

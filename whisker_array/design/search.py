@@ -115,7 +115,7 @@ class Problem(OneLine):
         return np.nan_to_num(np.ravel(worth), nan=-1.0), checked
 
     def rate(self, whisker: LShaped, preload_mm: float) -> Candidate:
-        """A whisker in use as a candidate."""
+        """Make a candidate of a whisker in use."""
         worth, checked = self.look(whisker, preload_mm)
         least = min(float(r.min()) for r in checked.reserve().values())
         return Candidate(whisker, preload_mm, float(worth.min()), least)
@@ -130,7 +130,7 @@ def _sides(whisker: LShaped) -> tuple[float, float]:
 
 
 def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
-    """The candidate in five digits, checked again."""
+    """Round a candidate to five digits and check it again."""
 
     def five(value: float) -> float:
         return float(f"{value:.5g}")
@@ -143,7 +143,7 @@ def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
 
 
 class _Patience:
-    """Ends a climb that no longer gains: on the kink where two natural frequencies cross SLSQP goes to and fro."""
+    """Stop a climb without further gain: SLSQP oscillates on the kink where two natural frequencies cross."""
 
     def __init__(self, slack: Callable[[Values], Values]) -> None:
         self.slack, self.top, self.waited = slack, -math.inf, 0
@@ -160,7 +160,7 @@ class _Patience:
 
 
 def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Candidate:
-    """SLSQP from one start; only_reserve: away from the limits instead of towards contrast."""
+    """Run SLSQP from one start; only_reserve: away from the limits instead of towards contrast."""
     from scipy.optimize import minimize
 
     box = problem.box()
@@ -214,7 +214,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
 
 
 def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Values]:
-    """Points to begin at: shape and preload at random, the rest sized to be about fast and stiff enough."""
+    """Starting points: shape and preload at random, the rest sized to be about fast and stiff enough."""
     box, request, limits = problem.box(), problem.request, problem.limits
     ribbon = problem.section == "ribbon"
     for i in range(n):
@@ -240,7 +240,7 @@ def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Va
 
 
 def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -> Candidate | None:
-    """Climb from a candidate, with fresh curvatures each time, until nothing is gained; None if it is not kept.
+    """Climb repeatedly from a candidate with fresh curvatures, until nothing is gained; None if it breaks a constraint.
 
     The best of a design is often a flat ridge (setting angle against tip arm) on which one climb stops short.
     """
@@ -262,7 +262,7 @@ def _keeps(candidate: Candidate) -> bool:
 
 
 def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
-    """The best that keeps all constraints, from several starts; None if none does."""
+    """Best candidate that keeps all constraints, from several starts; None without one."""
     first = list(beginnings)
     kept = [c for start in first if _keeps(c := climb(problem, start))]
     if not kept:

@@ -1,4 +1,4 @@
-"""A whisker sensitive to one inclination: the paper's last remark, and how far it carries.
+"""A whisker sensitive to one inclination, after the paper's last remark.
 
 For *any* whisker (16) makes F a ratio of two linear forms in sin and cos of alpha, so F is a linear fraction
 of tan(alpha - atan(mu)): between its poles it only rises or only falls. No whisker responds most to one

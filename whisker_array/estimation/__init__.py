@@ -1,1 +1,1 @@
-"""From moments back to maps: land, edge map, relief, friction, and the play between directions."""
+"""Estimate maps from moments: land, edge map, relief, friction, and the play between directions."""

@@ -30,7 +30,7 @@ def fill_from_crossing(
     touch: Touch,
     pitch_mm: float,
 ) -> tuple[list[Layer], list[Mask]]:
-    """The layers with what is not known of one pair of directions taken from the pair that crosses it.
+    """Fill unknown samples of one pair of directions from the pair that crosses it.
 
     Where neither is known, or the other pair was not felt, all stays as it is.
 
@@ -67,7 +67,7 @@ def fill_from_crossing(
 def _height_mm(
     layers: list[Layer], directions: tuple[TraceDirection, ...], sure: Mask, touch: Touch, pitch_mm: float
 ) -> Layer:
-    """Height as the crossing passes felt it, NaN where they did not."""
+    """Height from the crossing passes, NaN where they felt nothing."""
     edges = EdgeMap(
         enhancement=np.stack([np.where(sure, layer, 0.0) for layer in layers]).astype(np.float32),
         directions=directions,
@@ -78,7 +78,7 @@ def _height_mm(
 
 
 def _expected(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:
-    """Enhancement of a pass that meets this height and slope: eq. (16), at the nominal friction."""
+    """Enhancement of a pass over this height and slope: eq. (16), at the nominal friction."""
     lift = 1.0 + height_mm / touch.preload_mm
     if is_profiler(touch.tip):
         return lift - 1.0

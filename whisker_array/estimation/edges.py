@@ -45,14 +45,14 @@ def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
 
 
 def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
-    """`calibrated_moments`, NaN where a flag says that they cannot be used."""
+    """`calibrated_moments`, NaN at samples flagged as unusable."""
     moment = calibrated_moments(scan, sweep)
     moment[(sweep.flags & UNUSABLE) != 0] = np.nan
     return moment
 
 
 def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
-    """Moments (passes, whiskers, samples) of the gain known, and the offsets (passes, whiskers) still in them."""
+    """Moments (passes, whiskers, samples) with the known gain, and the offsets (passes, whiskers) still in them."""
     raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
     air = sweep.air_n_mm
     if scan.calibration is not None:
@@ -63,7 +63,7 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
 
 
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
-    """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, lead-in and lead-out left off.
+    """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in and lead-out.
 
     Args:
         scan: scan of one kind of whisker.
@@ -152,7 +152,7 @@ def edge_map(
 
 
 def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
-    """Plate shift (dx, dy) of each dragged direction that takes off the stage's play; empty without play.
+    """Plate shift (dx, dy) of each dragged direction that removes the stage's play; empty without play.
 
     Raises:
         MapError: as in `edge_map`.

@@ -1,4 +1,4 @@
-"""From moments back to the surface: lift, slope and friction, sample by sample, for any whisker.
+"""Estimate lift, slope and friction from moments, sample by sample, for any whisker.
 
 With tau the angle at which the surface rises in +x and phi = atan(mu), the contact force leans by an angle theta::
 

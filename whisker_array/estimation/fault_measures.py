@@ -56,7 +56,7 @@ class SweepShares(OneLine):
         return felt[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
 
     def only(self, good: Mask) -> SweepShares:
-        """The same with all other whiskers unknown."""
+        """The same sweep with all other whiskers unknown."""
         if good.all():
             return self
         share, air = (np.where(good[:, None], values, np.nan) for values in (self.share, self.air))
@@ -97,13 +97,13 @@ def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Flo
 
 
 def levels(shares: list[SweepShares], *, fewest: int = 200) -> Floats:
-    """(whiskers,) median of all that a whisker felt; NaN where it was hardly on the part, by so few samples."""
+    """(whiskers,) median of all samples of a whisker; NaN with too few samples on the part."""
     each = (np.concatenate([f.share[:, w].ravel() for f in shares]) for w in range(shares[0].share.shape[1]))
     return np.array([quantile_of_known(values, fewest=fewest) for values in each])
 
 
 def noises(stacks: list[Floats], *, fewest: int = 200) -> Floats:
-    """(whiskers,) rms of what is new in each sample of (passes, whiskers, samples); NaN where there are too few."""
+    """(whiskers,) rms innovation of samples (passes, whiskers, samples); NaN where there are too few."""
     found = []
     for w in range(stacks[0].shape[1]):
         changes = np.concatenate([np.diff(stack[:, w], n=2).ravel() for stack in stacks])
@@ -128,7 +128,7 @@ def sharpness(
     least_steps: float = 0.3,
     least_depth: float = 0.02,
 ) -> Floats:
-    """(whiskers,) depth and steps of marks over what the others feel of them where they meet; NaN if unknown.
+    """(whiskers,) depth and steps of marks, relative to the other whiskers on the same lines; NaN if unknown.
 
     Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
     rounds their edges. All borders are reconciled by least squares, as gains are.
@@ -163,7 +163,7 @@ def sharpness(
 
 
 def gains(shares: list[SweepShares]) -> Floats:
-    """(whiskers,) gain of each over the others' where they meet, whatever the plate's form; NaN where not known."""
+    """(whiskers,) gain of each relative to the others on the same lines, for any form of the plate; NaN if unknown."""
     logs = np.full((len(shares), shares[0].share.shape[1]), np.nan)
     for log, f in zip(logs, shares, strict=True):
         lines, whisker, _ = f.lines
@@ -180,7 +180,7 @@ class Form(NamedTuple):
 
 
 def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
-    """Rise and sag of the land along the travel of the sweeps; zero where none ran.
+    """Rise and sag of the land along the travel of the sweeps; zero without a sweep.
 
     The middle of all lines at each place is land, and has no gain of one whisker in it; a parabola is laid through
     most of them. (The estimator's own land may settle on another form where a plate is far off.)
@@ -218,7 +218,7 @@ class Tone(NamedTuple):
 def strongest_tone(
     shares: list[SweepShares], sample_rate_hz: float, *, least_hz: float = 10.0, locked: float = 0.5
 ) -> Tone:
-    """The strongest line in what changes from pass to pass: marks stand still, a vibration does not.
+    """The strongest spectral line in the changes from pass to pass: marks do not change, a vibration does.
 
     Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers leaves what
     they share.
@@ -292,7 +292,7 @@ def spikes(f: SweepShares, *, least: float) -> Mask:
 
 
 def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> int:
-    """Spikes in lead-ins and lead-outs, and in the air, where there is nothing to be felt.
+    """Count spikes in lead-ins, lead-outs and in the air, where there are no marks.
 
     Args:
         shares: shares of all sweeps.

@@ -1,4 +1,4 @@
-"""Find faulty whiskers and faults of the bench in a recording: their names, sizes, and what to do.
+"""Find faulty whiskers and faults of the bench in a recording: names, sizes and remedies.
 
 fault_measures --limits, and the other whiskers--> faults --flag_faults--> the recording without unusable samples
 
@@ -24,7 +24,7 @@ from whisker_array.whisker.touch import Touch
 
 
 class FaultKind(StrEnum):
-    """The faults: name, what is measured, and the remedy.
+    """Kinds of faults: name, measure and remedy.
 
     Attributes:
         measure: message with gaps for the numbers measured.
@@ -90,7 +90,7 @@ class FaultKind(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class FaultLimits(OneLine):
-    """Limits of sound recordings; they stand well above what sound sensors, dies, plates and dirt do in simulation.
+    """Limits of sound recordings; they are well above the values of sound sensors, dies, plates and dirt in simulation.
 
     That of a worn tip was set on the same recordings on which its false alarms are counted.
 
@@ -158,7 +158,7 @@ def _fault(kind: FaultKind, *numbers: object, whisker: int | None = None, messag
 
 
 def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault, ...]:
-    """Find what is wrong with whiskers and bench; nothing in a sound recording.
+    """Find faults of whiskers and bench; empty for a sound recording.
 
     Of a mixed array the first kind of whisker is looked at. Wear that all tips share, and gains that were set on this
     very land, leave no trace here: `calibrate` hides a wrong height and bent whiskers of a recording in volts.
@@ -231,7 +231,7 @@ def _above_others(values: Floats, least: float, limits: FaultLimits) -> Floats:
 
 
 def _blunt(kept: Floats, limits: FaultLimits) -> Floats:
-    """Sharpness of whiskers that feel less of marks than the others do, by more than the others differ; else NaN."""
+    """Sharpness of whiskers that feel marks less than the others, by more than the others differ; else NaN."""
     logs, found = np.log(kept), np.full(kept.size, np.nan)
     for w, others in enumerate(_others(logs)):
         if others.size < limits.fewest_others:

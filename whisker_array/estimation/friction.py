@@ -1,4 +1,4 @@
-"""Friction of the land, from what the scan itself shows: by mixed shapes, or by dragging and pushing back.
+"""Friction of the land from the scan itself: by mixed shapes, or by dragging and pushing back.
 
 Both routes look at land only, where the slope is nothing and what is left of (22) is g(0, mu) = -mu. Each whisker (or
 pair of them on one line) gives one mu; their spread is the standard error, and so contains the gains' errors.
@@ -48,7 +48,7 @@ class LandFriction:
 
 
 def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
-    """Find the land's friction by every route that a scan allows, the surest first; may be empty.
+    """Find the land's friction by every route that a scan allows, the most certain first; may be empty.
 
     SHAPES needs a profiler on the lines of a differentiator and gains that are known from a bench (not from
     land); TWO_WAYS needs passes felt again on their return, and no gains at all.
@@ -107,7 +107,7 @@ def _mean_friction(
     *,
     fewest: int = 16,
 ) -> LandFriction | None:
-    """Mean over whiskers; each was asked in several sweeps, which share its gain and so count once.
+    """Mean over whiskers; the sweeps of one whisker share its gain, so they count once.
 
     Args:
         pairs: lines of each sweep, felt in two ways.

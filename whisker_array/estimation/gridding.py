@@ -153,7 +153,7 @@ def on_grid(
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
 ) -> tuple[list[Lines], list[NDArray[np.bool_]]]:
-    """Return a (rows, cols) map of each sweep, and the mask where it is valid.
+    """Return a (rows, cols) map of each sweep and its mask of valid pixels.
 
     Args:
         swept: the sweeps.

@@ -127,7 +127,7 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
 
 
 def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[np.float64]:
-    """(n,) values of mean 0 that differ by given steps (from, to, step) as nearly as least squares allows."""
+    """(n,) values of mean 0 that differ by given steps (from, to, step), in the least-squares sense."""
     rows, target = np.zeros((1 + len(steps), n)), np.zeros(1 + len(steps))
     rows[0] = 1.0 / n
     for k, (before, after, step) in enumerate(steps, start=1):
@@ -140,7 +140,7 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
 def _log_step(
     lines: NDArray[np.float64], first: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Median of log(next / line) of some lines, 0 where fewer than 20 samples tell it, and where they do."""
+    """Median of log(next / line) of some lines, 0 with fewer than 20 samples; and whether there were enough."""
     with np.errstate(invalid="ignore", divide="ignore"):
         step = np.log(np.abs(lines[first + 1] / lines[first]))
     step[np.isinf(step)] = np.nan

@@ -47,7 +47,7 @@ PAIRS = POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V
 def fit_quadratic(
     target: Floats, u: Floats, v: Floats, *, start: Floats, level: float, cuts: Floats, damping: float
 ) -> tuple[Floats, float]:
-    """Robust c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 from a start, a round for each cut; NaN are left out.
+    """Robust c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 from a start, one round for each cut; NaN are ignored.
 
     Args:
         target: (rows, cols), v runs along the rows, u along the columns.
@@ -88,7 +88,7 @@ def quadratic(c: Floats, u: Floats, v: Floats) -> Floats:
 
 @kernel(allow=ANY_ORDER)
 def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: ignore[no-untyped-def]
-    """Straight line near 1 through each row by three rounds of Tukey's biweight; rows with too few say 1."""
+    """Straight line near 1 through each row by three rounds of Tukey's biweight; rows with too few samples give 1."""
     inv_cut = 1.0 / cut
     for i in range(ratio.shape[0]):
         o, s = 1.0, 0.0

@@ -1,4 +1,4 @@
-"""Remove the creep and hysteresis of gauges from a scan, where the calibration has measured them.
+"""Remove the creep and hysteresis of gauges from a scan, if the calibration has measured them.
 
     raw --- zero in air, / gain --> load, nearly --> what a gauge with that memory reads of it
                                           |                        |
@@ -27,7 +27,7 @@ BETWEEN_S = RasterPlan.turnaround_s
 
 
 def remove_memory(scan: Scan) -> Scan:
-    """The scan without creep and hysteresis; unchanged where the calibration has none.
+    """Remove creep and hysteresis from a scan; unchanged if the calibration has none.
 
     Passes are taken in the order in which they stand: the last load before a pass is what hysteresis remembers.
 

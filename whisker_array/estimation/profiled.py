@@ -46,7 +46,7 @@ ROUNDS = 4
 
 
 def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
-    """Height and slopes of the surface by the best route that the scan allows.
+    """Estimate height and slopes of the surface by the best route that the scan allows.
 
     Args:
         scan: scan of one kind of whisker or of several.
@@ -154,7 +154,7 @@ def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> t
 
 
 def _has_jammed(sweep: Sweep, *, most: float = 0.05) -> bool:
-    """Whether so much of a sweep jammed that its land cannot be trusted either."""
+    """Whether so much of a sweep jammed that its land is unreliable, too."""
     on_plate = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
     jammed = (sweep.flags & np.uint8(SampleFlag.JAMMED | SampleFlag.CONTACT_LOST)) != 0
     return bool((jammed & on_plate).sum() > most * on_plate.sum())
@@ -233,7 +233,7 @@ def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> 
 
 
 def _resample(values: Lines, at: Lines, wanted: Lines) -> Lines:
-    """Each line's values, known at its own places, at the places wanted; linear between neighbours."""
+    """Resample each line linearly to the wanted positions."""
     if at is wanted:
         return values
     out = np.empty(values.shape)

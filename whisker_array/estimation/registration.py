@@ -38,7 +38,7 @@ Layer = NDArray[np.float64]
 def registration_mm(
     layers: list[Layer], directions: tuple[TraceDirection, ...], *, touch: Touch, pitch_mm: float
 ) -> dict[TraceDirection, tuple[float, float]]:
-    """Plate shift (dx, dy) of each direction that lays its map on the common one; empty when there is no play.
+    """Plate shift (dx, dy) of each direction that aligns its map with the common one; empty without play.
 
     Args:
         layers: enhancement of each direction on one grid, (rows, cols).
@@ -99,7 +99,7 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
 
 @kernel(allow=ANY_ORDER)
 def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, rim, room, cost):  # type: ignore[no-untyped-def]
-    """Add, for every half play tried, the sum of squares of the edges felt less those that eq. (16) predicts.
+    """Add, for every half play tried, the sum of squared differences between felt edges and those of eq. (16).
 
     Args:
         ahead, behind: (lines, beyond + samples + beyond) enhancement, its ends repeated beyond all plays.
@@ -152,7 +152,7 @@ def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, r
 def _costs(
     ahead: Layer, behind: Layer, halves: NDArray[np.floating[Any]], touch: Touch, pitch_mm: float
 ) -> Layer:
-    """Mean square of felt less predicted edges, were the play twice each of `halves`."""
+    """Mean square of felt minus predicted edges, if the play is twice each of `halves`."""
     mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
     moment_ratio(0.0, mu, touch.tip)  # refuses a whisker that jams on the land
     per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
@@ -168,14 +168,14 @@ def _costs(
 
 
 def _shift_rows(layer: Layer, pixels: float) -> Layer:
-    """The layer moved along its rows by a fraction of pixels, linearly interpolated, its ends repeated."""
+    """Shift a layer along its rows by a fraction of pixels, with linear interpolation and repeated ends."""
     from scipy import ndimage
 
     return np.asarray(ndimage.shift(layer, (0.0, pixels), order=1, mode="nearest"))
 
 
 def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
-    """(rows, cols) by which `moved` must be shifted to lie on `reference`, by correlation."""
+    """(rows, cols) by which `moved` must be shifted to match `reference`, by correlation."""
     from glyphs.opencv import cv2
 
     reach = LIMIT_PIXELS + 1

@@ -1,4 +1,4 @@
-"""The surface as felt: height and slope maps from a scan, and by which route they were found.
+"""The felt surface: height and slope maps from a scan, and the route by which they were found.
 
 Each place of a line is felt in up to four ways, and every way answers to the same lift and slope (`estimate`)::
 
@@ -43,7 +43,7 @@ class Route(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Relief(OneLine, Validated, error=MapError):
-    """Height and slopes of the surface as felt, on a grid of the plate frame.
+    """Height and slopes of the felt surface, on a grid of the plate frame.
 
     Attributes:
         height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where not known.
@@ -78,7 +78,7 @@ class Relief(OneLine, Validated, error=MapError):
 
     @property
     def steepness(self) -> NDArray[np.float32]:
-        """(rows, cols) |grad h| as far as its parts are known; zero where neither is."""
+        """(rows, cols) |grad h| from its known components; zero without one."""
         parts = [s for s in (self.slope_x, self.slope_y) if s is not None]
         if not parts:
             return np.zeros(self.height_mm.shape, dtype=np.float32)
@@ -87,7 +87,7 @@ class Relief(OneLine, Validated, error=MapError):
 
 @kernel(allow=ANY_ORDER)
 def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  # type: ignore[no-untyped-def]
-    """Slope along the traces, and the lifts by both ways, each added to `total` where it is known.
+    """Slope along the traces, and the lifts from both directions, each added to `total` where known.
 
     Args:
         ahead, back: (rows, cols) enhancement of the two ways, the base ahead in + and in -.
@@ -125,7 +125,7 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
 
 
 def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
-    """Height and slopes from an edge map alone, by what the traces of opposite directions have in common.
+    """Height and slopes from an edge map alone, from traces in opposite directions.
 
     Floors and land come out right whatever the friction, walls at the friction given.
 
@@ -159,12 +159,12 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
 
 
 def _mean_lift(edges: EdgeMap) -> Layer:
-    """Lift in preloads were the surface level everywhere."""
+    """Lift in preloads if the surface were level everywhere."""
     return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
 
 
 def return_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
-    """The edge map with every value where its tip was, not where the stage had it.
+    """Move every value of an edge map from the position of the stage to that of the tip.
 
     In contact the tip is bent along the trace, more or less than on the land: opposite traces come apart by that
     on walls. What bends it is known from the relief. One round takes slopes of 45 degrees from 10 degrees too
@@ -189,7 +189,7 @@ def return_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
 
 
 def mean_of_known(lifts: Sequence[Layer]) -> Layer:
-    """Mean of those that are known at each place; NaN where none is."""
+    """Mean of the known values at each place; NaN without one."""
     stack = np.stack(lifts)
     known = np.isfinite(stack)
     count = known.sum(axis=0)

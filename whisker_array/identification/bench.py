@@ -22,7 +22,7 @@ from whisker_array.whisker.touch import Touch
 
 
 class Unknown(StrEnum):
-    """A number that is found, gains apart.
+    """A number to identify, except gains.
 
     Attributes:
         sd: prior standard deviation; relative for radius and preload.
@@ -108,7 +108,7 @@ class Bench(OneLine):
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then those `OF_GAUGE`, each of all whiskers, then the screws'."""
+        """All numbers: in the order of `Unknown`, then `OF_GAUGE`, each for all whiskers, then those of the screws."""
         values = [self.values[name] for name in Unknown]
         return np.concatenate([values, self.gain, self.memory.ravel(), self.screw.ravel()])
 
@@ -171,7 +171,7 @@ class Bench(OneLine):
 
 
 def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) -> Bench:
-    """The bench as drawn: no play, no tilt, the piece in its place, gains of 1.
+    """The nominal bench: no play, no tilt, the piece in its place, gains of 1.
 
     Raises:
         WhiskerError: a whisker that is no L.
@@ -194,7 +194,7 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
 def first_order_sd(
     moved: Callable[[int, float], float], steps: NDArray[np.float64], covariance: NDArray[np.float64]
 ) -> float:
-    """Standard deviation of what depends on some numbers: sqrt(g^T C g) of central differences g.
+    """Standard deviation of a function of some numbers: sqrt(g^T C g) with central differences g.
 
     Args:
         moved: the value with a number, by its index, off by so much.
@@ -218,7 +218,7 @@ def of_screw(n: int, *, along_x: bool) -> slice:
 
 
 def screw_ways(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(places, 1 + 2 leads): by how much each number of a screw puts a place ahead."""
+    """(places, 1 + 2 leads): displacement of each place by each number of a screw."""
     turns = 2.0 * np.pi * at_mm[:, None] / np.array(LEADS_MM)
     return np.concatenate([at_mm[:, None], np.cos(turns), np.sin(turns)], axis=1)
 
@@ -226,7 +226,7 @@ def screw_ways(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
 def prior_sd(
     nominal: Bench, *, gain_sd: float = LOOSE_GAIN, tip_sd: float = GROUND_TIP
 ) -> NDArray[np.float64]:
-    """Standard deviation of every number before anything is recorded, in the order of `Bench.vector`.
+    """Prior standard deviation of every number, in the order of `Bench.vector`.
 
     Lengths as a caliper tells them (0.1 mm), an angle as a jig does (1.5 degrees), wire as sold (5 % of stiffness), a
     tip as ground (20 %), a preload as set by a feeler gauge (5 %), a friction of steel on steel (0.1), a stage's play

@@ -1,4 +1,4 @@
-r"""Linearise a recording's prediction across all benches that it may come from.
+r"""Linearise the prediction of a recording over all benches that may have made it.
 
 Contact is rough: where a tip slips or catches, a small change of a number moves a sample by a jump, and a slope taken
 there says nothing. So the moments of a cloud of benches are predicted, a few times as wide as what is known, and a
@@ -35,7 +35,7 @@ _NONE = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plane(OneLine):
-    """The plane through the moments of a cloud of benches.
+    """A linear fit to the moments of a cloud of benches.
 
     Attributes:
         moment: for each trace (samples,), moment in the middle of the cloud, N mm.
@@ -59,7 +59,7 @@ def plane_through(
     cautious: bool,
     seed: tuple[int, int],
 ) -> Plane:
-    """Lay the plane through a cloud.
+    """Fit the plane to a cloud.
 
     Args:
         forward: predicts.
@@ -154,7 +154,7 @@ class _Ways:
         return cls(at, own, np.vstack([by, shape]), by_factor, tip)
 
     def moved(self, off: NDArray[np.float64]) -> tuple[Bench, TipModel | None]:
-        """(ways,) off the middle: a bench, and a tip in place of its own."""
+        """Bench at an offset (ways,) from the middle, and a tip in place of its own."""
         step = np.zeros(self.by_factor.size)
         step[self.own] = off[: self.own.size]
         if self.tip is None:
@@ -175,6 +175,6 @@ def _roots(spread: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def _random_axes(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(n, n) axes, turned by chance."""
+    """(n, n) randomly rotated axes."""
     q, r = np.linalg.qr(rng.standard_normal((n, n)))
     return np.asarray(q * np.sign(np.diag(r)))

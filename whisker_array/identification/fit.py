@@ -84,7 +84,7 @@ class IdentifyError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(OneLine):
-    """A bench as found.
+    """An identified bench.
 
     Attributes:
         bench: the numbers.
@@ -137,7 +137,7 @@ class Identified(OneLine):
         return self.bench[name], float(self.sd[list(Unknown).index(name)])
 
     def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:
-        """Standard deviation of whatever depends on the numbers, to first order, in steps of `probe_sds` of them."""
+        """Standard deviation of a function of the numbers, to first order, by steps of `probe_sds` times their own."""
         at = self.bench.vector()
 
         def moved(i: int, off: float) -> float:
@@ -161,7 +161,7 @@ def identify(
     averaged: int = 2,
     settled: float = 0.05,
 ) -> Identified:
-    """Find the bench that has made a recording over a piece of known relief.
+    """Identify the bench of a recording over a piece of known relief.
 
     Args:
         scan: the recording; its touch is the nominal one. Gains that a bench has shown are taken off and known well,
@@ -294,7 +294,7 @@ def _solve(
 
 
 def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:
-    """Scatter of a sample, by the differences of neighbours: robust, for at edges they are no scatter."""
+    """Scatter of a sample from differences of neighbours, robust against edges."""
     steps = np.concatenate([np.diff(trace.felt_n_mm) for trace in traces])
     steps = steps[np.isfinite(steps)]
     if steps.size < 100:

@@ -1,4 +1,4 @@
-r"""Predict the recording of a bench over a piece: the contact simulation along the lines that were felt.
+r"""Predict the recording of a bench over a piece by contact simulation along the felt lines.
 
 piece --dilated by the tip--> heights and slopes, and how they change with its radius   (once)
 map --pose, play--> contact along the lines --gain, creep, lag--> raw signal less that of the air
@@ -28,7 +28,7 @@ STEPS = 4
 
 
 class Forward:
-    """Predicts the traces of any bench that is near the one that it was made for.
+    """Predict the traces of benches near the one for which it was made.
 
     The prediction of a trace depends on the given bench alone.
     """
@@ -64,7 +64,7 @@ class Forward:
         self._piece = PieceMap(heights, [sweep.plan for sweep in self._sweeps], about=about, grid_mm=grid_mm)
 
     def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
-        """(samples,) of every trace, N mm: what the tip presses, and what its gauge makes of that.
+        """For each trace (samples,), N mm: the moment at the tip, changed by the memory of its gauge.
 
         Args:
             bench: the numbers.
@@ -81,7 +81,8 @@ class Forward:
     def pressed(
         self, bench: Bench, *, tip: TipModel | None = None
     ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Predict every trace, N mm: (samples,) gain times moment, (2, samples) what a creep of 1 and a lag of 1 add.
+        """Predict every trace, N mm: (samples,) gain times moment, and (2, samples) contributions of a creep of 1 and a
+        lag of 1.
 
         Where a tip jams, the moment is what a jam begins with.
 
@@ -125,7 +126,7 @@ class Forward:
         return found
 
     def spare_jams(self, bench: Bench) -> None:
-        """Leave out of the traces what a bench predicts to be about to jam; for good, so that a fit is smooth."""
+        """Leave out samples that are predicted to be near jamming, permanently, so that the fit is smooth."""
         felt = [
             replace(
                 trace,
@@ -141,7 +142,7 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """Common data of a sweep's lines, and what was felt of them, a row each.
+    """Common data of a sweep's lines, and their samples, one row each.
 
     `met_n_mm` (lines, steps) is what tips pressed by the recording where they jammed, NaN elsewhere: a jam is no
     prediction's, but what follows it in the gauge is. `screw_ways` as of `_screw_ways`.
@@ -176,7 +177,7 @@ def _met(traces: Iterable[Trace]) -> NDArray[np.float64]:
 
 
 def _screw_ways(plan: SweepPlan) -> NDArray[np.float64]:
-    """(STEPS (samples - 1) + 1, 1 + 2 leads): by how many steps each number of the screw puts a sweep's tips ahead."""
+    """(STEPS (samples - 1) + 1, 1 + 2 leads): displacement of a sweep's tips by each number of the screw, in steps."""
     sign, step_mm = -1.0 if plan.direction.backward else 1.0, plan.step_mm / STEPS
     at_mm = sign * step_mm * np.arange(STEPS * (plan.n_samples - 1) + 1, dtype=np.float64)
     return sign / step_mm * screw_ways(plan.start_mm + at_mm)

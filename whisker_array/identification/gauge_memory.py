@@ -1,4 +1,4 @@
-"""Contributions of creep and hysteresis to a recording, for each unit of either: both are fitted with all else.
+"""Contributions of unit creep and unit hysteresis to a recording; both are fitted with the other parameters.
 
     felt = gain * moment + creep * crept + lag * lagged
 
@@ -51,7 +51,7 @@ class GaugeEffects(OneLine):
 
 
 def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:
-    """Gauges that creep and lag by (2, whiskers) shares: after the largest load a zero is off by the lag's.
+    """Gauges with (2, whiskers) shares of creep and lag; after the largest load the zero is off by the share of lag.
 
     None does by less than nothing. What creeps for a minute and more, no recording of two tells from a drift.
     """
@@ -69,7 +69,7 @@ def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:
 def gauge_effects(
     scan: Scan, *, gain: NDArray[np.float64], memory: NDArray[np.float64], largest_n_mm: float
 ) -> list[GaugeEffects]:
-    """Compute what gauges have added to every sweep, by loads that are corrected by what is known of them already.
+    """Compute the contribution of gauges to every sweep, from loads corrected by the present estimate.
 
     Args:
         scan: the recording.
@@ -100,7 +100,7 @@ def gauge_effects(
 def _plays(
     load_n_mm: NDArray[np.float64], memory: SensorMemory, state: SensorState, sample_rate_hz: float
 ) -> NDArray[np.float64]:
-    """(passes, whiskers, plays) where they stand when each pass begins."""
+    """(passes, whiskers, plays) states of the plays at the start of each pass."""
     begun = []
     for load in load_n_mm:
         rest_gauges(memory, state, seconds=BETWEEN_S)
@@ -112,7 +112,7 @@ def _plays(
 def lag_response(
     load_n_mm: NDArray[np.float64], *, play_n_mm: NDArray[np.float64], largest_n_mm: float
 ) -> NDArray[np.float64]:
-    """(lines, samples) what a lag of 1 adds to passes that were lifted before and began with these plays, N mm."""
+    """(lines, samples) contribution of a lag of 1 to passes that began, lifted before, with these plays, N mm."""
     memory = _little_lag(load_n_mm.shape[0], largest_n_mm)
     state = SensorState.at_rest(load_n_mm.shape[0], memory)
     state.play_n_mm[...] = play_n_mm

@@ -1,4 +1,4 @@
-r"""Residuals of a fit: samples felt less predicted, whitened.
+r"""Residuals of a fit: measured minus predicted samples, whitened.
 
     felt - predicted = level + scatter,     level(n) = level(n - 1) + step,     sd of a step: WALK of the scatter
 
@@ -31,7 +31,7 @@ FEW = 4.0
 
 
 def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float64]:
-    """Weight of each residual, in sigmas, in a sum of squares: Geman and McClure's, of a loss that is bounded.
+    """Weight of each residual, in sigmas, in a sum of squares: that of Geman and McClure, whose loss is bounded.
 
     Where tips slip around steep edges as they like, what jumps does not drown what the rest tells.
     """
@@ -39,7 +39,7 @@ def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float
 
 
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float = 0.005) -> NDArray[np.float64]:
-    """(samples,) uncertainty of each: its scatter, and what an error of place makes of it; inf where not used.
+    """(samples,) uncertainty of each sample: its scatter and the effect of an error of position; inf where not used.
 
     The error of a stage's place is the amplitude of the waves that usual screws have in every turn.
     """
@@ -57,7 +57,7 @@ def residuals(traces: Sequence[Trace], predicted: Sequence[NDArray[np.float64]])
 def innovations(
     values: NDArray[np.float64], sigma: NDArray[np.float64], *, scatter: float
 ) -> NDArray[np.float64]:
-    """The module's e of a trace's misses, or of what numbers do to it; 0 where a sample is not used.
+    """Innovations e (see the module) of a trace's residuals or derivatives; 0 where a sample is not used.
 
     Args:
         values: (samples,) or (samples, n), N mm.

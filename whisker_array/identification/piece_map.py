@@ -1,4 +1,4 @@
-r"""The piece as a map, and how it lies under the lines that were felt.
+r"""Map of the test piece, and its pose under the felt lines.
 
     plate --shift, yaw--> piece --ASKEW_RAD--> map         trace --direction--> plate
 
@@ -34,7 +34,7 @@ WIDER = 0.1
 
 
 def heights_of(surface: HeightMap) -> Heights:
-    """Make a function of the heights of a map, between its samples too; beyond it as at its rim.
+    """Make an interpolating function of a map's heights; beyond its rim they continue constant.
 
     Raises:
         MapError: a map with holes.
@@ -55,7 +55,7 @@ def heights_of(surface: HeightMap) -> Heights:
 
 
 class PieceMap:
-    """The piece as the tip feels it, its grid askew.
+    """The piece dilated by the tip, on a rotated grid.
 
     - Neither pose nor direction asks for another map (`contact.Laid`).
     - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between their maps. Nothing is
@@ -147,7 +147,7 @@ class PieceMap:
 
 
 def _turn(by_rad: float) -> NDArray[np.float64]:
-    """(2, 2): places of the plate in the frame of what lies on it turned by so much."""
+    """(2, 2) rotation from the plate to the frame of a rotated object on it."""
     c, s = math.cos(by_rad), math.sin(by_rad)
     return np.array([[c, s], [-s, c]])
 

@@ -1,4 +1,4 @@
-r"""Five numbers of a drawn whisker's tip, in which lengths, angle and stiffness are gathered.
+r"""Five numbers of a drawn whisker's tip that combine lengths, angle and stiffness.
 
     d = D11 / D11_yy,     q = (ln(d_xx - d_xy^2), d_xy, ln d_zz, arm_x / arm_y),   arm_y / D11_yy
     moment = (arm_y / D11_yy) * (what the contact makes of the other four)
@@ -31,7 +31,7 @@ def tip_numbers(tip: TipModel) -> NDArray[np.float64]:
 
 
 def tip_of_numbers(q: NDArray[np.float64]) -> TipModel:
-    """A tip with these numbers; one that yields by 1 mm to 1 N upwards."""
+    """A tip with these numbers and a vertical compliance of 1 mm/N."""
     d = np.diag([math.exp(q[0]) + q[1] ** 2, 1.0, math.exp(q[2])])
     d[0, 1] = d[1, 0] = q[1]
     return TipModel(d, q[4] * np.array([q[3], 1.0, 0.0]))
@@ -40,7 +40,7 @@ def tip_of_numbers(q: NDArray[np.float64]) -> TipModel:
 def tip_by(
     at: Bench, before: NDArray[np.float64], drawn: NDArray[np.intp], nominal: LShaped
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(5,) the tip's numbers, and (5, drawn) what each of the whisker's does to them."""
+    """(5,) the tip's numbers, and (5, drawn) their derivatives by those of the whisker."""
     vector = at.vector()
 
     def of(step: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ _BESIDE = 3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trace(OneLine):
-    """One line of one whisker, as it was recorded.
+    """One recorded line of one whisker.
 
     Attributes:
         plan: plan of its sweep.
@@ -47,7 +47,7 @@ class Trace(OneLine):
 
 
 def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST_TRACES) -> tuple[Trace, ...]:
-    """The lines of a recording that tell most: of every whisker and sweep those with most relief under them.
+    """Choose the most informative lines of a recording: for every whisker and sweep those with the most relief.
 
     Args:
         scan: the recording.
@@ -94,7 +94,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
 
 
 def _walls_n_mm(trace: Trace) -> float:
-    """Information of a line, by its steps alone: by its whole spread the lines with most drift would be chosen."""
+    """Information of a line from its steps only: its whole spread would favour lines with drift."""
     return float(np.nanstd(np.diff(trace.felt_n_mm)))
 
 

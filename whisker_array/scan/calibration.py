@@ -1,4 +1,4 @@
-"""Gain and offset of every whisker as they are known, and the moment that they make of a raw signal.
+"""Gain and offset of every whisker, and the moment computed from a raw signal.
 
     raw --- offset, / gain ---> moment in N mm                                               (apply_calibration)
 

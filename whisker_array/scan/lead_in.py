@@ -15,7 +15,7 @@ from whisker_array.scan.sensor import SensorError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LeadIn(OneLine):
-    """A calibration and what it rests on.
+    """A calibration and the samples that it is based on.
 
     Attributes:
         calibration: gain and offset of every whisker.

@@ -1,4 +1,4 @@
-"""A part under the virtual array: its surface is prepared once and traced by any number of passes."""
+"""Mount a part under the virtual array: its surface is prepared once for any number of passes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class VirtualBench(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mounted(OneLine):
-    """A part's surface as tips feel it, in the plate frame, and the bench that it is felt on.
+    """A part's surface prepared for the tips, in the plate frame, and its bench.
 
     Attributes:
         surfaces: surfaces by radius of the tip, mm.

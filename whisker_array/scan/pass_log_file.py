@@ -1,4 +1,4 @@
-"""The log of passes in a recording: the group `/log`, whose layout stands in `whisker_array.scan.recording`."""
+"""The log of passes in a recording: the group `/log`; layout: see `whisker_array.scan.recording`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MISSED_STEPS = 0.5
 
 
 def write_log(log: PassLog, file: h5py.File) -> None:
-    """Write the log of a recording whose passes are written already, in the log's order."""
+    """Write the log of a recording whose passes are already written in the log's order."""
     group = file.create_group(GROUP)
     # the room that whiskers take has no effect on where they felt
     group.attrs["array"] = json.dumps(dataclasses.asdict(dataclasses.replace(log.array, body=None)))

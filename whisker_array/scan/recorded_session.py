@@ -1,4 +1,4 @@
-"""Stage sessions around recordings: one that keeps what another felt, and one that gives it again.
+"""Stage sessions for recordings: one records the passes of another session, one replays them.
 
 KeptSession(stage's session).feel(pass) ...  --passes--> PassLog, recording
 RecordedSession(scan).feel(the same pass) ... --> the same samples
@@ -16,7 +16,7 @@ from whisker_array.whisker.passes import Pass
 
 
 class KeptSession:
-    """A session that keeps the passes that another one felt.
+    """A session that records the passes of another one.
 
     Attributes:
         felt: passes and their samples, in order.
@@ -48,7 +48,7 @@ class KeptSession:
 
 
 class RecordedSession:
-    """A `StageSession` over a recording with its log of passes: feels them once more, in their order.
+    """A `StageSession` that replays a recording with its log of passes, in order.
 
     Where the stage failed after the last one, it fails again, with the same words.
 
@@ -99,11 +99,11 @@ class RecordedSession:
         return recorded.sweep
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Do nothing: there is no stage to release."""
 
 
 def _same(one: Pass, other: Pass, *, tolerance: float = 1e-6) -> bool:
-    """Whether two passes run alike, as far as numbers round."""
+    """Whether two passes are equal up to rounding."""
     (ways, numbers), (other_ways, other_numbers) = (
         (
             (p.direction, p.pushed, len(p.line_mm), p.preload_mm is None),

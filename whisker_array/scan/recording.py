@@ -83,7 +83,7 @@ def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
 
 
 def save_calibration(path: str | Path, calibration: Calibration, *, out: str | Path | None = None) -> str:
-    """Put a calibration into a recording, leaving all else of it as it is; into a copy where `out` is given.
+    """Put a calibration into a recording and leave the rest unchanged; into a copy if `out` is given.
 
     Returns:
         Unit of the raw signal, and so of the offsets: "V" or "N mm".

@@ -1,4 +1,4 @@
-"""A scan: the raw moments of all passes, with everything needed to make sense of them, and its simulation."""
+"""A scan: the raw moments of all passes with the data to interpret them, and its simulation."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def trace_scan(
 
 
 def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
-    """The scan as one kind of whisker felt it, dragged (or pushed; None: both ways).
+    """The part of a scan by one kind of whisker, dragged (or pushed; None: both).
 
     Raises:
         MapError: no such kind of whisker, or no such sweep.

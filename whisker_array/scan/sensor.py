@@ -1,4 +1,4 @@
-"""From the moment at each whisker's base to the number on the wire.
+"""Sensor chain: from the moment at each whisker's base to the recorded number.
 
     moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw
 
@@ -110,7 +110,7 @@ class SensorChain(Gauges):
         return 0.0 if self.adc_bits is None else 2.0 * self.adc_range_n_mm / 2.0**self.adc_bits
 
     def at_rest(self) -> SensorState:
-        """State of its gauges when they have hung in air for long."""
+        """State of its gauges after a long time in air."""
         return SensorState.at_rest(self.n_whiskers, self.memory)
 
 
@@ -127,7 +127,7 @@ def draw_sensor_chain(
     noise: float = 2e-4,
     drift_a_minute: float = 3e-3,
 ) -> SensorChain:
-    """A chain as it comes from the bench: every whisker a little different, by the generator.
+    """Draw a typical chain: every whisker is a little different.
 
     Args:
         n_whiskers: number of whiskers.

@@ -101,7 +101,7 @@ class SensorMemory(OneLine):
 
 @dataclass(eq=False, repr=False)
 class SensorState(OneLine):
-    """State of the gauges of an array; `measure` moves it on, as it does its generator.
+    """State of the gauges of an array; `measure` updates it, like its random generator.
 
     Attributes:
         play_n_mm: (n, plays) float64, p_j.
@@ -115,7 +115,7 @@ class SensorState(OneLine):
 
     @classmethod
     def at_rest(cls, n_whiskers: int, memory: SensorMemory | None) -> SensorState:
-        """State of whiskers that have hung in air for long."""
+        """State of whiskers after a long time in air."""
         terms, plays = (0, 0) if memory is None else (memory.relax_s.size, memory.play_n_mm.size)
         return cls(np.zeros((n_whiskers, plays)), np.zeros((n_whiskers, terms)), np.zeros(n_whiskers))
 
@@ -149,7 +149,7 @@ def read_gauges(
 
 
 def rest_gauges(memory: SensorMemory, state: SensorState, *, seconds: float) -> None:
-    """Move the state on by a time without load, in one step: the terms' decay is exact."""
+    """Advance the state by a time without load, in one step: the decay of the terms is exact."""
     read_gauges(np.zeros((memory.n_whiskers, 1)), memory=memory, state=state, step_s=seconds)
 
 
@@ -180,7 +180,7 @@ def _read(load, straight, weight, width, creep, keep, play, strain, reading):  #
 def fit_memory(
     creep: NDArray[np.float64], zero_shift: NDArray[np.float64], *, largest_n_mm: float
 ) -> SensorMemory:
-    """The memory that shows given figures, and `SHIFT_AFTER_CYCLES` for all whiskers.
+    """Fit the memory to given figures, and to `SHIFT_AFTER_CYCLES` for all whiskers.
 
     What has crept in the hold is still there right after it, so hysteresis leaves the rest of the first zero shift:
     sum_j w_j r_j = zero_shift - creep. After n holds of T and rests of T a term stands at::
@@ -218,7 +218,7 @@ def fit_memory(
 
 
 def draw_memory(n_whiskers: int, *, rng: np.random.Generator, largest_n_mm: float) -> SensorMemory:
-    """Creep and hysteresis of whiskers as recorded: evenly between the least and the most of the figures.
+    """Draw creep and hysteresis of whiskers, uniform between the least and greatest recorded figures.
 
     Args:
         n_whiskers: number of whiskers.

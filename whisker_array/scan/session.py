@@ -1,4 +1,4 @@
-"""A part on the stage, felt pass by pass: the protocol, and what the passes felt so far make together.
+"""A part on the stage, felt pass by pass: the protocol, and the scan of all passes so far.
 
     stage.open(part) --> session --feel(pass)--> Sweep of that pass
                                  --feel(pass)--> Sweep ...          scan_of(sweeps) --> Scan
@@ -70,7 +70,7 @@ class StageSession(Protocol):
         """
 
     def close(self) -> None:
-        """Lift the whiskers and let the part go; closing again does nothing."""
+        """Lift the whiskers and release the part; closing again does nothing."""
 
 
 class SessionStage(Protocol[Part]):
@@ -85,7 +85,7 @@ class SessionStage(Protocol[Part]):
 
 
 def gather_sweeps(felt: Sequence[Sweep]) -> tuple[Sweep, ...]:
-    """Sweeps of single passes as one sweep a direction and way, in the order in which these were first felt.
+    """Merge sweeps of single passes into one for each direction and way, in the order in which these were first felt.
 
     Passes of one direction may have begun and ended at different places: each lies within the longest stretch, and
     is flagged OUTSIDE where it was not run. They share their steps, and lie on one grid of them.

@@ -1,4 +1,4 @@
-"""A height map in place of a part on the stage: mounted once, felt pass by pass by the virtual array."""
+"""A simulated session: a height map is mounted once and felt pass by pass by the virtual array."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _BEYOND_HEIGHTS = 0.5
 def bench_calibration(
     chain: SensorChain, touch: Touch, *, sample_rate_hz: float, rng: np.random.Generator
 ) -> Calibration:
-    """Gains and offsets of an array as its maker measures them: in air, then on a reference plate.
+    """Gains and offsets of an array, measured in air and then on a reference plate.
 
     Creep and hysteresis, where the chain has them, the maker takes from one load held and taken off.
     """
@@ -59,7 +59,7 @@ def bench_calibration(
 def _bench_memory(
     chain: SensorChain, largest_n_mm: float, *, sample_rate_hz: float, rng: np.random.Generator
 ) -> SensorMemory:
-    """The memory that shows what the gauges did as the largest load was held and taken off; their drift is in it."""
+    """Fit the memory to the gauges' response as the largest load was held and removed; it includes their drift."""
     air, hold = np.zeros((chain.n_whiskers, _MOMENT_SAMPLES)), round(HOLD_S * sample_rate_hz)
     load = np.concatenate([air, np.full((chain.n_whiskers, hold), -largest_n_mm), air], axis=1)
     # the bench's own converter, which has room for the largest load and its creep
@@ -157,5 +157,5 @@ class SimulatedSession:
         )
 
     def close(self) -> None:
-        """Let the part go."""
+        """Release the part."""
         self._part = None

@@ -6,7 +6,7 @@ from glyphs.errors import MarksError
 
 
 class StageError(MarksError):
-    """A stage or camera that could not do as it was asked, and what to do.
+    """A stage or camera could not carry out a command; the hint says what to do.
 
     Attributes:
         later: whether the same may succeed later, as it is.

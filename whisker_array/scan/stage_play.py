@@ -1,4 +1,4 @@
-"""Errors of a stage's place: play, the screw's own error, and the return to a line.
+"""Position errors of a stage: play, the screw's own error, and the return to a line.
 
     asked   |----------------------->           dragged to larger coordinates the nut lags by half the play,
     really  --|----------------------->         to smaller ones it is as much ahead; the run-in takes play up
@@ -27,7 +27,7 @@ from whisker_array.whisker.passes import SweepPlan
 
 @dataclass(frozen=True)
 class StagePlay(Validated):
-    """Errors of a stage's place, the same along x and y.
+    """Position errors of a stage, the same along x and y.
 
     Attributes:
         play_mm: lost when the travel turns about.
@@ -50,7 +50,7 @@ class StagePlay(Validated):
 
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
-    """A stage as it is bought: the usual figures, its rate and the phase of its screw by the generator."""
+    """Draw a typical stage: the usual figures, with random rate and phase of its screw."""
     usual = StagePlay()
     rate = usual.rate * float(rng.uniform(-1.0, 1.0))
     return StagePlay(rate=rate, phase_rad=float(rng.uniform(0.0, 2.0 * math.pi)))
@@ -77,7 +77,7 @@ def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator
 def apply_screw_wave(
     moment: NDArray[np.float32], flags: NDArray[np.uint8], plan: SweepPlan, stage: StagePlay
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Samples taken at even places as they are at those of a screw's wave, by a straight line between neighbours.
+    """Move samples at even positions to those of a screw's wave, by linear interpolation.
 
     Args:
         moment: (..., samples).

@@ -1,4 +1,4 @@
-"""Rows of a comb that come to a place one after the other: samples as they are taken, and as they lie on the plate.
+"""Staggered rows of a comb: convert between samples by time and samples by position on the plate.
 
 taken (instants)      row 0   |a b c d e f - - -|        instant j: row r is over place j - behind[r]
                       row 1   |- - - a b c d e f|
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 def to_instants(
     laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None
 ) -> NDArray[Any]:
-    """Samples at places as they come in time; each row waits on its first sample and ends on its last.
+    """Convert samples by position to samples by time; each row waits on its first sample and ends on its last.
 
     Args:
         laid: (passes, whiskers, samples) at places.
@@ -39,7 +39,7 @@ def to_instants(
 
 
 def to_places(taken: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.intp]) -> NDArray[Any]:
-    """Samples in time as they lie on the plate, over the stretch that all rows ran.
+    """Convert samples by time to samples by position, over the stretch that all rows ran.
 
     A row that comes to its places between two samples has them by a straight line; bits of flags are gathered.
 

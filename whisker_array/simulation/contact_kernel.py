@@ -1,4 +1,4 @@
-"""The loops of `contact`, compiled: the tip's place and moment, sample by sample, several lines abreast."""
+"""The compiled loops of `contact`: the tip's position and moment, sample by sample, several lines in parallel."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
 
 @inline_kernel
 def _look_up_laid(fields, x, z, inv_pitch, laid):  # type: ignore[no-untyped-def]
-    """The same of a surface whose grid is not that of the traces (`contact.Laid`)."""
+    """The same for a surface whose grid is not that of the traces (`contact.Laid`)."""
     (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = laid
     cell = cell_of(fields, (o + ox * x + oz * z) * inv_pitch, (s + sx * x + sz * z) * inv_pitch)
     h = bilinear(fields, cell, 0) + share * bilinear(fields, cell, 3)

@@ -137,7 +137,7 @@ def trace_dynamic(
     contact_mm_per_n: float,
     steps_a_period: float = STEPS_A_PERIOD,
 ) -> Traces:
-    """Moments of traces along the columns of a (lines, samples) field of heights, as a whisker of mass feels them.
+    """Moments of traces along the columns of a (lines, samples) field of heights, by a whisker with mass.
 
     It starts at rest on the first sample. Unlike the other fidelities a lost sample still has its moment, which rings;
     it is flagged CONTACT_LOST where the tip was in the air at any time since the sample before. Where a slow whisker

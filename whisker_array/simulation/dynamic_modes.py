@@ -1,4 +1,4 @@
-r"""A whisker as a few vibrating modes: what the dynamic trace needs of it.
+r"""A whisker as a few vibrating modes, for the dynamic trace.
 
     base o======================.      q_i'' + 2 zeta w_i q_i' + w_i^2 q_i = phi_i . f        f: force on the tip
          '-> moment m           |      tip     u = sum phi_i q_i
@@ -106,7 +106,7 @@ def whisker_modes(whisker: Whisker, *, held: int = 3, damping: float = 0.01, par
 
 
 def contact_mm_per_n(*, tip_radius_mm: float, force_n: float, material: Material) -> float:
-    """Compliance of a ball on a plate, both of that material: Hertz, linear about a force.
+    """Compliance of a ball on a plate of the same material: Hertz, linear about a force.
 
         delta = (9 F^2 / (16 R E*^2))^(1/3),   d delta / dF = (6 R E*^2 F)^(-1/3),   E* = E / (2 (1 - nu^2))
 

@@ -1,4 +1,4 @@
-"""Bringing a height map to the grid of a scan: interpolated if it is coarser, averaged if much finer."""
+"""Resample a height map to the grid of a scan: interpolate if it is coarser, average if it is much finer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NOTHING_MM = 1e-6
 
 
 def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:
-    """Bring a map to a grid that suits steps of `target_mm`: interpolated if coarser, averaged if much finer.
+    """Resample a map to a grid that suits steps of `target_mm`: interpolate if coarser, average if much finer.
 
     Coarser maps are interpolated (bicubic) to the step itself or a little finer: slopes of a coarse grid
     would be steps of their own. Maps finer than half the step are averaged in blocks. The top left sample's
@@ -58,7 +58,7 @@ def pad_soil(soil: Soil, samples: int) -> Soil:
 
 
 def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float) -> Soil:
-    """Bring the dirt on a map to the grid that `fit_pitch` has brought the map to.
+    """Resample the dirt on a map to the grid of `fit_pitch`.
 
     What lies below the dirt is brought along as the map is, and the thickness is what is left between: a cubic would
     otherwise draw the edge of the dirt into the metal under it.
@@ -85,7 +85,7 @@ def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float)
 
 
 def _factor(ratio: float) -> int:
-    """Samples to be made of one, where the grid is coarser than the step by this ratio."""
+    """Number of samples made from one if the grid is coarser than the step by this ratio."""
     return int(np.ceil(ratio - 1e-6))
 
 
@@ -96,7 +96,7 @@ def _block(ratio: float) -> int:
 
 
 def _fit_beside(beside: Friction, factor: int, block: int) -> Friction:
-    """A map on the same grid brought along; a number stays one."""
+    """Resample another map on the same grid; a number stays a number."""
     if not isinstance(beside, np.ndarray):
         return beside
     if factor > 1:

@@ -1,4 +1,4 @@
-r"""Dirt that yields under the tip: how far a ball sinks into it, in the pointwise fidelity and in general.
+r"""Dirt that yields under the tip: sinkage of a ball, in the pointwise fidelity and in general.
 
 The law of a ball indentation test: the dirt carries the mean pressure H on the ball's contact area 2 pi r s, so a
 ball of radius r pressed on with f_n sinks by s, and at most to where it stands on what lies below::
@@ -39,7 +39,7 @@ def indenting_radius_mm(tip_radius_mm: float, *, pitch_mm: float) -> float:
 
 
 def carrying_stiffness_n_per_mm(soil: Soil, *, tip_radius_mm: float, pitch_mm: float) -> NDArray[np.float32]:
-    """kappa = 2 pi r H, the normal force a depth of sinking, (rows, cols).
+    """kappa = 2 pi r H, normal force per depth of sinkage, (rows, cols).
 
     H is the mean under the ball, weighted by thickness: a force is a pressure summed over its area, and clean metal
     has no part in it.
@@ -71,7 +71,7 @@ def sunken_heights(
     preload_mm: float,
     friction: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Heights under traces as the pointwise formula is to take them, all arrays (lines, samples).
+    """Heights under traces for the pointwise formula, all arrays (lines, samples).
 
     e depends on the slope of the track and that on e, weakly: a few rounds settle it at each sample by itself.
 

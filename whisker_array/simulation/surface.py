@@ -1,4 +1,4 @@
-"""The surface as a ball tip feels it: dropouts filled, dilated by the tip (`dilation`), slopes and friction beside."""
+"""The surface for a ball tip: dropouts filled, dilated by the tip (`dilation`), with slopes and friction."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
 
 
 def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
-    """One coefficient as a float, or a map as float32 of that shape.
+    """Check friction: one coefficient as a float, or a map as float32 of a given shape.
 
     Raises:
         MapError: a map of another shape; negative or not finite anywhere.
@@ -89,7 +89,7 @@ def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
 def prepare_surface(
     height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: Friction = 0.2, soil: Soil | None = None
 ) -> TouchSurface:
-    """Make a height map ready to be traced: fill, dilate by the tip, take slopes, lay the friction beside.
+    """Make a height map ready to be traced: fill, dilate by the tip, compute slopes, add the friction.
 
     Where dirt yields, both its top and what lies below are dilated: the tip will stand somewhere in between.
 

@@ -1,4 +1,4 @@
-"""Rows of a map shared out among threads."""
+"""Divide the rows of a map among threads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numba
 
 
 def in_threads(work: Callable[[int, int], None], rows: int) -> None:
-    """Call work(first, last) for stretches that make up all rows, one for each thread that numba may use.
+    """Call work(first, last) for ranges that cover all rows, one for each thread that numba may use.
 
     The work lets go of Python's lock, as kernels do, and rows know nothing of each other.
     """

@@ -1,4 +1,4 @@
-"""The array of whiskers and its raster plan: which lines are traced, how often, how long that takes.
+"""The array of whiskers and its raster plan: lines, passes and time.
 
 An array of W whiskers P apart lays lines only P apart; *interlaced* passes, each shifted by one line pitch,
 fill the gaps, and the array then moves on by W P to the next block::
@@ -196,7 +196,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     @property
     def scan_time_s(self) -> float:
-        """Time of the whole scan: what each of its passes costs; those of one sweep cost the same."""
+        """Time of the whole scan: the sum over its passes; those of one sweep take the same time."""
         return math.fsum(len(line_mm) * first.stage_s for first, line_mm in self._ways())
 
 

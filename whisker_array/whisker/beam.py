@@ -152,7 +152,7 @@ def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: 
 
 
 def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
-    """Share of one segment in D; a taper is refined until its blocks stand still."""
+    """Share of one segment in D; a taper is refined until its blocks converge."""
     previous: Matrix | None = None
     for t, weight in _rules(segment):
         d = _integrate(segment, tip, t, weight, axial)

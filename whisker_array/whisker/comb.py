@@ -1,4 +1,4 @@
-"""Room in a comb: whiskers as bodies, bent and unbent, and how far apart rows must stand so that none touch.
+"""Space in a comb: whiskers as bodies, bent and unbent, and the distance of rows at which none touch.
 
 Seen from above, traced to the right; whisker i stands in row i mod rows, each row one stagger behind the last::
 
@@ -41,7 +41,7 @@ DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(OneLine, Validated, error=WhiskerError):
-    """Room that a whisker takes.
+    """Space that a whisker takes.
 
     Attributes:
         width_mm: across the trace, the widest section.
@@ -69,16 +69,16 @@ class Body(OneLine, Validated, error=WhiskerError):
 
     @property
     def reach_mm(self) -> float:
-        """From the clamp's front to the furthest tip, along the trace."""
+        """Distance from the clamp's front to the furthest tip, along the trace."""
         return self.clamp_mm[0] - min(float(s[:, 0].min()) for s in self.shapes_mm)
 
     @property
     def in_file_mm(self) -> float:
-        """A stagger at which whiskers stand one behind the other, whatever their shape."""
+        """A stagger at which whiskers of any shape stand one behind the other."""
         return self.reach_mm + self.thickness_mm + GAP_MM
 
     def scaled(self, factor: float) -> Body:
-        """The same body so many times larger; the air that it needs stays."""
+        """The body enlarged by a factor; its clearance stays the same."""
         return Body(
             width_mm=factor * self.width_mm,
             thickness_mm=factor * self.thickness_mm,
@@ -90,13 +90,13 @@ class Body(OneLine, Validated, error=WhiskerError):
 
     @cached_property
     def _outlines(self) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
-        """Its shapes and its clamp with a point every thickness: a comb asks for hundreds of distances."""
+        """Its shapes and its clamp with a point every thickness, cached for hundreds of distances."""
         x, y = self.clamp_mm
         block = np.array([(0.0, -y), (0.0, y), (x, y), (x, -y), (0.0, -y)])
         return tuple(_dense(s, self.thickness_mm) for s in self.shapes_mm), _dense(block, self.thickness_mm)
 
     def clear_mm(self, behind_mm: float) -> float:
-        """Air in the plane of tracing to the same whisker so far behind, the least of bent and unbent; <= 0: none."""
+        """Clearance in the plane of tracing to the same whisker behind it, the least of bent and unbent; <= 0: none."""
         lines, box = self._outlines
         half = 0.5 * self.thickness_mm
         if any(_within(a, self.clamp_mm, -behind_mm) for a in lines):
@@ -108,7 +108,7 @@ class Body(OneLine, Validated, error=WhiskerError):
 
 
 def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """The line with a point every step or closer, corners kept."""
+    """Resample a line with a point every step or closer; keep its corners."""
     out = [line[:1]]
     for a, b in pairwise(line):
         n = max(1, math.ceil(float(np.hypot(*(b - a))) / step))
@@ -208,7 +208,7 @@ def _unit_body() -> Body:
 
 
 def default_body(character_height_mm: float) -> Body:
-    """The default whisker, whose every size is in proportion to the character height.
+    """The default whisker, with all sizes in proportion to the character height.
 
     Raises:
         WhiskerError: a height that is not positive.
@@ -248,12 +248,12 @@ class Comb(Validated, error=WhiskerError):
 
 
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
-    """Fewest rows in which the whiskers of a row stand clear of each other."""
+    """Least number of rows at which the whiskers of a row do not touch."""
     return min(n_whiskers, max(1, math.ceil(body.side_room_mm / pitch_mm - 1e-9)))
 
 
 def collisions(body: Body, comb: Comb) -> str:
-    """The first two whiskers that would touch, in words; empty where none do.
+    """The first two whiskers that would touch, in words; empty if none do.
 
     Args:
         body: space that every whisker takes.
@@ -305,7 +305,7 @@ def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
 
 
 def room_hint(body: Body, comb: Comb) -> str:
-    """Say what would make room: a wider pitch, or so many rows so far behind each other."""
+    """Suggest a wider pitch, or more rows and their distance."""
     rows = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
     stagger = least_stagger_mm(body, replace(comb, rows=rows), step_mm=0.25 * body.thickness_mm)
     built = f"take {rows} row{'s' if rows > 1 else ''}"

@@ -42,12 +42,12 @@ _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
 
 
 class ElasticaError(MarksError):
-    """A load or whisker that has no exact solution here."""
+    """A load or whisker without an exact solution."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LargeDeflection(OneLine, Validated, error=ElasticaError):
-    """The exact answer of a whisker whose tip is held up.
+    """Exact solution of a whisker whose tip is held up.
 
     Attributes:
         force_n: (3,) float64, contact force on the tip, world axes, N; read-only.

@@ -79,7 +79,7 @@ def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDAr
 
 
 def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.0, mu: float) -> float:
-    """Eqs. (7) and (11): the normal force at which the tip height is what the surface imposes, N.
+    """Eqs. (7) and (11): the normal force at which the tip is at the height of the surface, N.
 
     f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is how far the surface holds the tip above its
     free path.

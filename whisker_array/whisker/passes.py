@@ -32,7 +32,7 @@ SAMPLES_TOLERANCE = 1e-3
 
 
 def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArray[np.intp]:
-    """Count the samples by which each whisker comes later to a place than the foremost row.
+    """Number of samples by which each whisker reaches a place later than the foremost row.
 
     Raises:
         WhiskerError: rows that stand ahead of the foremost, or between two samples.
@@ -80,7 +80,7 @@ class SweepPlan(OneLine):
 
     @property
     def behind(self) -> NDArray[np.intp]:
-        """(whiskers,) samples by which each whisker comes later to a place than the foremost row."""
+        """(whiskers,) samples by which each whisker reaches a place later than the foremost row."""
         offsets = self.offset_mm or (0.0,) * int(self.line_mm.shape[1])
         return samples_behind(offsets, self.step_mm)
 
@@ -170,13 +170,13 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def stage_s(self) -> float:
-        """Stage time: air, run-in, stretch, run-out and stagger at tracing speed, and the turnaround behind it."""
+        """Stage time: air, run-in, stretch, run-out and stagger at tracing speed, and the turnaround after it."""
         tracing = (self.n_samples + self.air_samples) / self.sample_rate_hz
         return tracing + self.turnaround_s + self.stagger_mm * (1.0 / self.speed_mm_s + 1.0 / RAPID_MM_S)
 
     @property
     def stagger_mm(self) -> float:
-        """Distance of the last row behind the first: so much further the array runs, and moves back."""
+        """Distance of the last row behind the first, by which the array runs further and moves back."""
         return max(self.offset_mm, default=0.0)
 
     def sweep_plan(self) -> SweepPlan:
@@ -193,7 +193,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
         )
 
     def moved(self, x_mm: float, y_mm: float) -> Pass:
-        """The same pass in a frame whose coordinates are greater by so much."""
+        """The same pass in a shifted frame."""
         along, across = (x_mm, y_mm) if self.direction.along_x else (y_mm, x_mm)
         return replace(
             self,
@@ -202,7 +202,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
         )
 
     def describe(self) -> str:
-        """One line for a person."""
+        """The pass in one line of text."""
         harder = "" if self.preload_mm is None else f", preload {self.preload_mm:.2f} mm"
         back = " pushed" if self.pushed else ""
         return (

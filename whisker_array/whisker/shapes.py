@@ -35,7 +35,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TipModel(OneLine):
-    """Compliance of the tip and moment arm of the sensor: all that contact needs to know of a whisker.
+    """Compliance of the tip and moment arm of the sensor: all properties of a whisker that contact needs.
 
     Attributes:
         compliance_mm_per_n: (3, 3) float64, D11 in world axes, mm/N; symmetric positive definite, read-only.

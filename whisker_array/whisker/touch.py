@@ -1,4 +1,4 @@
-"""Touch of a whisker: tip, preload, ball and friction, on which its moments depend beside the surface."""
+"""Touch of a whisker: tip, preload, ball and friction. With the surface they determine the moments."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Touch(OneLine, Validated, error=WhiskerError):
         return normal * float(self.tip.moment_arm_mm @ force)
 
     def with_whisker(self, whisker: Whisker) -> Touch:
-        """The same use of another whisker."""
+        """The same touch with another whisker."""
         return replace(self, tip=whisker.tip_model(), whisker=whisker.describe())
 
     def key(self) -> tuple[float, ...]:
@@ -60,7 +60,7 @@ class Touch(OneLine, Validated, error=WhiskerError):
 
 
 def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
-    """The default ribbon whisker, scaled to the character height, pressed on by 0.2 of it."""
+    """The default ribbon whisker, scaled to the character height, with a preload of 0.2 of that height."""
     whisker = default_whisker(character_height_mm)
     return Touch(
         tip=whisker.tip_model(),
@@ -72,6 +72,6 @@ def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICT
 
 
 def profiling_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
-    """The default touch with the sensor where the moment is the profile, for the second row of an array."""
+    """The default touch with the sensor placed so that the moment is the profile, for the second row of an array."""
     touch = default_touch(character_height_mm, friction=friction)
     return touch.with_whisker(profiling_whisker(character_height_mm))

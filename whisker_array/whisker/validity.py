@@ -60,7 +60,7 @@ class LumpedWhisker(OneLine):
 
 
 def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
-    """The whisker in pieces: half the mass of each on either end, the flexibility between the joints exact.
+    """Divide a whisker into pieces with half their mass at either end; the flexibility between joints is exact.
 
     strain^T strain is the flexibility: two Gauss points a piece, M = r x f linear between its ends.
     """

@@ -1,4 +1,4 @@
-"""Noise and means of a length well above the pitch, on grids as coarse as that allows."""
+"""Noise and means with a length well above the pitch, computed on coarse grids."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from glyphs.surface.noise import Field
 
 
 def coarse_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Smooth noise on a grid as coarse as its length allows."""
+    """Smooth noise on the coarsest grid that its length allows."""
     return grids.coarse_noise(coat, length_mm, max(1, int(length_mm / coat.pitch_mm / 6.0)), rng)
 
 

@@ -30,7 +30,7 @@ _SAND_FRICTION, _SKIN_FRICTION = np.float32(0.6), np.float32(0.35)
 
 
 def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Make the surface that of a sand casting, worse by the amount."""
+    """Turn the surface into that of a sand casting; `amount` sets how rough."""
     if amount <= 0.0:
         return coat
     poured = min(1.0, amount * rng.uniform(0.85, 1.3))

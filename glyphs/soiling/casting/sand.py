@@ -1,4 +1,4 @@
-"""The sand of the mould: the prints of its grains, those that the metal holds, and those that lie loose.
+"""Sand of the mould: prints of its grains, grains fused to the metal, and loose grains.
 
 - Sand: the metal wets the wall of the mould no deeper than half its first grains ("rough surface" in the ladder rough
   surface, burn-on, burn-in, penetration: "Avoiding Penetration Defects"): sharp crests round shallow bowls, and a
@@ -105,7 +105,7 @@ def burn_on(coat: Coat, z: Field, mould: Mould, amount: float) -> tuple[Field, F
 
 
 def loose_sand(coat: Coat, z: Field, mould: Mould, amount: float, rng: np.random.Generator) -> Field:
-    """Loose sand in what is still hollow, laid on `z` in place. Thickness, mm."""
+    """Add loose sand to the remaining hollows of `z`, in place. Thickness, mm."""
     patches = slow_noise(coat, 0.7 * coat.height_mm, rng)
     onset = 2.0 - 3.0 * amount
     gap = np.float32(coat.height_mm * MARK * (0.6 - 0.5 * amount))

@@ -1,4 +1,4 @@
-"""The grid that mud is laid on: no finer than films and drops need."""
+"""The grid for mud: no finer than films and drops need."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from glyphs.surface.noise import Field, smooth_noise
 
 
 class Grid(NamedTuple):
-    """Every `step`-th sample of a coat, and what mud needs to know of it."""
+    """Every `step`-th sample of a coat, with the fields that mud needs."""
 
     step: int
     shape: tuple[int, int]
@@ -36,7 +36,7 @@ class Grid(NamedTuple):
         return grids.resize(noise, self.shape, how="cubic")
 
     def whole(self, field: Field, shape: tuple[int, int]) -> Field:
-        """A field of this grid on all samples of the coat, linearly between."""
+        """Interpolate a field of this grid linearly to all samples of the coat."""
         if self.step == 1:
             return field
         scale = np.array([[1.0 / self.step, 0.0, 0.0], [0.0, 1.0 / self.step, 0.0]])
@@ -52,7 +52,7 @@ class Grid(NamedTuple):
 
 
 def thin_grid(coat: Coat) -> Grid:
-    """A grid fine enough for films and drops; marks' depth is taken as 0.04 of their height where little shows."""
+    """A grid fine enough for films and drops; where little of a mark shows, its depth is set to 0.04 of its height."""
     step = max(1, int(coat.height_mm / (45.0 * coat.pitch_mm)))
     rows, cols = ((n + step - 1) // step for n in coat.shape)
     relief = float(np.percentile(np.abs(coat.clean_mm - coat.brim_mm)[::2, ::2], 97.0))
@@ -61,7 +61,7 @@ def thin_grid(coat: Coat) -> Grid:
 
 
 def blur(grid: Grid, field: Field, width_mm: float) -> Field:
-    """A field of the coat as a Gaussian of that width leaves it."""
+    """Blur a field of the coat by a Gaussian of a given width."""
     thin = np.ascontiguousarray(field[:: grid.step, :: grid.step])
     smooth = grids.blur(thin, max(width_mm / grid.pitch_mm, 0.5))
     return grid.whole(smooth, (field.shape[0], field.shape[1]))

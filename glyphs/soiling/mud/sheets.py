@@ -55,7 +55,7 @@ class Batch(NamedTuple):
 
 
 def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """A surface that mud was splashed on, ran down, dried and cracked.
+    """Splash mud on a surface and let it run down, dry and crack.
 
     Args:
         coat: the surface before.
@@ -92,7 +92,7 @@ def _wet_level(coat: Coat, grid: Grid) -> Field:
 
 
 def _crust(coat: Coat, grid: Grid, thick_mm: Field) -> Field:
-    """Thickness that dries and cracks as one; what lies below it in a groove is held by the walls."""
+    """Thickness that dries and cracks as one layer; the mud below it in a groove is held by the walls."""
     near = blur(grid, thick_mm, 0.07 * coat.height_mm)
     return np.asarray(np.minimum(near, 1.5 * thick_mm), dtype=np.float32)
 
@@ -152,7 +152,7 @@ def _dry_thickness(level_mm: Field, wet_mm: Field, solid: float) -> Field:
 
 
 def _rain_share(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
-    """Share that rain leaves, in streaks down the plate: it takes from the land first, little from a groove."""
+    """Share that rain leaves, in streaks down the plate: it washes off the land first, little from a groove."""
     streak = ramp(grid.noise(0.25 * grid.height_mm, 1.5 * grid.height_mm, rng), -0.6, 1.0)
     takes = grid.whole(np.float32(batch.rain * (1.0 - 0.7 * a)) * streak, coat.shape)
     sheltered = np.clip((coat.brim_mm - coat.z_mm) / np.float32(grid.depth_mm), 0.0, 1.0)

@@ -62,7 +62,7 @@ _COLOURS = (
 
 
 def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Paint a surface over and over; see the module. `amount` goes with the number of coats."""
+    """Paint a surface several times; see the module. `amount` sets the number of coats."""
     if amount <= 0.0:
         return coat
     much = min(1.0, amount * rng.triangular(0.5, 1.0, 1.5))

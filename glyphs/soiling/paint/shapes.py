@@ -21,7 +21,7 @@ _GRAVITY_M_PER_S2 = 9.81
 
 @dataclass(frozen=True, repr=False)
 class Can(OneLine):
-    """The paint of one part and how it was put on.
+    """The paint of one part and its method of application.
 
     Attributes:
         wet_mm: wet thickness of one coat.
@@ -48,7 +48,7 @@ class Can(OneLine):
 
 
 def thin_coat(coat: Coat) -> Coat:
-    """The surface on a grid of about a sixtieth of a character: fine enough for all that is smooth of itself."""
+    """The surface on a grid of about a sixtieth of a character: fine enough for smooth films."""
     step = max(1, round(coat.height_mm / (55.0 * coat.pitch_mm)))
     return replace(coat, pitch_mm=step * coat.pitch_mm, z_mm=coat.z_mm[::step, ::step])
 
@@ -98,7 +98,7 @@ def _count(coat: Coat, per_character: float, most: int) -> int:
 def _box(
     coat: Coat, x_mm: float, y_mm: float, across_mm: float, down_mm: float
 ) -> tuple[tuple[slice, slice], Field, Field]:
-    """The part of the grid as near to a point as that, and x, y there from that point."""
+    """Part of the grid within a distance of a point, and its x, y relative to the point."""
     x, y = axes_mm(coat)
     (i0, i1), (j0, j1) = (
         (max(0, int((at - reach) / coat.pitch_mm)), max(0, int((at + reach) / coat.pitch_mm) + 2))

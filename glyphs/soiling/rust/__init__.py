@@ -1,1 +1,1 @@
-"""Rust: steel lost, and oxide standing in its place."""
+"""Rust: lost steel, and the oxide that replaces it."""

@@ -1,4 +1,4 @@
-"""Round things scattered over a plate that grow and run into each other: pits, blisters.
+"""Round pits and blisters, scattered over a plate, that grow and merge.
 
       .-"-.      .-"-.-.        height h (1 - r^2)^blunt over an ellipse with a frayed outline;
 _____/     \\____/       \\____   where two meet, the higher counts
@@ -64,7 +64,7 @@ def scatter_bumps(
 
 
 def union_mm(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
-    """Union of the bumps as far as they have grown, mm; `ragged` frays their outlines."""
+    """Union of the bumps at their present size, mm; `ragged` frays their outlines."""
     rows, cols = coat.shape
     grid = np.zeros(rows * cols, dtype=np.float32)
     grown = np.clip((age - bumps.born) / (1.05 - bumps.born), 0.0, 1.0)

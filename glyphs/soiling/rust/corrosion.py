@@ -51,7 +51,7 @@ def rust(
     hurst: float = 0.6,
     early: float = 0.7,
 ) -> Coat:
-    """Let a part rust in the open, by the sea at worst; see `glyphs.soiling.soils.SoilModel`.
+    """Let a part rust outdoors, in the worst case by the sea; see `glyphs.soiling.soils.SoilModel`.
 
     Args:
         coat: the part.

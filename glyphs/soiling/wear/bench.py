@@ -1,4 +1,4 @@
-"""A surface under stiff tools: where they lie on it, and how deep its marks go below."""
+"""A surface under stiff tools: their contact with it, and the depth of its marks below."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def on_bench(coat: Coat) -> Bench:
 
 
 def rise(values_mm: Field, full_mm: float) -> Field:
-    """0 up to 0, 1 from `full_mm` on; the numbers stay single."""
+    """Smooth step from 0 at 0 to 1 at `full_mm`, float32."""
     return ramp(values_mm, np.zeros((), np.float32), np.asarray(full_mm, np.float32))
 
 
 def patches(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Broad patches, 0 to 1 evenly, drawn on a thinned grid."""
+    """Broad patches, uniform from 0 to 1, drawn on a coarse grid."""
     step = max(1, int(length_mm / (8.0 * coat.pitch_mm)))
     thin = (-(-coat.shape[0] // step), -(-coat.shape[1] // step))
     noise = smooth_noise(thin, pitch_mm=step * coat.pitch_mm, length_mm=length_mm, rng=rng)

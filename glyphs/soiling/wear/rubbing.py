@@ -1,4 +1,4 @@
-"""Wear and damage of the metal itself: nothing is laid on, all of it stays as hard as the part.
+"""Wear and damage of the metal itself: nothing is added, and all of it is as hard as the part.
 
     new   __  land   _rim     rubbed  . tool level, lowered    peened          rim of a dimple
             \\       /         ___/\\_____/\\_v___  scores          ___ lip          _/\\_    _
@@ -60,7 +60,7 @@ class _Life:
 
     @staticmethod
     def draw(rng: np.random.Generator) -> _Life:
-        """One part's: mostly one kind, with some of the others."""
+        """Draw the wear of one part: mostly one kind, with some of the others."""
         rub, peen, knock = kinds = rng.gamma((1.0, 0.6, 0.5))
         most = max(float(kinds.max()), 1e-6)
         return _Life(
@@ -107,7 +107,7 @@ def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 def _rub(
     bench: Bench, z: Field, amount: float, life: _Life, *, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Lower what the tool reaches, scored; the surface, and how far (0 to 1) its metal is fresh."""
+    """Lower and score the surface where the tool reaches; return it and the share (0 to 1) of fresh metal."""
     coat, deep = bench.coat, bench.deep_mm
     uneven = patches(coat, 2.0 * coat.height_mm, rng)
     scores = _scores(coat, life.crossed, rng)

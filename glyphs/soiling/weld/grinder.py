@@ -25,7 +25,7 @@ _GRIP = 0.04
 
 
 def crown(coat: Coat) -> Field:
-    """The surface that a disc rides on: the highest within half a character, smoothed; sunk marks stay below it."""
+    """Surface on which a disc rides: the highest point within half a character, smoothed; sunk marks stay below it."""
     from scipy.ndimage import gaussian_filter, maximum_filter
 
     step = max(1, int(0.06 * coat.height_mm / coat.pitch_mm))
@@ -35,7 +35,7 @@ def crown(coat: Coat) -> Field:
 
 
 def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Two goes over the plate, the second lighter and askew: top, and cover of bright metal.
+    """Grind the plate twice, the second time lighter and askew; return top and cover of bright metal.
 
     Args:
         coat: the plate before.
@@ -55,7 +55,7 @@ def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Gene
 def _grind_once(
     coat: Coat, z: Field, level: Field, amount: float, press_mm: float, turn: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """One go: arcs of the disc's radius, side by side; it takes what stands above it and smears it over edges."""
+    """Grind once, in arcs of the disc's radius: remove what stands above the disc and smear it over edges."""
     pitch = coat.pitch_mm
     size = np.array(coat.shape[::-1]) * pitch
     radius = rng.choice(_DISC_RADIUS_MM) * rng.uniform(0.8, 1.0)

@@ -47,7 +47,7 @@ class Seam(OneLine):
 
 
 def draw_seam(coat: Coat, rng: np.random.Generator) -> Seam:
-    """A bead along one side, more often a long one, up to 12 degrees askew."""
+    """Draw a bead along one side, more often a long side, up to 12 degrees askew."""
     size = np.array(coat.shape[::-1]) * coat.pitch_mm
     side = np.deg2rad(
         rng.choice([90.0, 270.0, 0.0, 180.0], p=[0.35, 0.35, 0.15, 0.15]) + rng.uniform(-12, 12)

@@ -1,4 +1,4 @@
-"""A plate beside a weld, layer by layer, each in its turn::
+"""A plate beside a weld, layer by layer::
 
     seam                                                                      far from it
      |     bead    splat       lifted plate     ground swathe          arc strike
@@ -79,7 +79,7 @@ def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
-    """The coat with the finish of every layer, the first lowest, where its cover (0 to 1) says so."""
+    """The coat with the finish of every layer, from the lowest, mixed in by its cover (0 to 1)."""
     names = ("roughness", "reflectance", "friction", "hardness_mpa")
     planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
     for k in range(len(planes)):

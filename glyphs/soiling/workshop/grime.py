@@ -1,4 +1,4 @@
-"""Caked grime: what collects in grooves, patch by patch, and yields to a hard push."""
+"""Caked grime, which collects in grooves, patch by patch, and yields to a hard push."""
 
 from __future__ import annotations
 
