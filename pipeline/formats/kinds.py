@@ -5,14 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-MESH_SUFFIXES = (".stl", ".ply", ".obj")
-TEXT_SUFFIXES = (".xyz", ".asc", ".pts")
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 """Text that may hold heights and may hold anything else: read where it is named on its own."""
-CORE_SUFFIXES = (
-    *(".npz", ".npy", ".x3p", ".sdf", *MESH_SUFFIXES, ".pcd", ".las", *TEXT_SUFFIXES),
-    *(".grd", ".gsf"),
-)
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
@@ -59,8 +53,8 @@ READ = (
     PhotoKind("GIF", (".gif",), "image/gif", re.compile(rb"GIF8[79]a")),
     PhotoKind("PPM", (".pgm", ".ppm", ".pnm"), "image/x-portable-anymap", re.compile(rb"P[2356]\s")),
 )
-READ_NAMES = "PNG, JPEG, BMP, TIFF, WebP or GIF"
 PHOTO_SUFFIXES = tuple(suffix for kind in READ for suffix in kind.suffixes)
+READ_NAMES = "PNG, JPEG, BMP, TIFF, WebP or GIF"
 _RECOGNISED = (
     ("HEIC", re.compile(rb"....ftyp(?:hei[cfmsx]|hev[cmsx]|mif1|msf1)", re.DOTALL)),
     ("AVIF", re.compile(rb"....ftypavi[fs]", re.DOTALL)),
@@ -76,8 +70,23 @@ UNREAD_PICTURE_SUFFIXES = (
 """Pictures that are not read: passed over in folders, refused with the kinds that are read where named."""
 
 
+TEXT_READER, INSTRUMENT_READER = ("text_maps.read_text_map", "text"), "instruments.read_instrument"
+READERS = {
+    ".npz": ("npz.read_npz", ".npz"),
+    ".npy": ("npz.read_npy", ".npy"),
+    ".x3p": ("instruments.read_x3p", "X3P"),
+    ".sdf": ("instruments.read_sdf", "SDF"),
+    ".pcd": ("points.read_pcd", "PCD"),
+    ".las": ("points.read_las", "LAS"),
+    ".grd": ("binary_grids.read_grd", "GRD"),
+    ".gsf": ("binary_grids.read_gsf", "GSF"),
+    **dict.fromkeys((".stl", ".ply", ".obj"), ("points.read_mesh", "mesh")),
+    **dict.fromkeys((".xyz", ".asc", ".pts"), TEXT_READER),
+    **{suffix: (INSTRUMENT_READER, suffix) for suffix in FORMATS_SUFFIXES},
+}
+"""Reader of height maps by suffix, as module.function of this package, loaded when needed; kind of file in messages."""
 _BY_SUFFIX = {
-    **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
+    **dict.fromkeys(READERS, "height_map"),
     **dict.fromkeys(SCAN_SUFFIXES, "scan"),
     **dict.fromkeys(PHOTO_SUFFIXES, "photo"),
 }

@@ -10,7 +10,7 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, naming, reading
 from pipeline.formats.hdf5_checks import check_hdf5
-from pipeline.formats.kinds import FORMATS_SUFFIXES, MESH_SUFFIXES, MOST_BYTES, PHOTO_SUFFIXES, TEXT_SUFFIXES
+from pipeline.formats.kinds import INSTRUMENT_READER, MOST_BYTES, PHOTO_SUFFIXES, READERS, TEXT_READER
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
@@ -18,29 +18,12 @@ if TYPE_CHECKING:
     from pipeline.formats.raw_map import RawMap
     from whisker_array.scan.scan import Scan
 
-_GB = MOST_BYTES["height_map"]
 # most that a height file stores for one sample, and room for what it holds beside its heights
 _BYTES_PER_SAMPLE, _SPARE_BYTES = 24, 64_000_000
-
-
-# of each suffix: reader as module.function of this package, loaded when needed; kind of file for messages; longest file
-_Reader = tuple[str, str, int]
-_TEXT: _Reader = ("text_maps.read_text_map", "text", _GB // 2)
-_INSTRUMENT = "instruments.read_instrument"
-_READERS: dict[str, _Reader] = {
-    ".npz": ("npz.read_npz", ".npz", _GB),
-    ".npy": ("npz.read_npy", ".npy", _GB),
-    ".x3p": ("instruments.read_x3p", "X3P", _GB),
-    ".sdf": ("instruments.read_sdf", "SDF", _GB),
-    ".pcd": ("points.read_pcd", "PCD", _GB // 2),
-    ".las": ("points.read_las", "LAS", _GB),
-    ".grd": ("binary_grids.read_grd", "GRD", _GB),
-    ".gsf": ("binary_grids.read_gsf", "GSF", _GB),
-    ".mat": ("binary_grids.read_mat", "MATLAB", _GB),
-    **{suffix: ("points.read_mesh", suffix[1:].upper(), _GB // 2) for suffix in MESH_SUFFIXES},
-    **dict.fromkeys(PHOTO_SUFFIXES, ("photos.read_height_image", "picture", _GB // 2)),
-    **dict.fromkeys(TEXT_SUFFIXES, _TEXT),
-    **{suffix: (_INSTRUMENT, suffix, _GB) for suffix in FORMATS_SUFFIXES},
+# of files that are height maps where they are named as such
+_NAMED = {
+    ".mat": ("binary_grids.read_mat", "MATLAB"),
+    **dict.fromkeys(PHOTO_SUFFIXES, ("photos.read_height_image", "picture")),
 }
 
 
@@ -74,11 +57,12 @@ def read_part_map(
     from pipeline.formats.text_maps import is_number_table
 
     path, settings = Path(path), settings or MapSettings()
-    reader = _READERS.get(path.suffix.lower())
+    reader = (READERS | _NAMED).get(path.suffix.lower())
     if reader is None:
-        reader = _TEXT if is_number_table(path) else (_INSTRUMENT, "height map", _GB)
-    name, kind, longest = reader
-    with reading(path, kind=kind, most_bytes=min(longest, most * _BYTES_PER_SAMPLE + _SPARE_BYTES)):
+        reader = TEXT_READER if is_number_table(path) else (INSTRUMENT_READER, "height map")
+    name, kind = reader
+    longest = min(MOST_BYTES["height_map"], most * _BYTES_PER_SAMPLE + _SPARE_BYTES)
+    with reading(path, kind=kind, most_bytes=longest):
         module, _, function = name.partition(".")
         raw: RawMap = getattr(import_module(f"pipeline.formats.{module}"), function)(path, most)
     with naming(path):
