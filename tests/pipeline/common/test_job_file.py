@@ -59,11 +59,6 @@ def test_what_is_no_job(text: str, name: str, message: str, tmp_path: Path) -> N
         read_job_file(written(tmp_path, text, name))
 
 
-def test_a_job_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"none\.toml: is not there"):
-        read_job_file(tmp_path / "none.toml")
-
-
 @given(
     texts=st.lists(st.text("AZ09-/. \"\\'\x7fé", min_size=1, max_size=12).map("A".__add__), max_size=3),
     region=REGIONS,

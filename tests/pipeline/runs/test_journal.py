@@ -272,20 +272,6 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
         assert set(book.names) == set()
 
 
-def test_a_second_writer_is_refused_while_the_first_lives(table: Path) -> None:
-    with RunJournal(table, RUN) as book:
-        add(book, row("a"))
-        for description in (RUN, {}):
-            with pytest.raises(FileError, match="is being written by another run; wait for it"):
-                RunJournal(table, description)
-        add(book, row("b"))
-    with RunJournal(table, RUN) as book:
-        assert set(book.names) == {"a", "b"}
-        book.finish([])
-        with RunJournal(table, RUN) as later:  # finished, though its object lives
-            assert not later.resumed
-
-
 def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
     table: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

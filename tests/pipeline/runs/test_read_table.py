@@ -14,7 +14,6 @@ from pipeline.cli.read import read
 from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
-    LineRecord,
     ReadingRecord,
     ReasonRecord,
     RivalRecord,
@@ -65,7 +64,6 @@ LONG = record(
     "line-3/2026-11-22/" + "a" * 60, "KX407251", "accept", 0.998, "tactile", 12.0, characters=(FELT,)
 )
 BROKEN = ReadingRecord.failed("c", "parts/c.npz: is not there; check the name")
-LINES = (LineRecord("lot", "LOT77", 0.9), LineRecord("date", "12/26", 0.9))
 PHOTO = record("p", "KX407251", "accept", 0.99, "vision", 1.0)
 VERIFIED = record("v", "A812", "accept", 0.9, "tactile", 1.0, verdict="refuted", expected="AB12")
 
@@ -81,13 +79,6 @@ def test_a_column_without_a_value_is_left_out() -> None:
     assert "depth" not in table_lines([PHOTO], width=None)[0]
     assert "grade" not in table_lines([PLAIN], width=None)[0]
     assert "grade" in table_lines([PLAIN, DOUBT], width=None)[0]
-
-
-def test_other_lines_have_a_column_of_their_own() -> None:
-    head, line, _ = table_lines([replace(PLAIN, lines=LINES), BROKEN], width=80)[:3]
-    assert head.split()[:3] == ["part", "text", "lines"]
-    assert line.split()[:3] == ["a", "AB12", "lot=LOT77;date=12/26"]
-    assert "lines" not in table_lines([PLAIN], width=None)[0]
 
 
 def test_doubts_stand_below_their_row() -> None:

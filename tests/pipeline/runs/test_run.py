@@ -16,7 +16,6 @@ import sqlalchemy as sa
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
-from pipeline.cli.main import main
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.serial_rules import ProductionOrder
@@ -196,16 +195,6 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end() -> None:
             row.name for row in connection.execute(sa.text("select record ->> '$.name' as name from parts"))
         }
     assert names == {"odd \\udcff", "p0"}
-
-
-def test_a_store_that_does_not_answer_is_one_line(capsys: pytest.CaptureFixture[str], flat: Path) -> None:
-    pytest.importorskip("psycopg")
-    out = "postgresql://nobody@127.0.0.1:1/parts"
-    with contextlib.chdir(flat.parent):
-        assert main(["read", "a.npz", "--font", "gothic", "--out", out]) == 1
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "127.0.0.1" in error
 
 
 def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
