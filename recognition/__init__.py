@@ -1,4 +1,4 @@
-"""Meaning: what is read of a part by touch, by a photograph, or by both.
+"""Read a part by touch, by photographs, or by both.
 
 `Reader` reads a part in one call; the names below are the vocabulary (listed in `__init__.pyi`, loaded on first use).
 """

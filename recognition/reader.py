@@ -1,4 +1,4 @@
-"""The one composition: from what is known of a part to its reading.
+"""The reader: from the data of a part to its reading.
 
 height map --scan--> Scan --TactileReader--> Reading --+
                                                        +--fuse--> Reading --verify--> Reading
@@ -73,7 +73,7 @@ class Reader:
         return VisionReader(self.settings)
 
     def after_photo(self) -> Reader:
-        """A reader whose regions apply to photographs alone: a scan covers only the line that the camera found."""
+        """A reader whose regions apply only to photographs: a scan covers only the line that the camera found."""
         made = Reader(self.settings)
         lines = {name: replace(line, region=None) for name, line in self.settings.asked.items()}
         made._touch_settings = replace(self.settings, region=None, lines=lines)
@@ -87,7 +87,7 @@ class Reader:
         soil: Soil | None = None,
         part_id: str = "",
     ) -> Reading:
-        """Read one part by all that is given of it.
+        """Read one part from all given data.
 
         A scan goes before a height map; touch and photographs are fused. Several photographs, from one place under
         other lights or at other exposures, are read as one. The middle of a photograph of known scale is taken to lie
@@ -135,17 +135,17 @@ class Reader:
         return self.apply_certificate(vision if touch is None else self.fuse(touch, vision))
 
     def apply_certificate(self, reading: Reading) -> Reading:
-        """The reading, sent to review where the settings' certificate does not vouch for it."""
+        """Send a reading to review if the certificate of the settings does not cover it."""
         return as_certified(reading, self.settings.certified)
 
     def fuse(self, touch: Reading, vision: Reading) -> Reading:
-        """One reading of both senses, whose trace holds both."""
+        """Combine the readings of both senses; the trace has both."""
         from recognition.decision.fuse import fuse
 
         return fuse(touch, vision, self.settings.of("fused"))
 
     def verify(self, reading: Reading, expected: str) -> Reading:
-        """The reading with the verdict on an expected text: `reading.trace.verification`.
+        """Add the verdict on an expected text to a reading: `reading.trace.verification`.
 
         Args:
             reading: the reading.
@@ -169,7 +169,7 @@ class Reader:
 
 
 def centre_on(photo: Photo, surface: HeightMap) -> Photo:
-    """The photograph with its middle over that of the height map, where its scale is known."""
+    """Centre a photograph on the height map, if its scale is known."""
     if photo.pitch_mm is None:
         return photo
     width, height = surface.size_mm

@@ -186,7 +186,7 @@ class _Part:
                 return ended
 
     def _think(self, step: Step) -> StopReason | None:
-        """Look at what a step has felt, and read it where that is due; return why to stop, or None to feel more."""
+        """Look at the scan after a step, and read it if that is due; return a reason to stop, or None."""
         start, until_sure = time.process_time(), self.active.settings.until_sure
         # without early stopping, looks only serve to find the region of the line
         look = self._look() if until_sure or self.region == self.fitting.field_mm else None
@@ -255,7 +255,7 @@ class _Part:
         return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - accept)
 
     def _stop_reason(self) -> StopReason | None:
-        """Make a full reading; return why to stop (sure, or touch cannot resolve its doubts), or None to feel more."""
+        """Make a full reading; return a reason to stop (sure, or touch cannot resolve its doubts), or None."""
         reading = self.reading = self._full_reading()
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)

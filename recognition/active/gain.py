@@ -67,7 +67,7 @@ class Gain:
 
 
 def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
-    """s of the docstring.
+    """Compute s of the module's docstring.
 
     Args:
         recent: number of last looks; the surest of them counts.

@@ -63,7 +63,7 @@ def places_lacking_lines(
 
 
 def review_lacking_lines(reading: Reading, scan: Scan) -> Reading:
-    """The reading, sent to review where it would be accepted before lines tell it from its rivals."""
+    """Send an accepted reading to review if the felt lines do not distinguish it from its rivals."""
     missing = places_lacking_lines(reading, scan)
     if not missing or not reading.trace.strokes:
         return reading
@@ -93,7 +93,7 @@ def _gap_mm(scan: Scan, box: Box, ways: Sequence[Way]) -> float:
 
 
 def _usable_lines(sweep: Sweep, along_mm: tuple[float, float]) -> NDArray[np.float64]:
-    """Places of the lines that were felt over most of a stretch."""
+    """Positions of the lines that were felt over most of a stretch."""
     at = sweep.plan.position_mm()
     within = (at >= along_mm[0]) & (at <= along_mm[1])
     if not within.any():

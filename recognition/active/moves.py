@@ -1,4 +1,4 @@
-"""Possible next steps: steps of one or more passes, laid between those that were felt before.
+"""Possible next steps: one or more passes between those that were felt before.
 
 A step adds one line per half character height: with whiskers half a height apart that is one travel of the
 array for each block of the region, with whiskers a height apart it is two::
@@ -89,7 +89,7 @@ class Step:
 def next_step(
     fitting: Fitting, region_mm: Region, way: Way, lines: int, *, joins: bool = False
 ) -> Step | None:
-    """The next planned step of a way; None if there is none.
+    """Next planned step in a direction; None if there is none.
 
     Args:
         fitting: whiskers, and the field that can be felt.
@@ -119,7 +119,7 @@ def between(k: int) -> float:
 def _stretch_to_cover(
     across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
 ) -> tuple[float, float]:
-    """The stretch across the travel that lines must cover: the region less the land at its rims.
+    """Range across the travel that lines must cover: the region without the land at its rims.
 
     A region about a line that is cut at one rim of the field has no land to spare there.
     """
@@ -130,7 +130,7 @@ def _stretch_to_cover(
 
 
 def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
-    """Travels that cover a region with lines a whisker's pitch apart; all regions of a field share their lines."""
+    """Passes that cover a region with lines a whisker's pitch apart; all regions of a field share their lines."""
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
     (x0, y0, x1, y1), field = region_mm, fitting.field_mm

@@ -62,7 +62,7 @@ class Progress:
         )
 
     def believing(self, confidence: float) -> Progress:
-        """The progress where a full reading of what was felt is surer than the last look."""
+        """The progress if a full reading is surer than the last look."""
         best = max(confidence, self.confidences[-1])
         return replace(self, confidences=(*self.confidences[:-1], best))
 
@@ -74,7 +74,7 @@ class Progress:
         )
 
     def candidates(self, region_mm: Region, ways: Iterable[Way] = Way) -> list[Step]:
-        """The next step of each way that lays more lines."""
+        """The next step of each direction that adds lines."""
         joins = bool(self.lines)
         steps = [next_step(self.fitting, region_mm, w, self.lines.get(w, 0), joins=joins) for w in ways]
         return [step for step in steps if step is not None]
@@ -90,7 +90,7 @@ class Policy(Protocol):
     """Chooses steps."""
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
-        """The next step, or why there is none.
+        """Return the next step, or the reason to stop.
 
         Args:
             progress: so far.
@@ -119,7 +119,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Steps drawn at random, each way as likely; the first as `Greedy` has it.
+    """Steps drawn at random, with equal chances for each direction; the first step is that of `Greedy`.
 
     Attributes:
         seed: seed of the draws; the steps of a part depend on the number of draws.
@@ -141,7 +141,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Greedy:
-    """The step that brings most for its stage time, one ahead, as long as it is worth it.
+    """Choose the step with the greatest gain per stage time, one step ahead, as long as it is worth its time.
 
     What a step brings is the chance that the serial is sure within the next looks (`recognition.active.gain`).
 

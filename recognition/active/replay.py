@@ -1,4 +1,4 @@
-"""A part that was felt pass by pass: kept with every choice, and read again from its recording.
+"""Record a part that is felt pass by pass, with every choice, and replay the recording.
 
 session --KeptSession--> ActiveReader --> ActiveReading --kept--> Scan with its log of passes
 the scan --RecordedSession--> ActiveReader --> the same passes, beliefs and stop
@@ -46,7 +46,7 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
 
 
 def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
-    """Read a recording as it was felt: the same passes are chosen again, one after the other.
+    """Replay a recording: the same passes are chosen again, one after the other.
 
     A reader of other settings or of another version may choose otherwise: it is then given all passes at once.
 

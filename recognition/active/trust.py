@@ -1,4 +1,4 @@
-"""Whether a reading is taken at its word, of a part that is read again and again while it is felt."""
+"""The threshold for a part that is read repeatedly while it is felt."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ EVEN = 0.5
 
 
 class Trust:
-    """Raises the threshold with the number of candidate texts: many looks are many chances to be wrong.
+    """Raise the threshold with the number of candidate texts: many looks are many chances to be wrong.
 
     Beliefs that hold may be asked for as often as one likes; those that change their mind are one chance each
     (Bonferroni): of k texts the last may be doubted a k-th as much as one that was believed from the first.
     """
 
     def __init__(self, accept_confidence: float) -> None:
-        """Begin with a part.
+        """Start with a new part.
 
         Args:
             accept_confidence: least confidence of an accepted reading if no look preferred another text.
@@ -34,7 +34,7 @@ class Trust:
         return serial_is_sure(reading) and reading.confidence >= least
 
     def apply_trust(self, reading: Reading) -> Reading:
-        """The reading, sent to review where it would be accepted and is not sure enough."""
+        """Send an accepted reading to review if it is not sure enough."""
         if reading.decision is not Decision.ACCEPT or self.takes(reading):
             return reading
         before = Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: another text was believed before")

@@ -48,7 +48,7 @@ class Look:
 
 
 class LineWatch:
-    """Follows one line while it is felt."""
+    """Follow one line while it is felt."""
 
     def __init__(self, lines: LineReader, *, line: TextLine | None = None) -> None:
         """Begin.
@@ -65,11 +65,11 @@ class LineWatch:
 
     @property
     def is_sure(self) -> bool:
-        """Whether there is a line that says something."""
+        """Whether there is a line with text."""
         return self._sure
 
     def follow(self, line: TextLine | None, *, confidence: float, followed: float = 0.05) -> None:
-        """Go on at the line of a full reading that is surer of it than not.
+        """Continue with the line of a full reading if its confidence is above 0.5.
 
         Args:
             line: line of the reading, if there is one.
@@ -80,7 +80,7 @@ class LineWatch:
             self.line, self._sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:
-        """Return the best text so far; None where there is no line yet.
+        """Return the best text so far; None without a line.
 
         Args:
             most_found: lines of a first view that are looked at.

@@ -1,4 +1,4 @@
-"""Beliefs of touch and camera made one, place by place.
+"""Combine the posteriors of touch and camera, place by place.
 
     p(c) ~ touch(c) * camera(c) ** power      what a sense has not read is spread over all characters: it says nothing
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 def fuse_lattices(touch: Lattice, camera: Lattice, *, power: float = 0.7) -> Lattice:
-    """The beliefs of both at the places of touch.
+    """Combine the posteriors of both senses at the places of touch.
 
     Args:
         touch: posteriors; its places, boxes and gaps are the outcome's.
@@ -70,7 +70,7 @@ def contradictions(
 
 
 def _spread(own: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """(places, chars) beliefs as multiples of what a guess would have, and (places,) probability of having read.
+    """(places, chars) probabilities relative to a guess, and (places,) probability that the place was read.
 
     What was not read is spread over all characters; those that a sense has ruled out count as a guess.
     """
@@ -82,7 +82,7 @@ def _spread(own: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:
 
 
 def _possible(own: Lattice, chars: tuple[str, ...]) -> NDArray[np.bool_]:
-    """(places, chars) what a sense has not ruled out."""
+    """(places, chars) whether a sense has not excluded a character."""
     out = np.zeros((own.n_places, len(chars)), dtype=np.bool_)
     out[:, [chars.index(c) for c in own.chars]] = np.isfinite(own.log_belief)
     return out

@@ -55,14 +55,14 @@ class LineBelief:
 
     @cached_property
     def open_places(self) -> tuple[Lattice, Floats]:
-        """The beliefs in as many places as stand there, of any characters, and their columns."""
+        """Posteriors for the most probable number of places, of any characters, and their columns."""
         first = self.looks[:1]
         places = (first[0].chars,) * max(count_places(first)[0], 1)
         lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
         return pool({first[0].expert: lattice}), columns
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
-        """Log probability of all that a grammar allows there; 0 of none, -inf where it has no room.
+        """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
 
         Args:
             grammar: the format.
@@ -71,7 +71,7 @@ class LineBelief:
         return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
 
     def least_read(self) -> int:
-        """The place at which the fewest characters of any kind are heard: another sign may stand there."""
+        """Place with the least probability of any known character: another sign may stand there."""
         lattice, columns = self.lattice, self.columns
         reach = 0.5 * float(np.diff(columns).min(initial=math.inf)) if lattice.n_places > 1 else math.inf
         steps = self.looks[0]
@@ -117,7 +117,7 @@ def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
 
 
 def _evidence(found: Posteriors) -> float:
-    """Log probability of all that is allowed together, the mean of looks; -inf where it has no room."""
+    """Log probability of all allowed texts together, the mean of looks; -inf without room for one."""
     logs = [one.log_evidence for one in found if one is not None]
     return float(np.mean(logs)) if logs else -math.inf
 
@@ -164,7 +164,7 @@ def count_places(looks: Sequence[Steps], *, most_counts: int = 3, most_places: i
 
 
 def pool(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
-    """The geometric mean of experts' beliefs; a place that any has read is read.
+    """Geometric mean of the experts' posteriors; a place counts as read if any expert has read it.
 
     Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.
 

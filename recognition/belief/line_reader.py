@@ -55,7 +55,7 @@ class LineReader:
         return self.search.grammar
 
     def under(self, grammar: Grammar | None) -> LineReader:
-        """The same reader of lines that another format is asked of."""
+        """The same reader with another format."""
         return replace(self, search=replace(self.search, grammar=grammar))
 
     def read(
@@ -65,7 +65,7 @@ class LineReader:
         about: TextLine | None = None,
         twice: bool = False,
     ) -> PartLines:
-        """The lines of a view.
+        """Read the lines of a view.
 
         Args:
             view: view to be read.
@@ -110,7 +110,7 @@ class LineReader:
     def _line_named(
         self, view: View, rest: Sequence[ReadLine], asked: LineFormat, *, asked_evidence: float = -4.0
     ) -> ReadLine | None:
-        """The line of these that this format and region mean; None where none does.
+        """Line that matches a format and region; None if none does.
 
         Args:
             asked_evidence: log probability of all that a format allows, from which a line is the one that was asked
@@ -129,7 +129,7 @@ class LineReader:
         return best if best.belief.evidence > asked_evidence else None
 
     def _right_way_up(self, view: View, best: ReadLine, *, plain_evidence: float = -0.5) -> ReadLine:
-        """The line from the end from which more is read; as it is where it is beyond doubt.
+        """The line in the direction in which more is read; unchanged if it is beyond doubt.
 
         Args:
             plain_evidence: log probability of all that the format allows, from which a line is not read upside down
@@ -150,7 +150,7 @@ class LineReader:
         closely: bool = False,
         twice: bool = False,
     ) -> ReadLine | None:
-        """Return the posteriors of a line: of one look where that is sure, of several where it is not.
+        """Return the posteriors of a line: from one look if that is sure, from several if not.
 
         Where asked for `closely`, several looks are always taken.
         """
@@ -173,7 +173,7 @@ class LineReader:
 def _candidates(
     view: View, meant: Sequence[ReadLine], *, most_candidates: int = 4, most_across: float = 0.9
 ) -> tuple[TextLine, ...]:
-    """Lines that lie apart, as many as a person may want to look at, without those tried across the whole view.
+    """Lines that do not overlap, at most as many as a person may want to see, without those across the whole view.
 
     Args:
         view: view of the part.
@@ -190,7 +190,7 @@ def _candidates(
 
 
 def apart(one: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
-    """Whether two lines are different ink: their characters have room above each other.
+    """Whether two lines are different ink: their characters fit above each other.
 
     Args:
         room: distance of two lines' middles, as a share of both heights, below which they are the same ink.
@@ -200,7 +200,7 @@ def apart(one: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
 
 
 def _is_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3) -> bool:
-    """Whether a line can be read, whatever it says.
+    """Whether a line can be read as any text.
 
     Args:
         other_belief, other_places: mean probability, and places, from which another line on the part is unassigned

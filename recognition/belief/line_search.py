@@ -35,7 +35,7 @@ MOST_SCANS = 2
 
 @checked(frozen=True, kw_only=True)
 class SearchLimits:
-    """Limits of a line search: how many lines it reads, how it moves them, and from which promise it stops.
+    """Limits of a line search: number of lines, their moves, and the promise at which it stops.
 
     Attributes:
         most_lines: lines that are read, most promising first.

@@ -1,4 +1,4 @@
-"""The lines of a part: what is asked for, and what was read."""
+"""The lines of a part: requested formats, and lines that were read."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LineFormat:
 
 
 def check_region(region: Region | None) -> None:
-    """Whether a region is one.
+    """Check a region.
 
     Raises:
         ValueError: it is not.
@@ -64,7 +64,7 @@ def about_region(
     margins: tuple[float, float] = (0.5, 1.0),
     most_of_view: float = 0.6,
 ) -> View:
-    """The part of a view in which a line lies whose middle is in a region; the view itself where that is most of it.
+    """Part of a view with all lines whose middle is in a region; the whole view if that is most of it.
 
     Args:
         margins: around a region, across and down, as shares of its size: the line's middle lies in it, not its ends.
@@ -100,12 +100,12 @@ class ReadLine:
 
     @property
     def open_lattice(self) -> Lattice:
-        """The same of its posteriors without the format."""
+        """The same without the format."""
         lattice, columns = self.belief.open_places
         return replace(lattice, boxes=boxes_of(self.line, columns))
 
     def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
-        """The same line with the beliefs of further experts in its places."""
+        """The same line with the posteriors of further experts."""
         if not more:
             return self
         by_expert = MappingProxyType({**more, **self.belief.by_expert})

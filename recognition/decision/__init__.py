@@ -1,1 +1,1 @@
-"""From beliefs to a reading: accepted, sent to review or rejected, and why."""
+"""From posteriors to a reading: accepted, sent to review or rejected, with reasons."""

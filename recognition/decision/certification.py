@@ -96,7 +96,7 @@ def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, f
 
 
 def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
-    """The fewest accepted parts that show the risk to hold, so many wrong ones among them.
+    """Least number of accepted parts that proves the risk, with a given number of wrong ones among them.
 
     Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %.
 
@@ -120,7 +120,7 @@ def threshold_tests(
     thresholds: Sequence[float] = THRESHOLDS,
     allowed_wrong: Sequence[int] = (2, 1, 0),
 ) -> tuple[ThresholdTest, ...]:
-    """Every threshold tested, see the module; the last one shown is the one to use.
+    """All tested thresholds, see the module; the last proven one is the one to use.
 
     Args:
         confidences: confidences of the readings that only a threshold keeps from acceptance.
@@ -158,14 +158,14 @@ def threshold_tests(
 
 
 def certified_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
-    """The most lenient threshold that was shown; None without any."""
+    """The most lenient proven threshold; None without one."""
     return next((test for test in reversed(tests) if test.shown is Shown.YES), None)
 
 
 def parts_missing(
     tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float, most_wrong: int = 10_000
 ) -> int | None:
-    """Estimate how many more parts would show the risk at some threshold; None where no number would.
+    """Estimate how many more parts would prove the risk at some threshold; None if no number would.
 
     An estimate: as many of them accepted, and as many of these wrong, as among the parts there are.
 
@@ -215,7 +215,7 @@ class KindOfParts:
 
     @classmethod
     def of(cls, parts: Collection[Mapping[Measure, float]], *, most_kept: int = 200) -> KindOfParts:
-        """Take the distributions over these parts; measures that fewer than LEAST_PARTS have are left out.
+        """Compute the distributions over these parts, without measures that fewer than LEAST_PARTS have.
 
         Args:
             parts: measures of each part.

@@ -1,4 +1,4 @@
-"""Accept, review or reject: the one place, and a pure function; the flags that it weighs, and findings about them.
+"""Accept, review or reject: the only place that decides, a pure function; with its flags and findings.
 
     score: probability that the whole serial is right ---- at least the threshold ----+
     contracts: rules that hold whatever the score is ----- none broken ---------------+--> accept; else review
@@ -87,7 +87,7 @@ class ReadingFlag(Flag):
     text: str
 
     def __new__(cls, kind: Kind | None, text: str) -> Self:
-        """One bit after the other; none for NONE, the first."""
+        """Give each flag the next bit; NONE, the first, has none."""
         made = object.__new__(cls)
         made._value_ = 1 << (len(cls.__members__) - 1) if kind else 0
         made.kind, made.text = kind, text
@@ -160,7 +160,7 @@ class Finding:
 
     @property
     def code(self) -> str:
-        """Name of the flag for programs: low_confidence; empty of a note."""
+        """Name of the flag for programs, such as low_confidence; empty for a note."""
         return (self.flag.name or "").lower() if self.flag else ""
 
     def __str__(self) -> str:

@@ -60,7 +60,7 @@ class DepthWindow:
             )
 
     def is_for(self, height_mm: float, *, tolerance: float = 0.05) -> bool:
-        """Whether characters that were read so high may be of its heights.
+        """Whether characters of this measured height may belong to the window.
 
         Args:
             height_mm: height that was read.
@@ -104,7 +104,7 @@ class DepthRule:
             raise DepthRuleError(f"the rule {self.name} limits nothing", hint="give a depth: 0.1:0.25")
 
     def window(self, height_mm: float) -> DepthWindow | None:
-        """The depth window for characters of a height; None where the rule has none."""
+        """The depth window for a character height; None if the rule has none."""
         return next((window for window in self.windows if window.is_for(height_mm)), None)
 
 
@@ -141,7 +141,7 @@ _HOW = "write it as press-7=0.05:0.15@0.8:2 burr=0.05 height=1.6, in mm"
 
 
 def depth_rule(text: str) -> DepthRule:
-    """The rule of a name, or the one written out; blanks and case of a name do not matter.
+    """Rule by name, or from text; blanks and case of a name are ignored.
 
     Raises:
         DepthRuleError: none is called so, or what is written is no rule.
@@ -175,7 +175,7 @@ def _parse_rule(text: str) -> DepthRule:
 
 
 def least_depth(min_depth_mm: float) -> DepthRule:
-    """A rule of a least depth alone.
+    """Rule with only a least depth.
 
     Raises:
         DepthRuleError: not a positive number.

@@ -1,4 +1,4 @@
-"""Touch and vision read as one.
+"""Combine the readings of touch and vision.
 
 touch's lattice --+
                   +--> fuse_lattices --> choose under the grammar --> Reading
@@ -39,7 +39,7 @@ CHOICE_FLAGS = (
 
 
 def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
-    """One reading of both senses; of the one that has read where the other has not.
+    """Combine the readings of both senses; if only one has read, return that one.
 
     Args:
         touch: the reading of touch.
@@ -65,7 +65,7 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
 
 
 def _odds_of(reading: Reading, text: str) -> float | None:
-    """Log odds of a text by one sense; None where it has read nothing, or another number of characters."""
+    """Log odds of a text by one sense; None if it has read nothing, or another number of characters."""
     lattice, plain = reading.trace.lattice, "".join(text.split())
     if lattice is None or not reading.characters or lattice.n_places != len(plain):
         return None
@@ -78,7 +78,7 @@ def _odds_of(reading: Reading, text: str) -> float | None:
 
 
 def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Reading:
-    """Touch's reading with the beliefs of both; that of the sense which has read where the other has not."""
+    """Touch's reading with the posteriors of both; if only one sense has read, that one."""
     if tactile.trace.lattice is None or not tactile.characters:
         return _by_vision_alone(tactile, vision)
     found = fused_lattice(tactile, vision)
@@ -127,7 +127,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
 def fused_lattice(
     touch: Reading, vision: Reading, *, before_format: bool = False
 ) -> tuple[Lattice, tuple[Finding, ...]] | None:
-    """The beliefs of both, and where they contradict each other; None where vision has nothing to say.
+    """Posteriors of both, and places at which they contradict each other; None if vision has read nothing.
 
     Both have read the line with the format, or the only one: equally many places count as the same places.
 
@@ -184,7 +184,7 @@ def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...
 
 
 def _by_vision_alone(touch: Reading, vision: Reading) -> Reading:
-    """Vision's reading; nothing where it has read nothing either."""
+    """Vision's reading, which may be empty."""
     if vision.trace.lattice is None or not vision.characters:
         return replace(touch, characters=(), flags=touch.flags | ReadingFlag.NO_CHARACTERS)
     note = "touch has found no characters, so the camera alone has read it"

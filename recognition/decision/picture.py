@@ -1,4 +1,4 @@
-"""The picture of one part, for people: all that was measured and read of it, mm, row 0 at the top.
+"""Draw the picture of one part: all measurements and the reading, mm, row 0 at the top.
 
 +---------------------+---------------------+
 | photograph, boxes   | height map, boxes   |
@@ -47,7 +47,7 @@ Extent = tuple[float, float, float, float]
 
 
 def reading_figure(reading: Reading, *, title: str = "", figure: Figure | None = None) -> Figure:
-    """All that is known of one part, drawn on a figure of its own unless one is given."""
+    """Draw all measurements and the reading of one part (default: on a new figure)."""
     photo, touch = reading.trace.photo, reading.touch
     panels: list[Callable[[Axes], None]] = []
     if photo is not None:
@@ -78,7 +78,7 @@ def reading_figure(reading: Reading, *, title: str = "", figure: Figure | None =
 
 
 def _is_long(reading: Reading) -> bool:
-    """Whether the part is at least twice as wide as high: two panels fill a row, of others four."""
+    """Whether the part is at least twice as wide as high: then two panels fill a row, otherwise four."""
     photo, edges = reading.trace.photo, None if reading.touch is None else reading.touch.trace.edge_map
     shape = (0, 0) if photo is None else photo.shape
     rows, columns = shape if edges is None else edges.valid.shape
@@ -106,7 +106,7 @@ def _touch_panels(touch: ReadingTrace, reading: Reading) -> Iterator[Callable[[A
 
 
 def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_bar: bool = True) -> None:
-    """The part's own heights with the characters read."""
+    """Draw the part's own heights with the characters that were read."""
     z, bar = height_map.z_mm, "mm" if colour_bar else ""
     _map(axes, "height map, levelled", z, _extent(z.shape, height_map.pitch_mm), bar=bar)
     _boxes(axes, reading, labelled=True)
@@ -192,7 +192,7 @@ def _map(
     unit: str = "mm",
     most_a_side: int = 1600,
 ) -> None:
-    """One map under its title, with a bar of its colours where that has a name."""
+    """Draw a map under its title, with a colour bar if that has a name."""
     axes.set_title(title, fontsize=9, loc="left")
     low, high = _spread(values) if limits is None else limits
     rows, columns = (max(1, -(-n // most_a_side)) for n in values.shape[:2])
@@ -214,7 +214,7 @@ def _extent(shape: tuple[int, ...], pitch_mm: float, origin_mm: tuple[float, flo
 
 
 def _spread(values: NDArray[np.float32]) -> tuple[float, float]:
-    """The range of all but the outermost half per cent either way."""
+    """Range of values without the outermost half per cent at either end."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return (-1.0, 1.0)
@@ -223,7 +223,7 @@ def _spread(values: NDArray[np.float32]) -> tuple[float, float]:
 
 
 def _boxes(axes: Axes, reading: Reading, *, labelled: bool = False) -> None:
-    """The characters' boxes, and the characters above them, or inside where there is no room."""
+    """Draw the characters' boxes, with the characters above them, or inside if there is no room."""
     top = min(axes.get_ylim())
     for character in reading.characters:
         box = character.box
@@ -238,13 +238,13 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = False) -> None:
 
 
 def _label(axes: Axes, text: str, at: tuple[float, float], *, above: bool = False, **style: Any) -> None:
-    """A text a little above or below a place."""
+    """Write a text a little above or below a place."""
     offset, side = (1.5, "bottom") if above else (-3.0, "top")
     axes.annotate(text, at, (0, offset), textcoords="offset points", ha="center", va=side, **style)
 
 
 def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> None:
-    """The first candidates of every place and the belief in them; below them state and grade of the mark."""
+    """Draw the first candidates of every place and their probabilities; below them state and grade of the mark."""
     characters = reading.characters
     more = ", its state and its mark's grade" if any(c.grade is not None for c in characters) else ""
     axes.set_title(f"candidates of each place and the belief in them{more}", fontsize=9, loc="left")
@@ -268,7 +268,7 @@ def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> Non
 
 
 def _judgement(character: CharacterReading) -> str:
-    """State and grade of one place, a line each."""
+    """State and grade of one place, one line each."""
     state = character.state
     lines = (
         [] if state is None else [f"{state.state.value} {'/'.join(c or '-' for c in state.chars)}".strip()]

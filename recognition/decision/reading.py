@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One answer for one place: the character, how well its template fits (1 is perfectly), its share of belief."""
+    """One candidate for one place: the character, the fit of its template (1 is perfect), its probability."""
 
     char: str
     score: float
@@ -73,12 +73,12 @@ class CharacterReading:
 
     @property
     def confidence(self) -> float:
-        """Belief in the best candidate, 0 to 1."""
+        """Probability of the best candidate."""
         return self.candidates[0].probability
 
     @property
     def margin(self) -> float:
-        """Belief in the first less belief in the second candidate."""
+        """Probability of the first candidate minus that of the second."""
         second = self.candidates[1].probability if len(self.candidates) > 1 else 0.0
         return self.confidence - second
 
@@ -223,12 +223,12 @@ class Reading:
 
     @property
     def touch(self) -> Reading | None:
-        """The reading of touch: this one, or what was fused; None where touch was not asked."""
+        """The reading of touch: this one, or part of a fused one; None if touch was not used."""
         return self if self.source == "tactile" else self.trace.touch
 
     @property
     def vision(self) -> Reading | None:
-        """The reading of vision: this one, or what was fused; None where vision was not asked."""
+        """The reading of vision: this one, or part of a fused one; None if vision was not used."""
         return self if self.source == "vision" else self.trace.vision
 
     @property
@@ -240,7 +240,7 @@ class Reading:
         return f"Reading({self.text!r}, {self.decision.value}, {self.confidence:.4f}, {self.source})"
 
     def __str__(self) -> str:
-        """The reading in one line, for people."""
+        """The reading in one line of text."""
         if not self.text:
             return "no characters"
         facts = [f"“{self.text}”, {self.decision.value}, confidence {self.confidence:.3f}"]
@@ -254,7 +254,7 @@ class Reading:
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
-        """One column a character: what it is, how surely, and what else it may be."""
+        """One column per character: the character, its probability, and other candidates."""
         cell = "text-align:center;padding:1px 8px"
         columns = [
             (
@@ -272,7 +272,7 @@ class Reading:
         return f"<div><p>{escape(str(self))}</p><table>{body}</table><ul>{notes}</ul></div>"
 
     def plot(self, *, title: str = "") -> Figure:
-        """All that is known of the part as a matplotlib figure: what was measured, the boxes, the candidates.
+        """Draw all measurements, boxes and candidates as a matplotlib figure.
 
         At the prompt `matplotlib.pyplot.show()` shows it.
         """
@@ -307,14 +307,14 @@ class Reading:
 
     @property
     def shortfall(self) -> str:
-        """The shortfall of the confidence from the threshold, in words; empty where there is none."""
+        """The shortfall of the confidence from the threshold, in words; empty without one."""
         if self.threshold is None or self.confidence >= self.threshold:
             return ""
         digits = next((n for n in range(3, 7) if round(self.confidence, n) < self.threshold), 6)
         return f"confidence {self.confidence:.{digits}f} is below the threshold {self.threshold:g}"
 
     def without_flags(self, flags: ReadingFlag) -> Reading:
-        """The same reading without these flags and what was found for them."""
+        """The same reading without these flags and their findings."""
         kept = tuple(finding for finding in self.findings if not finding.flag & flags)
         return replace(self, flags=self.flags & ~flags, findings=kept)
 
@@ -326,7 +326,7 @@ class Reading:
 
     @property
     def actions(self) -> tuple[Action, ...]:
-        """Action for each character's mark; none where the reading is accepted, whatever its grades."""
+        """Action for each character's mark; an accepted reading has none, whatever its grades."""
         # imported here: who only keeps or shows readings does without the libraries that grade marks
         from recognition.marks.grade import Action
 

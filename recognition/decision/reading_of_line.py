@@ -242,7 +242,7 @@ def _twins(char: str) -> str:
 
 
 def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLine:
-    """A line that was asked for."""
+    """Make a line that was requested."""
     lattice = one.lattice
     choice = choose(lattice, grammar)
     text = with_spaces(choice.text, spaces_of(one, choice.text, grammar)).rstrip()
@@ -252,7 +252,7 @@ def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> Oth
 def _unassigned_line(
     one: ReadLine, grammar: Grammar | None, worth: Score, least_serial_evidence: float
 ) -> OtherLine:
-    """Text that is no line that was asked for."""
+    """Make a line that was not requested."""
     lattice = one.open_lattice
     text = with_spaces(lattice.text, word_gaps(one.belief.open_places[1], one.belief.looks))
     sure = float(np.exp(lattice.log_belief.max(axis=1).sum()))

@@ -1,4 +1,4 @@
-"""The score: the probability that the whole serial is right, of everything that is known of a reading.
+"""The score: the probability that the whole serial is right, from all measures of a reading.
 
     log odds of the text  --weight--+
     what the format allows --weight-+--sum--> log odds shown --> score, 0 to 1
@@ -71,7 +71,7 @@ class Measure(StrEnum):
 
 
 def measures_of(reading: Reading) -> Mapping[Measure, float]:
-    """Return the measures that are known of the part."""
+    """Return the known measures of a part."""
     trace, touch, vision = reading.trace, reading.touch, reading.vision
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
@@ -98,7 +98,7 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
 def _of_strokes(
     places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25
 ) -> Mapping[Measure, float | None]:
-    """Measures of what was felt of the strokes at all places.
+    """Measures of the felt strokes at all places.
 
     Args:
         places: places of the text.
@@ -143,7 +143,7 @@ def _of_land(
 
 
 def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float:
-    """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN where nothing is known.
+    """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN if unknown.
 
     The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
 
@@ -164,12 +164,12 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
 
 
 def _within(odds: float | None, *, most_odds: float = 50.0) -> float | None:
-    """Log odds as a number: certainty is no missing value, but `most_odds`."""
+    """Limit log odds to `most_odds`, so that certainty is not a missing value."""
     return None if odds is None else min(max(odds, -most_odds), most_odds)
 
 
 def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
-    """Brightness over its median, so that exposure does not count.
+    """Brightness divided by its median, so that exposure does not matter.
 
     Args:
         photo: photo of the part.
@@ -181,7 +181,7 @@ def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.flo
 
 @dataclass(frozen=True)
 class Term:
-    """Contribution of one quantity: straight lines between points, level beyond them.
+    """Contribution of one quantity: piecewise linear, constant beyond the ends.
 
     Attributes:
         usual: value that counts nothing.
@@ -192,7 +192,7 @@ class Term:
     points: Sequence[tuple[float, float]]
 
     def nats(self, value: float | None) -> float:
-        """Log odds that a value adds; 0 where it is not known."""
+        """Log odds added by a value; 0 if unknown."""
         if value is None:
             return 0.0
         values, nats = np.array(self.points).T
@@ -214,7 +214,7 @@ class Score:
     thresholds: Sequence[tuple[float, float]] = ()
 
     def probability(self, measures: Mapping[Measure, float]) -> float:
-        """Probability that a text is right; an unknown quantity counts as usual."""
+        """Probability that a text is right; an unknown quantity adds nothing."""
         return share(self.bias + sum(term.nats(measures.get(name)) for name, term in self.terms.items()))
 
     def of_belief(self, belief: float) -> float:
@@ -222,7 +222,7 @@ class Score:
         return self.probability({Measure.ODDS: log_odds(belief)})
 
     def threshold(self, risk: float) -> float:
-        """Least score from which the share of wrong ones among the accepted is expected to be no more than a risk.
+        """Least score for which the expected share of wrong readings among the accepted is at most a risk.
 
         Raises:
             MarksError: a risk that the readings of the fit say nothing about.
@@ -238,7 +238,7 @@ class Score:
 
     @property
     def slope(self) -> float:
-        """Log odds per unit of the text's log odds, where the text is likelier than not."""
+        """Log odds per unit of the text's log odds, if its probability is above 0.5."""
         (low, below), (high, above) = self.terms[Measure.ODDS].points[-2:]
         return (above - below) / (high - low)
 
@@ -264,7 +264,7 @@ def score_of(source: str) -> Score:
 
 
 def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
-    """The reading with its score, and why it is low where it is below the threshold.
+    """Add the score to a reading, with reasons if it is below the threshold.
 
     Where touch has read nothing beside the camera, it is scored as a camera's.
 

@@ -157,7 +157,7 @@ def _why_undecided(
     least_belief: float = 0.03,
     hidden_share: float = 0.5,
 ) -> str:
-    """Say why strokes do not exclude a rival; empty where they do.
+    """Explain why strokes do not exclude a rival; empty if they do.
 
     Args:
         rival: with its evidence.

@@ -45,7 +45,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class CharacterCheck:
-    """One expected character, or one place that is left over.
+    """One expected character, or one extra place.
 
     Attributes:
         place: place in the lattice, from 0; None for a character without a place.
@@ -67,7 +67,7 @@ class CharacterCheck:
 
 @dataclass(frozen=True)
 class Verification:
-    """The verdict and what it rests on.
+    """The verdict and its evidence.
 
     Attributes:
         expected: the text, without blanks.
@@ -111,7 +111,7 @@ def verify(
     contradicted: bool = False,
     least: float = 0.99,
 ) -> Verification:
-    """Compare the posteriors of a line with the text that is expected.
+    """Compare the posteriors of a line with the expected text.
 
     The lattice must have been made without knowledge of the text, and must allow other characters than the
     expected ones.
@@ -207,7 +207,7 @@ def with_verification(
     grammar: Grammar | None = None,
     contradicted: bool = False,
 ) -> Reading:
-    """The reading with the states of its places for the text expected, and the verdict in its trace.
+    """Add to a reading the states of its places for the expected text, and the verdict in its trace.
 
     Args:
         reading: the reading.

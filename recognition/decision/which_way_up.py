@@ -87,7 +87,7 @@ def weigh_orientation(
 
 
 def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> float:
-    """Log probability by which the text leads what a look the other way reads; -inf where there is no line to look at.
+    """Log probability by which the text leads the best text in the other orientation; -inf without a line.
 
     Args:
         reading: with its line in the trace.
@@ -110,7 +110,7 @@ def plain_text(reading: Reading) -> str:
 
 
 def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, lines: LineReader) -> bool:
-    """Whether another line of the part, that runs in the direction of the serial's, reads nothing the other way."""
+    """Whether another line with the serial's direction cannot be read in the other orientation."""
     if other.line is None or math.cos(math.radians(other.line.turned_deg - serial.turned_deg)) <= 0.0:
         return False
     asked = lines.lines.get(other.name)
@@ -123,7 +123,7 @@ def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, li
 
 
 def _seen_other_way(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> tuple[str, float]:
-    """The text that a look the other way reads, empty where it reads none, and by how many nats the one read leads."""
+    """Text read in the other orientation, empty if none, and the lead of the reading's text in nats."""
     there_view = view.mirrored if way.mirrors else view
     here = lines.search.read_once(view, [line])
     there = lines.search.read_once(there_view, [_line_in_view(line, view, way)])

@@ -53,13 +53,13 @@ def _add(a: float, b: float) -> float:
 
 @kernel()
 def _part(a: float, b: float) -> float:
-    """The share exp(a - b); none where there is nothing."""
+    """The share exp(a - b); 0 if both are -inf."""
     return math.exp(a - b) if a > -np.inf else 0.0
 
 
 @kernel()
 def _all_and_others(values, others):  # type: ignore[no-untyped-def]
-    """The sum; the sums of all but each, from both ends: nothing is subtracted."""
+    """The sum, and the sums of all but each, built from both ends without subtraction."""
     before, after = 0.0, 0.0
     for c in range(values.size):
         others[c] = before
@@ -72,7 +72,7 @@ def _all_and_others(values, others):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
-    """Sums of paths that end in each state at each frame, and that enter each place then.
+    """Sums of paths that end in each state at each frame, and of those that enter each place there.
 
     Those of a place at a frame are shares of `exp(scale)`: no path is lost, however unlikely, and one exponential
     serves all characters.
@@ -118,7 +118,7 @@ def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _backward(blank, shares, allowed):  # type: ignore[no-untyped-def]
-    """Sums of the ways on from each place at each frame, shares of `exp(scale)`."""
+    """Sums of paths onwards from each place at each frame, as shares of `exp(scale)`."""
     frames, count = shares.shape
     places = allowed.shape[0]
     on_blank = np.full(places + 1, -np.inf)
@@ -159,7 +159,7 @@ def _backward(blank, shares, allowed):  # type: ignore[no-untyped-def]
 def place_belief(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64], allowed: NDArray[np.bool_]
 ) -> PlaceBelief | None:
-    """Posteriors of every place over all texts of that many places.
+    """Posteriors of every place over all texts with a given number of places.
 
     Args:
         log_blank: (frames,) log probability of the blank.

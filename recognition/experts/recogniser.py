@@ -1,4 +1,4 @@
-"""The recogniser: what a small network makes of a line, step by step along it.
+"""The recogniser: a small network that gives posteriors step by step along a line.
 
 It knows no font by name. Its weights, and the card that says what they were made of, lie beside this file; the command
 `python -m recognition.learning.train` makes them again. It learned felt views, height maps and photographs.
@@ -44,7 +44,7 @@ def posteriors(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
 
 
 def features_of(strip: Layers) -> Features:
-    """(features, rows, steps) of a strip, as the network has them before its last layers."""
+    """(features, rows, steps) of a strip: the network's values before its last layers."""
     return _run(widen(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
 
 
@@ -54,13 +54,13 @@ def _posteriors(strip: Layers) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=16)
 def _of_content(content: bytes, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Posteriors of a strip; one in twenty of a photograph is read again, when its orientation is weighed."""
+    """Posteriors of a strip, cached: one in twenty of a photograph is read again when its orientation is checked."""
     strip = np.frombuffer(content, dtype=np.float32).reshape(shape)
     return _run(widen(strip), "posteriors")[: math.ceil(shape[2] / STEP_COLUMNS)]
 
 
 def widen(strip: Layers) -> Layers:
-    """Widen a strip as the network reads it."""
+    """Widen a strip for the network."""
     size = (math.ceil(WIDER * strip.shape[2]), strip.shape[1])
     return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
 

@@ -1,1 +1,1 @@
-"""Glyphs of a font against what was felt or seen: templates that physics predicts, correlated or as prototypes."""
+"""Match glyphs of a font with a view: templates predicted by physics, by correlation or as prototypes."""

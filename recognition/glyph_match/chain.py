@@ -1,4 +1,4 @@
-"""From scores at all places to a line of characters: the best chain of non-overlapping windows.
+"""Find the line of characters with the best score: a chain of non-overlapping windows.
 
 Every placed character earns its width times (score^2 - threshold^2): what it explains beyond chance. A stroke
 taken for an I earns little; the H that explains both stems and the bar earns all of it. A format fixes the count
@@ -19,7 +19,7 @@ _NONE = -1e9
 
 @dataclass(frozen=True)
 class Placed:
-    """A template placed on the line: index, pixel column of its reference point, and what it earned."""
+    """A template placed on the line: index, pixel column of its reference point, and its reward."""
 
     template: int
     column: int
@@ -49,7 +49,7 @@ class Spacing:
 def _before(  # type: ignore[no-untyped-def]
     best, by_template, half, start, overlap, reach, gap_free, gap_cost, expected, behind, step_cost, step_limit
 ):
-    """Most earned by a chain that a character starting there may follow, and its end; -1 where none may."""
+    """Best reward of a chain before a character that starts there, and its end; -1 if none is possible."""
     before, at = _NONE, -1
     for e in range(max(0, start - reach), min(best.size, start + overlap)):
         value = best[e] - gap_cost * max(0, start - e - gap_free)
@@ -67,7 +67,7 @@ def _chain(  # type: ignore[no-untyped-def]
     reward, half, allowed, free, overlap, reach, gap_free, gap_cost,
     ahead, behind, step_cost, step_limit, earlier, earlier_end, best, from_end, by_template,
 ):
-    """best[k, e]: most earned by k + 1 characters whose last ink ends at column e; `earlier...` are room."""
+    """best[k, e]: best reward of k + 1 characters whose last ink ends at column e; `earlier...` are buffers."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]
     for k in range(n_places):
@@ -121,7 +121,7 @@ def best_chain(
     spacing: Spacing | None = None,
     most_characters: int = 64,
 ) -> tuple[float, tuple[Placed, ...]]:
-    """The chain that earns most.
+    """Find the chain with the greatest reward.
 
     Args:
         reward: (T, cols) earned by each template at each column.

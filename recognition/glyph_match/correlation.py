@@ -1,4 +1,4 @@
-"""Reading by correlation: a felt line against the templates that physics predicts of a font, and no network.
+"""Read by correlation: compare a felt line with a font's templates, without a network.
 
     strip --normalised correlation--> responses of every template --best chain--> places
     places --every template in every place's cell--> correlations --softmax--> Steps
@@ -36,7 +36,7 @@ SMOOTH = 0.4
 
 @dataclass(frozen=True, eq=False)
 class GlyphImages:
-    """The templates of a font at some number of pixels to the character height.
+    """The templates of a font at a number of pixels per character height.
 
     Attributes:
         chars: (T,) characters.
@@ -58,7 +58,7 @@ class GlyphImages:
 
 
 def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: int) -> Image:
-    """(rows, columns, layers) of the edges felt along a line, straightened.
+    """(rows, columns, layers) image of the edges felt along a line, straightened.
 
     Args:
         view: view to be read.
@@ -75,7 +75,7 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
 
 
 def glyph_images(templates: TemplateSet, *, pixels: int, margin_heights: float = 0.12) -> GlyphImages:
-    """The templates on a grid of so many pixels; kept in the set's work space.
+    """The templates at a number of pixels per height; cached in the set.
 
     Args:
         templates: templates of a font, of all four directions.
@@ -126,7 +126,7 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
 
 
 def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0.1) -> Image:
-    """(T, rows, columns) normalised correlation of templates of one size wherever they lie within an image.
+    """(T, rows, columns) normalised correlation of templates of one size at all positions within an image.
 
     Layers that are zero everywhere, such as directions that were not felt, are left out of both.
 
@@ -182,7 +182,7 @@ def chain_of(
     free_gap_heights: float = 0.5,
     gap_cost: float = 0.25,
 ) -> tuple[float, tuple[Placed, ...]]:
-    """The characters side by side that explain most of a line, and their length times the share that they explain.
+    """The chain of characters that explains most of a line, and its length times the explained share.
 
     Where their number is known, once more with the spacing that the surest of them have.
 
@@ -225,7 +225,7 @@ def chain_of(
 def beside(
     response: Image, glyphs: GlyphImages, font: Font, placed: Sequence[Placed], *, surely: float = 0.65
 ) -> tuple[Placed, ...]:
-    """The characters of a chain, and those that surely stand in a line beside them, left to right.
+    """The characters of a chain, and certain ones in line beside them, left to right.
 
     Args:
         response: (T, columns), as in `chain_of`.
@@ -253,7 +253,7 @@ def cell_correlations(
     shift_heights: float = 0.1,
     across_heights: float = 0.2,
 ) -> NDArray[np.float64]:
-    """(T,) best correlation of every template with the same cell of an image, moved a little to fit best.
+    """(T,) best correlation of every template with one cell of an image over small shifts.
 
     Args:
         image: (rows, columns, layers).
@@ -289,7 +289,7 @@ def steps_of(
     read_from: float = 0.4,
     read_width: float = 0.04,
 ) -> Steps:
-    """Beliefs along a line: a step at every place, and a blank one before, between and after.
+    """Posteriors along a line: a step at every place, and a blank one before, between and after.
 
     Args:
         cells: (places, T) correlations of every template in every place's cell.

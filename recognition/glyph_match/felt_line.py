@@ -1,4 +1,4 @@
-"""A felt line, and the one pose of each character that is laid on it.
+"""A felt line, and the pose of each character on it.
 
     relief --less the land--> depths along the line --correlation--> side, height, font; where each fit starts
                                                     --least squares, place by place--> poses
@@ -72,17 +72,17 @@ class DepthStrip:
 
     @cached_property
     def _image(self) -> Image:
-        """(rows, columns, 1) the depths in usual ones, cut off above and below; 0 where nothing was felt."""
+        """(rows, columns, 1) depths relative to the usual one, clipped; 0 where nothing was felt."""
         shown = np.clip(self.depth / self.usual, -0.5, 1.3) * self.known
         return np.pad(shown[..., None].astype(np.float32), ((_BEYOND,) * 2, (_BEYOND,) * 2, (0, 0)))
 
     def window(self, middle: NDArray[np.intp], up: int, side: int) -> Image:
-        """(2 up + 1, 2 side + 1, 1) of the depths in usual ones about a pixel: row, column."""
+        """(2 up + 1, 2 side + 1, 1) window of the relative depths about a pixel: row, column."""
         row, column = np.clip(middle, 0, np.array(self.known.shape) - 1) + _BEYOND
         return self._image[row - up : row + up + 1, column - side : column + side + 1]
 
     def samples(self, place: int, *, tall_heights: float = 0.72) -> PlaceSamples:
-        """The samples about a place, up to its neighbours: every second one, as neighbours are alike.
+        """Every second sample about a place, up to its neighbours: adjacent samples are alike.
 
         Args:
             place: index of the place, from 0.
@@ -102,7 +102,7 @@ class DepthStrip:
 
     @cached_property
     def reaches(self) -> Floats:
-        """(places, 2) distance to the left and right that belongs to a place, character heights."""
+        """(places, 2) extent of each place to the left and right, character heights."""
         gaps = np.diff(self.columns, prepend=-np.inf, append=np.inf) / PIXELS
         return np.minimum(0.5 * np.stack([gaps[:-1], gaps[1:]], axis=1) + 0.05, 0.6)
 
@@ -185,7 +185,7 @@ class FeltLine:
         ]
 
     def suits(self, text: Sequence[str], font: Font, face: Face = Face.FLAT) -> float:
-        """Mean correlation of a text's characters about their places; 0 of those that the font lacks.
+        """Mean correlation of a text's characters about their places; a character that the font lacks counts as 0.
 
         Args:
             text: one character for each place.
@@ -237,7 +237,7 @@ class FeltLine:
         about: Floats | None = None,
         spread: Floats = FOUND,
     ) -> LaidCharacter:
-        """Lay a character about a place; once, where no pose is expected.
+        """Fit the pose of a character at a place; cached if no pose is expected.
 
         Args:
             place: index of the place, from 0.
@@ -311,7 +311,7 @@ def felt_line(
     least_gain: float = 0.08,
     factors: Sequence[float] = (0.87, 0.76, 0.66, 0.57),
 ) -> FeltLine:
-    """A line on the side of the land and at the height at which its text suits some font best.
+    """Fit a line: side of the land (sunk or raised) and height at which its text fits some font best.
 
     A recogniser reads a line that was found half too high as well as any other, but its strokes miss the grooves.
     Dies normally strike grooves, and under dirt a badly read text fits neither way.

@@ -33,7 +33,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
-    """Return arrays as `make` makes them, from the disk where they have been made before.
+    """Return the arrays of `make`, from the disk if they were made before.
 
     Args:
         made_of: all that they depend on beside the program: numbers, texts, arrays, dataclasses and tuples of these.
@@ -92,7 +92,7 @@ def _add(digest: Any, value: object) -> None:
 
 @cache
 def _program() -> bytes:
-    """A digest of the program that predicts: names, sizes and times of its modules and networks."""
+    """Digest of the predicting code: names, sizes and times of its modules and networks."""
     digest, root = sha256(), Path(__file__).parents[2]
     for package in ("glyphs", "whisker_array", "recognition"):
         files = ((root / package).rglob(f"*.{kind}") for kind in ("py", "onnx"))

@@ -31,7 +31,7 @@ def with_depths(
     least_suits: float = 0.4,
     most_nats: float = 2.0,
 ) -> Lattice:
-    """A font's lattice with what its depths say at doubtful places; as it is where there are none.
+    """Add evidence from depths to a font's lattice at doubtful places; unchanged without such places.
 
     Args:
         lattice: lattice of the font.
@@ -68,7 +68,7 @@ def with_depths(
 
 
 def _smooth_poses(felt: FeltLine, together: Lattice, font: Font) -> Floats:
-    """(places, NUMBERS) the pose that is expected at each place: along the line those of what was read are smooth."""
+    """(places, NUMBERS) expected pose at each place: the poses of the characters read, smoothed along the line."""
     has = np.array([char in font.glyphs for char in together.text])
     sure = has * np.exp(2.0 * together.log_belief.max(axis=1))
     laid = [felt.lay(k, c, font).pose if has[k] else USUAL for k, c in enumerate(together.text)]

@@ -35,14 +35,14 @@ NUMBERS = 9
 
 
 def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> Floats:
-    """A pose of usual depth on level land, moved by character heights; size is a logarithm."""
+    """Make a pose of usual depth on level land; shifts in character heights, size as a logarithm."""
     made = np.zeros(NUMBERS)
     made[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
     return made
 
 
 def points_at(at: Floats, points: Floats) -> Floats:
-    """(n, 2) distances to the right and down from the middle of a place, of points of a character in a pose.
+    """(n, 2) points of a character in a pose: distances to the right and down from the middle of a place.
 
     Args:
         at: the pose.
@@ -89,7 +89,7 @@ class PlaceSamples:
     alike: float = 9.0
 
     def predict(self, glyph: Glyph, at: Floats) -> Floats:
-        """(n, channels) of a character in a pose, where the samples lie."""
+        """(n, channels) values of a character in a pose at the samples."""
         from glyphs.opencv import cv2
 
         rows, columns = glyph.shape[:2]
@@ -106,14 +106,14 @@ class PlaceSamples:
         return along * math.exp(-at[WIDE]), across * math.exp(-at[TALL])
 
     def correlation(self, glyph: Glyph, at: Floats) -> float:
-        """Correlation of the felt depths, cut off above the usual one, with a character's: it favours no size."""
+        """Correlation of the felt depths, cut off above the usual one, with a character's, for any size."""
         want = self.predict(glyph[..., :1], at)[:, 0]
         felt = np.clip(self.felt / self.usual, -0.5, 1.3)
         want, felt = want - want.mean(), felt - felt.mean()
         return float(want @ felt / math.sqrt((want @ want) * (felt @ felt) + 1e-9))
 
     def residuals(self, glyph: Glyph, at: Floats) -> Floats:
-        """(n,) predicted less felt depth, in units of noise."""
+        """(n,) predicted minus felt depth, in units of noise."""
         depth = math.exp(at[DEEP]) * self.predict(glyph[..., :1], at)[:, 0]
         land = at[LEVEL] + at[LEVEL + 1] * self.right + at[LEVEL + 2] * self.down
         return np.asarray(self.usual * (depth + land) - self.felt)
@@ -150,7 +150,7 @@ class PlaceSamples:
     def fit(
         self, glyph: Glyph, about: Floats, spread: Floats, starts: Sequence[Floats], *, most_steps: int = 12
     ) -> tuple[float, Floats]:
-        """The likeliest pose of a character, and the logarithm of its likelihood.
+        """Fit the most likely pose of a character; return it and its log-likelihood.
 
         Args:
             glyph: the character.

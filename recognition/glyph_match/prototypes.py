@@ -1,4 +1,4 @@
-"""Characters of a font as the recogniser's middle layers have them: those that physics predicts beside those felt.
+"""Prototypes: predicted characters of a font as features of the recogniser, compared with those of a strip.
 
     font --plate, touch or lamp--> strip --recogniser's middle--> features --a window a character--> prototypes
     part --the same--------------> strip --recogniser's middle--> features --a window a place------> cosines
@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Prototypes:
-    """A font's characters in features.
+    """A font's characters as features.
 
     Attributes:
         font: its name.
@@ -61,7 +61,7 @@ class Prototypes:
 
 
 def felt_prototypes(templates: TemplateSet) -> Prototypes:
-    """The characters of a font as they are felt; kept with the set."""
+    """Prototypes of a font by touch; cached in the set."""
 
     def make() -> Prototypes:
         one = templates
@@ -74,7 +74,7 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
 
 
 def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) -> tuple[Prototypes, ...]:
-    """The characters of a font as a camera sees them, under each of some lights.
+    """Prototypes of a font by camera, under each of several lights.
 
     Args:
         font: which.
@@ -108,7 +108,7 @@ def cut_out(
     beside_steps: float = 2.0,
     least_spread: float = 1e-3,
 ) -> Arrays:
-    """Cut the values of `Prototypes`, by their names, out of a plate that is seen.
+    """Cut the values of `Prototypes`, by name, out of a view of the plate.
 
     Args:
         view: view of the plate.
@@ -138,7 +138,7 @@ def belief_of(
     fonts: Sequence[Sequence[Prototypes]],
     lattice: Lattice,
 ) -> tuple[Lattice, int] | None:
-    """Match the font that suits a line best to its places: its lattice, and which it is; None without fonts.
+    """Match the best-fitting font to the places of a line: return its lattice and index; None without fonts.
 
     Args:
         views: views of one part, in one frame.
@@ -171,7 +171,7 @@ def cosines(
     moved_steps: int = 3,
     move_cost: float = 0.007,
 ) -> Floats:
-    """(places, T) greatest cosine of every prototype with every place, moved a little.
+    """(places, T) greatest cosine of every prototype with every place over small shifts.
 
     Args:
         features: features of a strip.

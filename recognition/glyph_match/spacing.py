@@ -66,7 +66,7 @@ def place_bounds(
     pixels: int,
     side_heights: float = 0.25,
 ) -> list[tuple[int, int]]:
-    """Columns of each place: from halfway to the one neighbour's ink to halfway to the other's.
+    """Columns of each place: from halfway to the ink of one neighbour to halfway to that of the other.
 
     Args:
         placed: the characters.

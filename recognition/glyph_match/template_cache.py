@@ -1,4 +1,4 @@
-"""Template sets last used, as many as memory allows."""
+"""Cache of the template sets last used, as many as memory allows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOST_SETS = 26
 
 
 class TemplateCache:
-    """Template sets last used; a reader owns one. To look a set up costs nothing, to load it from the disk 10 ms, to
+    """Template sets last used; a reader owns one. Looking up a set costs nothing, loading it from the disk 10 ms, to
     predict it 0.5 s.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""The strings of one length that several rules allow, as layers of states: exact sums and the best of them.
+"""Strings of one length that several rules allow, as layers of states, with exact sums and the best strings.
 
     place        0          1          2
               .--A--> o --7--> o --4--.        layer i holds the states after i characters; a path through the
@@ -32,10 +32,10 @@ MOST_CELLS = 10_000_000
 
 
 class Machine(Protocol):
-    """One rule: where it stands after each character."""
+    """One rule as a state machine over characters."""
 
     def start(self, n_places: int) -> int:
-        """The state before the first of so many characters."""
+        """The state before the first of a number of characters."""
 
     def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> Places:
         """(states, C): the next state of each state and character at this place; -1 where not allowed."""
@@ -59,11 +59,11 @@ class Automaton:
 
     @property
     def empty(self) -> bool:
-        """No string is allowed."""
+        """Whether no string is allowed."""
         return not self.steps or self.steps[0].shape[0] == 0
 
     def places(self) -> tuple[str, ...]:
-        """The characters that stand at each place of some string."""
+        """The characters that occur at each place of some string."""
         return tuple(
             "".join(self.chars[k] for k in np.flatnonzero((step >= 0).any(axis=0))) for step in self.steps
         )
@@ -95,7 +95,7 @@ class Automaton:
         return out
 
     def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
-        """Strings and the logarithms of their beliefs, best first, without end until all that are possible.
+        """Yield strings and their log probabilities, best first, until all possible ones are done.
 
         Best-first search whose bound is exact: the best that can still follow is known for every state, so
         nothing is looked at that does not lead to the next string.
@@ -106,7 +106,7 @@ class Automaton:
         ranked: dict[tuple[int, int], list[tuple[float, float, int, int]]] = {}
 
         def children(place: int, state: int) -> list[tuple[float, float, int, int]]:
-            """(best to the end, belief, character, next state) of what may follow, best first."""
+            """(best to the end, probability, character, next state) of the possible next characters, best first."""
             if (place, state) not in ranked:
                 to = self.steps[place][state]
                 whole = np.where(to >= 0, log_belief[place] + after[place + 1][to], -np.inf)
@@ -134,7 +134,7 @@ class Automaton:
                 wait((*path, k), to, 0, so_far + belief)
 
     def _after(self, log_belief: Beliefs, *, best: bool) -> list[Beliefs]:
-        """For every layer, (states,): log of the sum, or of the best, over all ways from a state to the end."""
+        """For every layer, (states,): log of the sum, or of the best, over all paths from a state to the end."""
         ends = int(self.steps[-1].max()) + 1
         after = [np.zeros(ends)]
         for place in range(len(self.steps) - 1, -1, -1):
@@ -163,11 +163,11 @@ class WordList:
 
     @property
     def empty(self) -> bool:
-        """No string is allowed."""
+        """Whether no string is allowed."""
         return not self.words
 
     def places(self) -> tuple[str, ...]:
-        """The characters that stand at each place of some string."""
+        """The characters that occur at each place of some string."""
         return tuple("".join(self.chars[k] for k in np.unique(column)) for column in self.codes.T)
 
     def log_mass(self, log_belief: Beliefs) -> float:
@@ -209,7 +209,7 @@ def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:
 
 
 def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
-    """All strings of a length that every machine allows.
+    """Combine machines to all strings of a length that each of them allows.
 
     Raises:
         FormatError: the rules together need more than `MOST_STATES` states at a place, or more than `MOST_CELLS` steps.
@@ -247,7 +247,7 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
 
 
 def _distinct(pairs: Places) -> tuple[Places, Places]:
-    """The different rows, and which of them each row is."""
+    """Distinct rows, and the index of each row among them."""
     if pairs.shape[1] == 0:
         return pairs[:1], np.zeros(pairs.shape[0], dtype=np.int64)
     # one number a row: far faster than comparing rows

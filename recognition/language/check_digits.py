@@ -1,6 +1,6 @@
-"""Check digits as machines that run along with the text, so that they can be asked inside a search.
+"""Check digits as machines that run along the text, so that a search can use them.
 
-Every rule known here keeps a remainder and changes it character by character; the text is good if the remainder
+Every built-in rule has a remainder that each character updates; the text is valid if the remainder
 ends at one value. `stdnum:NAME` asks python-stdnum whether a whole text is good, and cannot be asked earlier.
 
     rule              text                                              source
@@ -40,7 +40,7 @@ _FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
 
 @dataclass(frozen=True)
 class CheckDigit:
-    """A rule, and the places it looks at; a machine for `recognition.language.automaton`.
+    """A rule and its places; a machine for `recognition.language.automaton`.
 
     Attributes:
         name: one of `CHECK_DIGITS`.
@@ -68,7 +68,7 @@ class CheckDigit:
 
     @classmethod
     def parse(cls, text: str) -> CheckDigit:
-        """From a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`.
+        """Parse a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`.
 
         Raises:
             FormatError: as in the class.
@@ -93,7 +93,7 @@ class CheckDigit:
 
     @property
     def remainder(self) -> Remainder | None:
-        """The rule; None for one that can only be asked about a whole text."""
+        """The rule; None for one that needs the whole text."""
         return REMAINDERS.get(self.name)
 
     @property
@@ -103,13 +103,13 @@ class CheckDigit:
 
     @property
     def length(self) -> int | None:
-        """Places of the text, where the rule fixes them."""
+        """Number of places of the text, if the rule fixes it."""
         if self.remainder is None or self.remainder.length is None or self.last_place is not None:
             return None
         return self.first_place - 1 + self.remainder.length
 
     def holds(self, text: str) -> bool:
-        """Whether the text, without blanks, is good."""
+        """Whether the text without blanks is valid."""
         if self.remainder is None:
             return bool(_stdnum_module(self.name).is_valid(text[self.first_place - 1 : self.last_place]))
         state = self.start(len(text))

@@ -43,7 +43,7 @@ def swap_reason(one: str, other: str) -> str:
 
 
 class CharacterState(StrEnum):
-    """State of one place: the characters that it may be."""
+    """States of a place."""
 
     READ = "read"
     CONFUSED = "confused"

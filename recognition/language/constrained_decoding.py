@@ -1,4 +1,4 @@
-"""The best serial that its format allows, and how sure it is: beliefs of places, and a grammar, to a choice.
+"""Constrained decoding: the best serial that the format allows, with its probability.
 
     lattice: 8 0.6  B 0.3 | 5 0.7  S 0.2 | ...        grammar: format, check digit ...
     b_i(c): belief in c at place i                    a_i: sum of b_i over the characters that some allowed
@@ -50,7 +50,7 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The best text of a lattice under a grammar, and its rivals; one character a place, without blanks.
+    """The best text of a lattice under a grammar, and its rivals; one character per place, without blanks.
 
     Attributes:
         text: the best allowed string; empty when there is none.
@@ -76,7 +76,7 @@ class Choice:
     __repr__ = one_line
 
     def place(self, k: int) -> dict[str, float]:
-        """Belief in each character at a place, best first; those without any are left out."""
+        """Probability of each character at a place, best first, without zeros."""
         order = np.argsort(-self.places[k], kind="stable")
         return {self.chars[c]: float(self.places[k, c]) for c in order if self.places[k, c] > 0.0}
 
@@ -84,7 +84,7 @@ class Choice:
 def choose(
     lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = MOST_TESTS
 ) -> Choice:
-    """The best strings that the grammar allows, with their probabilities.
+    """Find the best strings that the grammar allows, with their probabilities.
 
     Args:
         lattice: beliefs of places.
@@ -134,7 +134,7 @@ def choose(
 
 @dataclass
 class _Asked:
-    """Strings asked one by one; masses as shares of Z.
+    """Strings tried one by one; masses as shares of Z.
 
     `good` is the mass of those found good, `left` of those not asked, `by_place` of the good ones by place.
     """
@@ -156,7 +156,7 @@ def _ask(
     *,
     resolved: float = 1e-4,
 ) -> _Asked:
-    """Ask string by string, best first, until what is left cannot matter.
+    """Try string by string, best first, until the rest is negligible.
 
     Args:
         resolved: share of belief in strings not yet asked at which that search may end.
@@ -180,7 +180,7 @@ def _ask(
 
 
 def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the remainder of each place's probabilities. Rounding, some 1e-16, is none."""
+    """Return the rest of each place's probabilities to 1; a rounding error of some 1e-16 counts as 0."""
     left = 1.0 - np.exp(log).sum(axis=1)
     return np.where(left > ROUNDING, left, 0.0)
 
@@ -204,7 +204,7 @@ def _log(value: float) -> float:
 
 
 def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WARNING) -> dict[int, str]:
-    """Warn, by place, of each character that no check digit distinguishes from a probable other one.
+    """Warn, by place, of each character that no check digit distinguishes from another probable one.
 
     Args:
         choice: the result.

@@ -1,4 +1,4 @@
-r"""Text elements and application identifiers: markings whose fields say themselves what they are, as formats.
+r"""Text elements and application identifiers as formats: markings whose fields carry identifiers.
 
     fields:SER                        SER KB740215            ATA Spec 2000, MIL-STD-130
     fields:MFR/SER AA999999           MFR 0AB12/SER KB740215  several in a line; a mask narrows a value
@@ -86,7 +86,7 @@ _BETWEEN = re.compile(r"/(?=[A-Z]{3}(?:[ /]|$))")
 
 
 def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
-    """The regular expression, and the check digits, of what follows `fields:`.
+    """Regular expression and check digits of the text after `fields:`.
 
     Raises:
         FormatError: an identifier that is not known, an invalid mask, a check digit whose place is not fixed.
@@ -121,13 +121,13 @@ def named_fields(text: str) -> dict[str, str]:
 
 
 def names_before_gaps(text: str) -> frozenset[int]:
-    """Places of a text without blanks that a text element's name ends at: "MFR0AB12/SERKB74" -> 2, 11."""
+    """Places of a text without blanks at which the name of a text element ends: "MFR0AB12/SERKB74" -> 2, 11."""
     found = [re.match(r"[A-Z]{3}(?=.)", text), *re.finditer(r"(?<=/)[A-Z]{3}(?=.)", text)]
     return frozenset(one.end() - 1 for one in found if one is not None and one[0] in ELEMENTS)
 
 
 def _identifiers(text: str) -> Sequence[tuple[str, str]]:
-    """Each identifier, and the mask that narrows it; empty where none does."""
+    """Each identifier and its mask; empty without one."""
     text = text.strip()
     if text.startswith("("):
         pieces = _BRACKETED.findall(text)
@@ -143,7 +143,7 @@ def _of_mask(mask: str) -> str:
 
 
 def _fixed_length(pattern: str, *, is_mask: bool) -> int | None:
-    """Characters of a value; None where they may differ in number."""
+    """Number of characters of a value; None if it is not fixed."""
     if is_mask:
         return sum(chars != " " for chars in allowed_characters(pattern))
     from recognition.language.expression import expression_machine

@@ -1,4 +1,4 @@
-r"""Regular expressions of Python's kind, as far as they say which characters follow each other, as machines.
+r"""Python's regular expressions as machines, as far as they describe which characters follow each other.
 
     "[A-Z]{2}\d+"  --Python's parser-->  nodes that each eat a character, or lead on freely  -->  states and a table
 
@@ -39,7 +39,7 @@ _BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)
 
 
 def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
-    """Characters that items name one by one, in a range or as a figure, but none that they leave out."""
+    """Characters that items name one by one, in a range or as a digit, without excluded ones."""
     for item, value in items:
         match str(item):
             case "LITERAL":
@@ -74,7 +74,7 @@ class ExpressionMachine:
         return 0
 
     def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        """(states, C): the same at every place; the characters are those it was made for."""
+        """(states, C): the same at every place, for the characters of the machine."""
         return self.next_state
 
     def accepts(self, n_places: int) -> NDArray[np.bool_]:
@@ -98,7 +98,7 @@ class ExpressionMachine:
 
 @lru_cache(maxsize=64)
 def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachine:
-    """The machine that tells which of these characters may follow.
+    """Compile an expression to a machine over given characters.
 
     Args:
         pattern: must match the whole text; `^` in front and `$` at the end change nothing.
@@ -150,7 +150,7 @@ def written_characters(pattern: str) -> Chars:
 
 
 def _parse(pattern: str) -> Any:
-    """Items of an expression as Python's parser has them."""
+    """Items of an expression from Python's parser."""
     if not pattern or len(pattern) > MOST_LENGTH:
         raise FormatError(
             f"an expression has 1 to {MOST_LENGTH} characters", hint=f"this one has {len(pattern)}"
@@ -163,7 +163,7 @@ def _parse(pattern: str) -> Any:
 
 
 class _Net:
-    """Nodes of an expression: each eats one character of a kind, or goes on freely to others."""
+    """Nodes of an expression: each consumes one character of a set, or leads to others without one."""
 
     def __init__(self, pattern: str, chars: Chars) -> None:
         items = _parse(pattern)
@@ -191,7 +191,7 @@ class _Net:
         return end
 
     def _members(self, part: Any) -> Chars:
-        """Characters that a part of Python's parser takes, one of them at a time."""
+        """Characters that one item of Python's parser matches."""
         if (name := repr(part.data)) not in self.known:
             taken = _compiler.compile(part, re.ASCII).fullmatch
             self.known[name] = frozenset(filter(taken, self.chars))
@@ -236,7 +236,7 @@ class _Net:
         return end
 
     def reachable(self, nodes: frozenset[int] | set[int]) -> frozenset[int]:
-        """The nodes and all that they go on to freely."""
+        """The nodes and all that they reach without a character."""
         seen, waiting = set(nodes), list(nodes)
         while waiting:
             on = self.free[waiting.pop()]

@@ -1,4 +1,4 @@
-"""Formats of serials: masks, expressions, sets a place, lexicons and check digits, alone or together.
+"""Formats of serials: masks, expressions, sets for each place, lexicons and check digits, alone or together.
 
 As text: see `recognition.language.format_text`.
 """
@@ -25,7 +25,7 @@ MOST_WORDS = 100_000
 
 @dataclass(frozen=True)
 class Grammar:
-    """All that is known of a serial before it is read; what is None or empty limits nothing.
+    """Prior knowledge of a serial; a field that is None or empty sets no limit.
 
     Attributes:
         format: as in `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
@@ -69,7 +69,7 @@ class Grammar:
 
     @classmethod
     def parse(cls, *texts: str, lexicon: Iterable[str] | None = None) -> Grammar:
-        """From texts as in `recognition.language.format_text`; all of them must hold.
+        """Parse texts (see `recognition.language.format_text`); all of them must hold.
 
         Raises:
             FormatError: a text that cannot be understood, or two of one kind.
@@ -81,7 +81,7 @@ class Grammar:
         return f"Grammar({text[:157] + '...' * (len(text) > 157)!r})"
 
     def __str__(self) -> str:
-        """The parts, about as `parse` reads them."""
+        """The parts, in about the notation of `parse`."""
         parts = [
             f"mask:{self.format}" if self.format is not None else "",
             f"re:{self.expression}" if self.expression is not None and self.elements is None else "",
@@ -95,29 +95,29 @@ class Grammar:
 
     @property
     def gaps(self) -> frozenset[int]:
-        """Places that the format has a word gap after."""
+        """Places after which the format has a word gap."""
         places = allowed_characters(self.format) if self.format else ()
         inked = [k for k, chars in enumerate(places) if chars != " "]
         return frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
 
     def spaces(self, text: str) -> frozenset[int] | None:
-        """Places of a serial, without blanks, that a word gap follows; None where the format says nothing of them."""
+        """Places of a serial without blanks after which there is a word gap; None if not defined."""
         if self.format is not None:
             return self.gaps
         return None if self.elements is None else names_before_gaps(text)
 
     @property
     def characters(self) -> tuple[str, ...]:
-        """Every character that may stand somewhere, sorted; a superset."""
+        """Every character that may occur, sorted; a superset."""
         return _characters(self)
 
     @property
     def opaque(self) -> tuple[CheckDigit, ...]:
-        """Check digits that can only be asked about whole texts."""
+        """Check digits that need the whole text."""
         return tuple(check for check in self.checks if check.remainder is None)
 
     def lengths(self) -> frozenset[int] | None:
-        """Possible lengths of a serial, without blanks; None where they are unlimited.
+        """Possible lengths of a serial without blanks; None if unlimited.
 
         A superset, of lengths up to `expression.MOST_PLACES`.
         """
@@ -136,7 +136,7 @@ class Grammar:
         return frozenset(n for n in frozenset.intersection(*limits) if n <= MOST_PLACES)
 
     def places(self, n_places: int) -> tuple[str, ...] | None:
-        """The characters at each place of the serials of a length; None where there is no such serial.
+        """The characters at each place of the serials of a length; None without such a serial.
 
         A superset where a check digit can only be asked about whole texts.
         """
@@ -145,19 +145,19 @@ class Grammar:
 
     @property
     def fixed_places(self) -> tuple[str, ...] | None:
-        """The characters at each place; None where the number of places is not fixed, or no serial has so many."""
+        """The characters at each place; None if the number of places is not fixed, or no serial has it."""
         lengths = self.lengths()
         return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
 
     def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
-        """Return the serials of a length, of these characters only (default: all of the grammar).
+        """Return the serials of a length with only these characters (default: all of the grammar).
 
         With a lexicon `opaque` check digits are seen to, without one they are not.
         """
         return _strings(self, n_places, self.characters if chars is None else chars)
 
     def allows(self, text: str) -> bool:
-        """Whether a text, blanks or not, is a serial of this format."""
+        """Whether a text, with or without blanks, is a serial of this format."""
         return not self.objections(text)
 
     def objections(self, text: str) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ class Grammar:
 
 
 def _core_accepts(part: Grammar, text: str) -> bool:
-    """Whether a grammar without lexicon and check digits has this text."""
+    """Whether a grammar without lexicon and check digits accepts a text."""
     if not text or not set(text) <= set(part.characters):
         return False
     strings = part.strings(len(text))
@@ -254,6 +254,6 @@ def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings
 
 
 def _as_long(sets: Iterable[str], n_places: int) -> tuple[str, ...]:
-    """The sets if there is one a place; else nothing is allowed anywhere."""
+    """The sets if there is one for each place; otherwise nothing is allowed anywhere."""
     sets = tuple(sets)
     return sets if len(sets) == n_places else ("",) * n_places

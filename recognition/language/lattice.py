@@ -13,7 +13,7 @@ from recognition.language.box import Box
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Posteriors of the characters that may stand at each place.
+    """Posteriors of the characters at each place.
 
     Attributes:
         chars: (C,) characters, each once.
@@ -58,5 +58,5 @@ class Lattice:
 
     @property
     def surest(self) -> float:
-        """Probability of the surest character of all places; 0 without any."""
+        """Probability of the most certain character of all places; 0 without any."""
         return float(np.exp(self.log_belief.max(initial=-np.inf)))

@@ -1,4 +1,4 @@
-"""Texts that a marking shows when its part lies upside down, or when its map is mirrored.
+"""Texts that can be read from a marking if its part lies upside down or its map is mirrored.
 
     text --images of each character, in the new order--> texts --format--> another text, or none
 
@@ -42,12 +42,12 @@ class Way(StrEnum):
 
     @property
     def reverses(self) -> bool:
-        """Whether the last character comes first."""
+        """Whether the order of the characters is reversed."""
         return self is not Way.ROWS_REVERSED
 
     @property
     def mirrors(self) -> bool:
-        """Whether the map is mirrored: the order of its rows is another one."""
+        """Whether the map is mirrored: the order of its rows is reversed."""
         return self is not Way.UPSIDE_DOWN
 
 
@@ -89,7 +89,7 @@ _LIKELY = {
 
 
 def images_of(char: str, way: Way, *, exact: bool) -> str:
-    """Characters that a character may be read as the other way, sorted.
+    """Characters as which a character may be read in another orientation, sorted.
 
     Args:
         char: character the right way up.
@@ -101,7 +101,7 @@ def images_of(char: str, way: Way, *, exact: bool) -> str:
 
 
 def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None:
-    """The text that the same marks have the other way, where the format allows one that differs.
+    """Text of the same marks in another orientation, if the format allows one that differs.
 
     Args:
         text: without blanks.
@@ -122,7 +122,7 @@ def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None
 
 
 def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = False) -> bool:
-    """Whether the marks of a text can be read another way at all, as itself or as another text.
+    """Whether the marks of a text can be read in another orientation, as the same or another text.
 
     Args:
         text: without blanks.
@@ -135,7 +135,7 @@ def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = Fals
 
 
 def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None) -> tuple[str, ...]:
-    """The two likeliest texts of these characters that the format allows."""
+    """The two most likely texts of these characters that the format allows."""
     chars = tuple(sorted({*_mutual(_EXACT[way]), *_mutual(_LIKELY[way])}))
     log = np.full((len(images), len(chars)), -np.inf)
     for place, found in enumerate(images):
@@ -146,7 +146,7 @@ def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None)
 
 @cache
 def _mutual(words: str) -> Mapping[str, frozenset[str]]:
-    """The images of each character: a text that was read may be the image, or what the image is of."""
+    """Images of each character in both directions: the text that was read may be the image or its original."""
     found: dict[str, set[str]] = {}
     for word in words.split():
         for image in word[1:]:

@@ -1,4 +1,4 @@
-"""Check digits that keep a remainder and change it character by character; a text is good if it ends at one value.
+"""Check digits by a remainder that each character updates; a text is valid if it ends at a given value.
 
 So they can run along with a search, and be summed over without writing texts out: see `recognition.language.automaton`.
 Sources: ISO 7064 (pure and hybrid systems), ISO/IEC 7812-1 annex B (Luhn), GS1 General Specifications 7.9,
@@ -30,7 +30,7 @@ Remainders = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Remainder:
-    """A rule that keeps a remainder.
+    """A rule with a remainder.
 
     Attributes:
         alphabet: characters it knows, those of the check digit alone among them.
@@ -38,7 +38,7 @@ class Remainder:
         step: (modulus,) the next remainder of each one, of a character, its place and the number of places; None where
             the character may not stand there.
         first: the remainder before the first character.
-        good: the remainder of a good text.
+        good: the remainder of a valid text.
         least_places: length of the shortest text with a check digit.
         length: length of every text; None where it may be any.
     """
@@ -55,7 +55,7 @@ class Remainder:
 def pure_system(
     modulus: int, radix: int, alphabet: str, *, supplementary: str = "", check_figures: int = 0
 ) -> Remainder:
-    """ISO 7064 pure system: r -> (r radix + value) mod M, good at 1.
+    """ISO 7064 pure system: r -> (r radix + value) mod M, valid at 1.
 
     Args:
         modulus: M.
@@ -79,7 +79,7 @@ def pure_system(
 
 
 def hybrid_system(alphabet: str) -> Remainder:
-    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, good at 1.
+    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, valid at 1.
 
     The first remainder doubled is M: the start that ISO 7064 asks for, and 0 after reduction.
     """
@@ -91,7 +91,7 @@ def hybrid_system(alphabet: str) -> Remainder:
 
 
 def every_second(values: str) -> Remainder:
-    """Sum of the figures, every second one from the right replaced by its value here; good at 0 mod 10."""
+    """Sum of the figures, every second one from the right replaced by its value here; valid at 0 mod 10."""
 
     def step(char: str, place: int, n_places: int) -> Remainders:
         value = values[int(char)] if (n_places - 1 - place) % 2 else char

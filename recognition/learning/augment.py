@@ -19,7 +19,7 @@ from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
 
 def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
-    """Strips of ROWS out of taller ones.
+    """Cut augmented strips of ROWS out of taller ones.
 
     Args:
         tall: (n, LAYERS, rows, columns) float32, each filled from the left.
@@ -110,7 +110,7 @@ def _left_out(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
 
 
 def _piled_up(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
-    """Lumps, pits and scratches in the heights, and the edges that they would have."""
+    """Add lumps, pits and scratches to the heights, with their edges."""
     n, _, rows, columns = strips.shape
     fine = int(torch.randint(2, 7, (1,), generator=rng))
     lumps = torch.randn(n, 1, max(2, rows // fine), max(4, columns // fine), generator=rng)
@@ -128,7 +128,7 @@ def _piled_up(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
 
 
 def edges_of(pile: Tensor, *, preload: float = 0.2) -> Tensor:
-    """(n, 4, rows, columns) edges that a tip would feel of (n, 1, rows, columns) heights, character heights.
+    """(n, 4, rows, columns) edges that a tip would feel on (n, 1, rows, columns) heights, character heights.
 
     Args:
         pile: heights.

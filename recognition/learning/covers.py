@@ -1,4 +1,4 @@
-"""Dirt over the stroke that tells two characters apart: what cannot be seen has to be left open.
+"""Cover the stroke that distinguishes two characters with dirt: the network must leave them undecided.
 
 5  6     a cover over the lower left of either leaves both possible; the label stays what was stamped, so the
    ##    answer that costs least is the share of each
@@ -46,7 +46,7 @@ def cover_rivals(
     rng: torch.Generator,
     share: float = 0.12,
 ) -> Tensor:
-    """Strips with covers over some of the strokes that tell their characters from others.
+    """Cover some of the strokes that distinguish the characters of strips from others.
 
     Args:
         tall: (n, LAYERS, rows, columns), characters in the middle rows; changed in place.
@@ -101,7 +101,7 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
 
 
 def _lay(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
-    """Material over the land, with the edges that it would have."""
+    """Add material over the land, with its edges."""
     rough = _smooth((mask.shape[0], mask.shape[1]), 4, "bicubic", rng)
     height = 0.02 * math.exp(0.8 * float(torch.randn(1, generator=rng)))
     lump = height * mask * (1 + 0.4 * rough) * part[KNOWN]
@@ -113,6 +113,6 @@ def _lay(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
 
 
 def _smooth(size: tuple[int, int], cell: int, mode: str, rng: torch.Generator) -> Tensor:
-    """Smooth noise, a value every so many rows and columns."""
+    """Smooth noise, interpolated from a coarser grid."""
     coarse = torch.randn(1, 1, *(max(2, n // cell) for n in size), generator=rng)
     return f.interpolate(coarse, size=size, mode=mode)[0, 0]

@@ -35,7 +35,7 @@ _log = logging.getLogger(__name__)
 def draw_file(
     fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int, *, fonts_of_a_file: int = 16
 ) -> None:
-    """Draw a file of strips, and for parts one of views, unless the last of them is there.
+    """Draw a file of strips, and for parts one of views, unless the last of them exists.
 
     Args:
         fonts: fonts to choose from.

@@ -49,7 +49,7 @@ class ExemplarError(MarksError):
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """One character as it was felt.
+    """One felt character.
 
     Attributes:
         char: the character, as the reviewer named it.
@@ -79,7 +79,7 @@ def cut_height_map(
     height_mm: float | None = None,
     good_score: float = 0.7,
 ) -> tuple[Cut, ...]:
-    """The characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
+    """Cut out the characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
 
     Args:
         height_map: height map of the part.
@@ -116,7 +116,7 @@ def _score(cuts: tuple[Cut, ...]) -> float:
 def cut_scan(
     scan: Scan, text: str, *, height_mm: float | None = None, least_likely: float = 0.15
 ) -> tuple[Cut, ...]:
-    """The characters of a recorded scan.
+    """Cut out the characters of a recorded scan.
 
     Args:
         scan: scan of the part.
@@ -165,7 +165,7 @@ def cut_scan(
 
 
 def _stands_out(strip: Layers) -> bool:
-    """Whether a line is raised: its marks are the smaller part of its strip, and lie on that side of the land."""
+    """Whether a line is raised: its marks, the smaller part of its strip, stand above the land."""
     known = strip[KNOWN] > 0.0
     heights = strip[HEIGHTS][known]
     if heights.size == 0:
@@ -177,7 +177,7 @@ def _stands_out(strip: Layers) -> bool:
 def _fit_size(
     relief: Relief, line: TextLine, places: Floats, raised: bool, *, tolerance: float = 0.1
 ) -> tuple[TextLine, Floats]:
-    """The line with the height of its own ink, whatever font found it, and the middle of every character.
+    """Fit the line to the height of its own ink; return it and the middle of every character.
 
     Args:
         relief: felt relief.
@@ -258,7 +258,7 @@ def _over_land(
     rounds: int = 4,
     least_land: int = 60,
 ) -> Floats:
-    """Heights over a bowl fitted to what is not ink: the plate's waves may be as deep as a worn mark.
+    """Heights over a bowl fitted to the land: the plate's waves may be as deep as a worn mark.
 
     A bold character covers more of its cell than it leaves, which a fit by Tukey's weights does not survive.
 

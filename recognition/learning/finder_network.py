@@ -1,4 +1,4 @@
-"""The network that finds lines: of a view at one scale it says whether each cell lies in the middle of a line.
+"""The network that finds lines: for a view at one scale, whether each cell lies in the middle of a line.
 
 view (LAYERS, rows, columns), characters about FINDER_ROWS high -> cells of CELL x CELL pixels, FINDINGS of each:
 
@@ -22,7 +22,7 @@ _DILATIONS = (1, 2, 4, 1, 2)
 
 
 class Conv(nn.Sequential):
-    """A convolution that keeps the size, normalised and cut at 0."""
+    """A convolution that keeps the size, with normalisation and ReLU."""
 
     def __init__(self, into: int, out: int, size: int = 3, *, stride: int = 1, dilation: int = 1) -> None:
         padding = dilation * (size // 2)
@@ -60,6 +60,6 @@ class Finder(nn.Module):
         return self.read(self.drawn(view))
 
     def read(self, drawn: Tensor) -> Tensor:
-        """The same, of a view that is drawn."""
+        """The same for an already drawn view."""
         found: Tensor = self.head(self.body(drawn)).float()
         return found

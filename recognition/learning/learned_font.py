@@ -1,4 +1,4 @@
-"""A font learned by touch: the relief of its characters as they were felt, and a guess at those that were not.
+"""Learn a font by touch: reliefs of its felt characters, and guesses for the others.
 
     exemplars of K --laid over each other, odd ones set aside, median--> relief of K --contour--> outline of K
     no exemplar of Q --the known font that comes nearest, widened, emboldened, struck as deep, softened--> a guess at Q
@@ -49,7 +49,7 @@ Patch = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """A known font as a die might cut it.
+    """A known font with changes that a die may have.
 
     Attributes:
         font: the known font.
@@ -98,12 +98,12 @@ class Learned:
 
     @property
     def never_felt(self) -> str:
-        """Characters that it has from the known font alone."""
+        """Characters that come only from the known font."""
         return "".join(sorted(c for c, g in self.font.glyphs.items() if g.inked and not self.used.get(c)))
 
     @property
     def is_trusted(self) -> bool:
-        """Whether those are the die's own as well, not guesses."""
+        """Whether these are also the die's own, not guesses."""
         return self.hand.likeness >= TRUSTED_LIKENESS
 
 
@@ -115,7 +115,7 @@ def learn_font(
     known: Sequence[Font],
     vouching: bool = True,
 ) -> Learned:
-    """A font of these exemplars.
+    """Learn a font from exemplars.
 
     Args:
         name: its name.
@@ -170,7 +170,7 @@ def learn_font(
 
 
 def _glyphs(shapes: Mapping[str, Patch], hand: Hand, size: tuple[int, ...]) -> Iterator[tuple[str, Glyph]]:
-    """The characters that were felt, and of the others what the known font has."""
+    """The felt characters, and the others from the known font."""
     for char in dict.fromkeys([*hand.font.glyphs, *shapes]):
         base, patch = hand.font.glyphs.get(char), shapes.get(char)
         guess = patch is None and hand.likeness < TRUSTED_LIKENESS
@@ -217,7 +217,7 @@ def _is_credible(
 
 
 def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
-    """The relief of a character alone: what lies far from its ink is land.
+    """Trim a relief to its character: samples far from its ink become land.
 
     Args:
         floor_share: share of the depth that a stroke reaches somewhere.
@@ -237,7 +237,7 @@ def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
 
 
 def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Glyph | None:
-    """The character of a relief, with its outline; None where nothing is sunk."""
+    """Make the glyph of a relief, with its outline; None if nothing is sunk."""
     from skimage.measure import find_contours
 
     from glyphs.opencv import cv2
@@ -269,12 +269,12 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
 
 
 def depth_of(patch: Patch) -> float:
-    """Depth of a mark's floor, character heights: of the deepest twentieth, less than the strokes of a character."""
+    """Depth of a mark's floor, character heights: from the deepest twentieth, which is less than the strokes' area."""
     return max(-float(np.percentile(patch, 5.0)), LEAST_DEPTH_HEIGHTS)
 
 
 def nearest_hand(shapes: Mapping[str, Patch], fonts: Sequence[Font], *, compared: int = 10) -> Hand:
-    """The font and its changes that come nearest to what was felt.
+    """Find the font, with its changes, that is nearest to the felt characters.
 
     Args:
         shapes: reliefs by character, all of one size.
@@ -302,7 +302,7 @@ def _best_stroke(
     growths: Sequence[float],
     softnesses: Sequence[float],
 ) -> tuple[float, Hand]:
-    """The boldness and softness with which a font of that width comes nearest, and how near on the mean."""
+    """The best boldness and softness for a font of a given width, and its mean likeness."""
     distances = {
         c: _distance(font, c, patch.shape, width=width, depth=depth)
         for c, patch in shapes.items()
@@ -333,19 +333,19 @@ def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, dep
 
 
 def _struck(distance: Patch, *, depth: float, grow: float, soften: float) -> Patch:
-    """Relief of that ink, its outline moved outwards, its edges softened; character heights."""
+    """Relief of an ink shape, its outline moved outwards, its edges softened; character heights."""
     relief = relief_mm(distance - np.float32(grow), default_die(1.0, depth_mm=depth))
     return ndimage.gaussian_filter(relief, soften * RELIEF_PIXELS) if soften else relief
 
 
 def likeness(one: Patch, other: Patch) -> float:
-    """Correlation of two reliefs as they lie."""
+    """Correlation of two reliefs without alignment."""
     a, b = one - one.mean(), other - other.mean()
     return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-12))
 
 
 def align_relief(patch: Patch, reference: Patch) -> tuple[float, Patch]:
-    """Best correlation of a relief with another over small shifts and turns, and the relief so moved."""
+    """Best correlation of a relief with another over small shifts and rotations, and the moved relief."""
     from glyphs.opencv import cv2
 
     n = SHIFT_PIXELS
@@ -366,7 +366,7 @@ def align_relief(patch: Patch, reference: Patch) -> tuple[float, Patch]:
 def common_relief(
     patches: Sequence[Patch], which: Sequence[int], *, rounds: int = 2, most_leaders: int = 7
 ) -> tuple[Patch, tuple[int, ...]]:
-    """The median of those reliefs that agree, and which these are; of two that do not, the first alone.
+    """Median of the reliefs that agree, and their indices; if two disagree, only the first.
 
     Args:
         patches: reliefs.

@@ -1,4 +1,4 @@
-"""Learn a lot's die from its own parts: those read surely give the shapes by which the others are read again.
+"""Learn a lot's die from its own parts: parts read with certainty give the shapes for reading the others again.
 
     first readings --teachers--> parts to enrol --learn_font--> a font --second readings--> better, or as they were
 
@@ -27,7 +27,7 @@ class ReadText(Protocol):
 
     @property
     def part(self) -> str:
-        """Its name."""
+        """Name of the part."""
 
     @property
     def text(self) -> str:
@@ -43,7 +43,7 @@ class ReadText(Protocol):
 
     @property
     def error(self) -> str:
-        """Why there is no reading; empty where there is one."""
+        """Reason why there is no reading; otherwise empty."""
 
 
 def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
@@ -68,12 +68,12 @@ def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
 
 
 def needs_another(reading: ReadText) -> bool:
-    """Whether a part is to be read again: what was accepted stays, and what cannot be read stays so."""
+    """Whether a part must be read again: accepted and unreadable parts are not."""
     return reading.decision != "accept" and not reading.error
 
 
 def is_better(second: ReadText, first: ReadText) -> bool:
-    """Whether a part's second reading takes the place of its first.
+    """Whether a part's second reading replaces its first.
 
     It does where it is accepted, or surer of the same text; never where the first was accepted.
     """
@@ -83,7 +83,7 @@ def is_better(second: ReadText, first: ReadText) -> bool:
 
 
 def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
-    """Share of the exemplars that agree with their siblings; 1 where none has enough of them.
+    """Share of the exemplars that agree with their siblings; 1 if none has enough of them.
 
     Args:
         chars: character of each exemplar.

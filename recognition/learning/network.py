@@ -43,7 +43,7 @@ class Drawn(nn.Module):
         self.reach = reach
 
     def _broad(self, x: Tensor) -> Tensor:
-        """Blurred, by way of coarser pixels; three layers at most."""
+        """Blur at a coarser resolution; three layers at most."""
         small = f.avg_pool2d(x, self.coarse)
         bell = self.bell[: x.shape[1]]
         small = f.conv2d(small, bell.transpose(2, 3), padding=(self.reach, 0), groups=x.shape[1])
@@ -105,14 +105,14 @@ class Recogniser(nn.Module):
         return self.read(self.drawn(strip))
 
     def read(self, drawn: Tensor) -> Tensor:
-        """The same, of a strip that is drawn."""
+        """The same for an already drawn strip."""
         rows, columns = drawn.shape[2:]
         size = (PICTURE_ROWS, columns * PICTURE_ROWS // rows)
         picture = f.interpolate(self.first(drawn), size=size, mode="bilinear", align_corners=False)
         return self.head(self.body(picture)).float().log_softmax(dim=2)
 
     def early(self, *, early: int = 40) -> list[nn.Parameter]:
-        """Weights that look at edges and strokes, not at characters: the first two thirds of the convolutions.
+        """Weights for edges and strokes, not characters: the first two thirds of the convolutions.
 
         Args:
             early: early convolutions, of the 57 of the body.

@@ -1,4 +1,4 @@
-"""The public network that training starts from: PP-OCRv6 small, which reads print (`rapidocr`'s wheel, Apache-2.0).
+"""The public network from which training starts: PP-OCRv6 small, which reads print (`rapidocr`'s wheel, Apache-2.0).
 
     picture (n, 3, ROWS, columns), -1 to 1 --body--> features (n, columns / 8, FEATURES) --head--> 18,710 characters
 
@@ -38,7 +38,7 @@ class PublicStart:
     rows: dict[str, tuple[Tensor, float]]
 
     def head(self, characters: Sequence[str]) -> nn.Linear:
-        """A head of the blank and these characters, begun from the public one's rows; new characters from noise."""
+        """Make a head for the blank and these characters from rows of the public one; new ones start random."""
         head = nn.Linear(FEATURES, 1 + len(characters))
         with torch.no_grad():
             for k, char in enumerate(["", *characters]):
@@ -98,7 +98,7 @@ def _characters(model: Any) -> list[str]:
 
 
 def _pad_by_numbers(node: Any) -> None:
-    """Write `SAME_UPPER` of 2x2 kernels out, which the converter does not know."""
+    """Replace `SAME_UPPER` of 2x2 kernels, which the converter does not support, by numbers."""
     from onnx.helper import make_attribute
 
     for attribute in list(node.attribute):

@@ -29,7 +29,7 @@ _H = HEIGHT_ROWS * _FINE
 
 
 def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[TrainingStrip]:
-    """A line as felt or measured, and as photographed under two lights.
+    """Strips of a line as felt or measured, and as photographed under two lights.
 
     Args:
         fonts: files to choose from, beside the built-in ones.
@@ -132,7 +132,7 @@ def photograph(made: Sketch, rng: np.random.Generator) -> Field:
 
 
 def _take_picture(image: Field, rng: np.random.Generator) -> Field:
-    """Lens, sensor and file."""
+    """Apply lens, sensor and file compression."""
     image = blur(image, float(rng.uniform(0.0, 0.05)) * _H)
     pixels = float(np.exp(rng.uniform(np.log(14.0), np.log(56.0)))) / _H
     size = (round(image.shape[1] * pixels), round(image.shape[0] * pixels))

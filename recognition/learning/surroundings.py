@@ -1,4 +1,4 @@
-"""Surroundings of a line, and lines that are shown the wrong way.
+"""Vary the surroundings of a line, and turn some lines the wrong way up.
 
     more land, the part's edge and nothing beyond it        upside down, mirrored
     ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: nothing can be read
@@ -29,7 +29,7 @@ def vary_surroundings(
     edge: float = 0.2,
     turned: float = 0.1,
 ) -> list[TrainingStrip]:
-    """Strips with other surroundings, some of them the wrong way up, which then say nothing.
+    """Strips with other surroundings; some are turned the wrong way up and then have no text.
 
     Args:
         strips: strips to learn from; those without places keep their surroundings.
@@ -63,7 +63,7 @@ def _ends(
 
 
 def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) -> None:
-    """Let the part end left of its characters; a photograph shows something else beyond, a scan nothing."""
+    """Let the part end left of its characters; beyond it a photograph shows something else, a scan nothing."""
     at = rng.uniform(0.1, 1.0) * room + rng.uniform(-0.15, 0.15) * (np.arange(TALL_ROWS) - TALL_ROWS / 2)
     beyond = np.arange(layers.shape[2]) < np.minimum(at, room)[:, None]
     shade = layers[GREY].any() and rng.random() < 0.7

@@ -1,4 +1,4 @@
-"""The finder's training: windows of views, at scales and turns drawn at random, with their lines."""
+"""Train the finder on windows of views with their lines, at random scales and rotations."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def draw_window(
     window: tuple[int, int] = WINDOW,
     plain: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-    """A window of a view at a scale and turn drawn at random, (2, *window) x and y in it; and its truth.
+    """Draw a window of a view at a random scale and rotation: (2, *window) x and y in it, and its truth.
 
     Args:
         view: with its lines.
@@ -143,7 +143,7 @@ def _batch(
 
 
 class Windows(IterableDataset[tuple[Tensor, Tensor]]):
-    """Batches of windows and their truths for ever; each worker process draws its own."""
+    """Endless batches of windows and their truths; each worker process draws its own."""
 
     def __init__(self, folders: Sequence[Path], *, size: int, seed: int) -> None:
         self.folders, self.size, self.seed = tuple(folders), size, seed
@@ -162,7 +162,7 @@ class Windows(IterableDataset[tuple[Tensor, Tensor]]):
 
 
 def loss_of(found: Tensor, truth: Tensor) -> Tensor:
-    """Loss of the middle where it is judged, and of the rest on the lines."""
+    """Loss of the middle on all judged cells, and of the other findings on the lines."""
     judged, on = truth[:, 0], truth[:, 1]
     middle = (
         f.binary_cross_entropy_with_logits(found[:, 0], truth[:, 2], weight=judged, reduction="sum")
@@ -175,7 +175,7 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
 
 @torch.no_grad()
 def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[float, dict[str, Any]]:
-    """Loss on plain views; and shares of cells judged rightly, and mean errors on the lines."""
+    """Loss on plain views; shares of cells judged correctly, and mean errors on the lines."""
     network.eval()
     rng, device = np.random.default_rng(0), network.head.weight.device
     made = (_batch([one], rng, plain=True) for one in views)
@@ -194,7 +194,7 @@ def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[floa
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
-    """The finder and what it learns (default: 24 windows to a step and a rate of 2e-3).
+    """The finder and its training data (default: 24 windows per step and a rate of 2e-3).
 
     Args:
         folders: folders of views to learn from.

@@ -1,4 +1,4 @@
-"""Fonts to learn from: files of installed packages, less those that the exam keeps out.
+"""Fonts to learn from: files of installed packages, without those of the exam.
 
 None stands in this tree. `docs` names the Debian packages that the weights in the tree were trained on.
 """
@@ -42,18 +42,18 @@ class TrainingFonts:
 
 
 def family(path: Path) -> str:
-    """The family's name as far as the file's tells: lower case, without style and punctuation."""
+    """Name of the family from the file name: lower case, without style and punctuation."""
     return re.sub(r"[^a-z0-9]", "", re.split(r"[-_]|(?<=[a-z])(?=[A-Z][a-z]+$)", path.stem)[0].lower())
 
 
 def kept_out(path: Path) -> bool:
-    """Whether the exam keeps this family out."""
+    """Whether the exam excludes this family."""
     whole = re.sub(r"[^a-z0-9]", "", path.stem.lower())
     return whole.startswith(KEPT_OUT)
 
 
 def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> TrainingFonts:
-    """All fonts in folders that have A-Z and 0-9 and may be learned from, a file of a name once.
+    """Find all fonts in folders that have A-Z and 0-9 and may be used for training, each file name once.
 
     Args:
         held_out_share: share of the families that are never trained on, so that accuracy is measured on unseen fonts.

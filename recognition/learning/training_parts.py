@@ -1,4 +1,4 @@
-"""Parts to learn from, each of them drawn at random: font, text, die, plate, hand, soil, and how it is felt.
+"""Draw random parts to learn from: font, text, die, plate, hand, soil and touch.
 
 Nothing here knows of the exam's parts: its kept-out soils are not in `SOILS_LEARNED`, its kept-out fonts not among
 `recognition.learning.training_fonts`.
@@ -57,7 +57,7 @@ class TrainingPart:
 
 
 def draw_text(font: Font, rng: np.random.Generator) -> str:
-    """A text of a font's characters: serials, words and numbers with signs between them, 2 to 12 characters."""
+    """Draw a text of a font's characters: serials, words and numbers with signs between them, 2 to 12 characters."""
     length = int(rng.integers(3, 12))
     every = _CAPITALS + _FIGURES + (_SMALL if has_small_letters(font) else "")
     pools = (_CAPITALS + _FIGURES, _FIGURES, _CAPITALS, every)
@@ -125,13 +125,13 @@ def draw_part(
 
 
 def _widen(font: Font, text: str, x_scale: float) -> Font:
-    """The characters of a text, wider or narrower than the font has them."""
+    """Make the characters of a text wider or narrower."""
     have = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in set(text)}
     return replace(font, glyphs={**font.glyphs, **have})
 
 
 def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generator) -> Layout:
-    """A straight line, one on an arc, or one with another line above or below it."""
+    """Draw a layout: a straight line, one on an arc, or one with another line above or below it."""
     straight = Layout(turned_deg=float(rng.normal(0.0, 2.0)))
     kind = rng.random()
     if kind < 0.12:

@@ -79,14 +79,14 @@ Sample = TypeVar("Sample", TrainingStrip, TrainingView)
 
 
 def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
-    """The lines of a part, what they say and where, the one of its text first, by the boxes of the characters."""
+    """The lines of a part with text and position, by the boxes of the characters; the line of its serial first."""
     stamped = made.part.stamped
     lines = [(stamped.text, stamped.boxes_mm), (stamped.other_text, stamped.other_boxes_mm)]
     return [_line(text, np.array(boxes), made) for text, boxes in lines if text.strip()]
 
 
 def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple[TextLine, str, Places]:
-    """A line, its text, and where each character begins and ends in its strip, columns; nowhere on an arc."""
+    """A line, its text, and the first and last column of each character in its strip; no columns on an arc."""
     height_mm, layout = made.part.height_mm, made.layout
     middles, half = 0.5 * (boxes_mm[:, :2] + boxes_mm[:, 2:]), 0.5 * (boxes_mm[:, 2] - boxes_mm[:, 0])
     inked = np.array([c != " " for c in text])
@@ -158,7 +158,7 @@ def training_views(made: TrainingPart) -> list[TrainingView]:
 
 
 def write_samples(path: Path, samples: Sequence[Sample]) -> None:
-    """Write samples of one kind into one .npz, of each the layers that hold anything."""
+    """Write samples of one kind into one .npz, without empty layers."""
     held = [np.flatnonzero(sample.layers.any(axis=(1, 2))) for sample in samples]
     truth = [
         {f.name: own.tolist() if f.name == "layers" else getattr(sample, f.name) for f in fields(sample)}
@@ -171,7 +171,7 @@ def write_samples(path: Path, samples: Sequence[Sample]) -> None:
 
 
 def files_in(folders: Iterable[Path]) -> list[Path]:
-    """The files of samples in folders, less those that are being written.
+    """The files of samples in folders, without those that are being written.
 
     Raises:
         ValueError: the folders hold no samples.
@@ -198,7 +198,7 @@ def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
 def rounds(
     kind: type[Sample], folders: Sequence[Path], rng: np.random.Generator, *, files: int
 ) -> Iterator[list[Sample]]:
-    """Samples of so many files at a time, for ever; files that are put into the folders meanwhile are read as well.
+    """Yield samples of a number of files at a time, endlessly; files added to the folders meanwhile are read as well.
 
     Raises:
         ValueError: there are no files.
@@ -213,5 +213,5 @@ def rounds(
 
 
 def _as_tuples(value: Any) -> Any:
-    """Lists, and lists in them, as tuples."""
+    """Convert nested lists to tuples."""
     return tuple(map(_as_tuples, value)) if isinstance(value, list) else value

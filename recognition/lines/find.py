@@ -1,4 +1,4 @@
-"""Find lines of text in a view: a network looks at it at several scales, and its cells are joined to lines.
+"""Find lines of text in a view: a network runs at several scales, and its cells are joined to lines.
 
 view --at several scales--> findings of cells --joined--> lines --best of those that overlap--> lines
 """
@@ -38,7 +38,7 @@ _LEAST_CELLS = 3
 
 @dataclass(frozen=True, eq=False)
 class FoundLine:
-    """A line that may be there.
+    """A candidate line.
 
     Attributes:
         line: where, if it is straight.
@@ -60,7 +60,7 @@ def find_lines(
     faint: bool = False,
     turned_deg: float = 0.0,
 ) -> list[FoundLine]:
-    """The lines of a view, most promising first.
+    """Find the lines of a view, most promising first.
 
     Args:
         view: the view; lines within some 30 degrees of level are found.
@@ -96,7 +96,7 @@ def find_lines(
 
 
 def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> TextLine:
-    """The line no further from the height that is known than marks are struck.
+    """Limit a line's height to the tolerance of marks about the known height.
 
     Args:
         nominal: ratio of heights that a known one may be off by.
@@ -113,7 +113,7 @@ def _join(
     level: float = 0.4,
     broken: float = 6.0,
 ) -> FoundLine | None:
-    """Two pieces of a line that dirt has broken in the middle; None where they are not.
+    """Join two pieces of a line that dirt has broken; None if they do not belong together.
 
     Args:
         alike, parallel_deg, level, broken: pieces of one line: logarithm of their heights' ratio, degrees between
@@ -161,7 +161,7 @@ def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, least: float) -> list[FoundLine]:
-    """The lines that cells belong to.
+    """Join cells to lines.
 
     Args:
         found: (FINDINGS, rows, columns) of the cells.
@@ -183,7 +183,7 @@ def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, lea
 
 
 def without_doubles(found: Sequence[FoundLine]) -> list[FoundLine]:
-    """The lines that are no other's ink seen at another scale, most promising first."""
+    """Lines without duplicates found at another scale, most promising first."""
     kept: list[FoundLine] = []
     for one in sorted(found, key=lambda one: -one.score):
         if not any(overlap(one.line, other.line) for other in kept):
@@ -217,7 +217,7 @@ def _line(
 
 
 def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> bool:
-    """Whether two lines are the same ink: half of the one lies within the other's band.
+    """Whether two lines are the same ink: half of one lies within the other's band.
 
     Args:
         one: a line.

@@ -1,4 +1,4 @@
-"""A line laid on its ink: how far its characters lie above or below it says how it bends, turns and how high it is.
+"""Refit a line to its ink: bend, rotation and height follow from the positions of its characters.
 
 strip, taller than the line --slopes--> middle and spread of the ink at each place --robust parabola--> line
 
@@ -35,7 +35,7 @@ def on_ink(
     scatter: float = 0.05,
     least_sag: float = 0.03,
 ) -> tuple[TextLine, ...]:
-    """The line moved, turned and bent onto the ink of its places: as high as it was, and as high as its ink is.
+    """Move, turn and bend a line onto the ink of its places; return it with its old height and with that of its ink.
 
     Args:
         view: view that was read.
@@ -82,7 +82,7 @@ def on_ink(
 def _ink(
     strip: NDArray[np.float32], columns: Floats, half: float, land_percent: float, edge_percent: float
 ) -> tuple[Floats, Floats]:
-    """(places,) middle and standard deviation of the ink down each place, heights; NaN where there is none."""
+    """(places,) middle and standard deviation of the ink down each place, heights; NaN without ink."""
     surface = strip[HEIGHTS] if strip[HEIGHTS].any() else strip[GREY]
     slope = np.hypot(*np.gradient(surface)) * strip[KNOWN]
     land, most = np.percentile(slope, (land_percent, edge_percent))
@@ -101,7 +101,7 @@ def _ink(
 
 
 def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float) -> Floats:
-    """A robust parabola through offsets, of fewer places a straight line or none."""
+    """Fit a robust parabola to offsets; with few places a straight line or nothing."""
     from scipy.optimize import least_squares
 
     degree = min(2, max(0, (columns.size - 1) // 2))

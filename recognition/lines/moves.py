@@ -1,4 +1,4 @@
-"""Lines near one that was found: moved, turned, made longer; and those of a view that shows nothing else."""
+"""Variants of a found line (moved, turned, lengthened), and default lines of a view."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
 
 
 def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
-    """Moved down by a share of its height, as much higher, and turned about its middle."""
+    """Move a line down by a share of its height, scale its height, and turn it about its middle."""
     along = line.centre_mm[-1] - line.centre_mm[0]
     along = along / np.linalg.norm(along)
     moved = line.centre_mm + down * line.height_mm * np.array([-along[1], along[0]])
@@ -43,14 +43,14 @@ def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -
 
 
 def whole_view(view: View) -> list[TextLine]:
-    """The lines of a view which is cut close about one."""
+    """Lines of a view that is cropped to one line."""
     return _across(view, [(share, 0.5) for share in CROPS])
 
 
 def anywhere(
     view: View, *, height_mm: float | None = None, blind_step: float = 0.6, most_blind: int = 10
 ) -> list[TextLine]:
-    """Lines right across a view in which none was found.
+    """Lines across a view in which none was found.
 
     Args:
         view: where nothing was found.
@@ -67,7 +67,7 @@ def anywhere(
 
 
 def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:
-    """Lines from left to right: each of a height and at a middle that are shares of the view's height."""
+    """Lines from left to right, with height and middle as shares of the view's height."""
     width, height = view.size_mm
     if width < 0.5 * height:
         return []
@@ -84,7 +84,7 @@ def longer(line: TextLine) -> list[TextLine]:
 
 
 def lengthen(line: TextLine, before: float, after: float) -> TextLine:
-    """The line gone on straight beyond its ends, by so many character heights."""
+    """Extend a line straight beyond its ends, by a number of character heights."""
     points, height = line.centre_mm, line.height_mm
     first, last = points[0] - points[1], points[-1] - points[-2]
     made = [points]

@@ -1,4 +1,4 @@
-"""Open networks for one thread that does not spin while it waits: on a shared machine that would cost others."""
+"""Open networks for one thread without spinning while it waits, which would slow others on a shared machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def open_network(path: Path, *, threads: int = 1) -> Any:
-    """The session of an ONNX file, on the processor.
+    """Open a session of an ONNX file on the CPU.
 
     Args:
         threads: threads of every network; a reader's processes run side by side.

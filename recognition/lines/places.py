@@ -13,12 +13,12 @@ _WIDEST = 0.42
 
 
 def places_mm(line: TextLine, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(places, 2) middles of characters that stand at these columns of the line's strip."""
+    """(places, 2) middles of characters at these columns of the line's strip."""
     return line.places_mm(columns, np.full(columns.size, 0.5 * (ROWS - 1)))
 
 
 def boxes_of(line: TextLine, columns: NDArray[np.float64]) -> tuple[Box, ...]:
-    """Boxes about characters: half way to their neighbours, the line's height."""
+    """Boxes of characters: half way to their neighbours, with the line's height."""
     if columns.size == 0:
         return ()
     columns = np.maximum.accumulate(columns)

@@ -1,4 +1,4 @@
-"""Small lines of a wide view: the finder looks at tiles one by one, so that clutter beside a line does not hide it.
+"""Find small lines of a wide view tile by tile, so that clutter beside a line does not hide it.
 
 view --at several scales--> contrast evened out --tiles--> the surest findings of each cell --joined--> lines
 
@@ -35,7 +35,7 @@ _FINE, _WIDE = 0.25, 1.5
 def find_in_tiles(
     view: View, *, height_mm: float | None = None, fine: bool = True, most_tiles: int = 2000
 ) -> list[FoundLine]:
-    """The small lines of a view, most promising first; they run within some 30 degrees of level.
+    """Find the small lines of a view, most promising first; they run within some 30 degrees of level.
 
     Args:
         view: the view.
@@ -72,7 +72,7 @@ def _scales(
 
 
 def _even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: float = 0.004) -> Floats:
-    """Brightness whose strokes are about as strong everywhere: edges of a machine are no stronger than a mark's.
+    """Even out the contrast of strokes, so that edges of a machine are no stronger than those of a mark.
 
     Args:
         strong_percent, least_contrast: percentile to which contrast is cut before it is averaged, and the least of
@@ -90,7 +90,7 @@ def _even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: flo
 
 
 def _pixels(heights: float) -> int:
-    """Number of pixels of whole cells that cover about so many character heights."""
+    """Number of pixels, in whole cells, that cover about a number of character heights."""
     return round(heights * FINDER_ROWS / CELL) * CELL
 
 
@@ -109,7 +109,7 @@ def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
-    """(FINDINGS, rows, columns) of the cells, each from the tile in whose middle band it is surest of a line."""
+    """(FINDINGS, rows, columns) of the cells, each from the tile in whose middle band a line is most certain."""
     before_y, before_x = (tile // 2 // CELL * CELL for tile in (_ROWS, _COLUMNS))
     fed = np.pad(
         layers, ((0, 0), (before_y, before_y + _ROWS + _DOWN), (before_x, before_x + _COLUMNS + _ACROSS))

@@ -78,7 +78,7 @@ def centre_line(
 
 
 def _along(stroke: Points, *, trim: float, step: float) -> tuple[Points, Points]:
-    """Points and normals along a polyline, evenly, its ends trimmed unless it is closed; a dot is one point."""
+    """Evenly spaced points and normals along a polyline; ends are trimmed unless it is closed; a dot is one point."""
     run = np.diff(stroke, axis=0)
     length = np.hypot(run[:, 0], run[:, 1])
     run, length = run[length > 0.0], length[length > 0.0]

@@ -79,7 +79,7 @@ class MarkDepth:
 
 
 def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
-    """Depth of each character of a line; None where too little of it or of the land beside it was felt.
+    """Depth of each character of a line; None if too little of it or of the land beside it was felt.
 
     Args:
         relief: the surface as felt.
@@ -104,7 +104,7 @@ class _Mark:
 
 
 def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> _Mark:
-    """The centre line of a character as it is laid on a relief.
+    """The centre line of a character laid on a relief.
 
     Args:
         relief: the surface as felt; a margin of one sample is reckoned with.
@@ -122,7 +122,7 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
 
 
 def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bool_]:
-    """Samples that were felt and lie clear of every character's ink and burr."""
+    """Felt samples clear of every character's ink and burr."""
     bare = np.ones(depth.shape, dtype=np.bool_)
     for mark in marks:
         row, col = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1).T
@@ -142,7 +142,7 @@ def _depth(
     least_sd_mm: float = 1e-3,
     sd_of_scatter: float = 9.0,
 ) -> MarkDepth | None:
-    """Depth of one character; None where too little of it or of the land beside it was felt.
+    """Depth of one character; None if too little of it or of the land beside it was felt.
 
     Args:
         mark: the character where its strokes are deepest.
@@ -174,7 +174,7 @@ def _depth(
 
 
 def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float | None:
-    """Height of the rim beside the strokes above the land; None where too little of it was felt."""
+    """Height of the rim beside the strokes above the land; None if too little of it was felt."""
     # from the stroke's edge to where land begins
     beside = mark.half_width + np.linspace(0.0, BURR_REACH_HEIGHTS * height, 9)
     rises = [-across(depth, mark.points, mark.normals, side, plane) for side in (-beside, beside)]
@@ -185,20 +185,20 @@ def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float 
 
 
 def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane: Floats) -> Floats:
-    """(aside, n) depth below a plane across a stroke at each of (n, 2) points; bilinear, NaN beside what was felt."""
+    """(aside, n) depth below a plane across a stroke at each of (n, 2) points; bilinear, NaN outside the felt area."""
     at = points.T[:, None] + aside[:, None] * normals.T[:, None]
     felt = ndimage.map_coordinates(depth, at, order=1, mode="nearest")
     return np.asarray(felt - plane[0] - (at[0] * plane[1] + at[1] * plane[2]))
 
 
 def deepest(depth: Floats) -> Floats:
-    """(n,) depth where the stroke's middle is, looked for over neighbouring points together."""
+    """(n,) depth at the middle of the stroke, which is searched for over neighbouring points together."""
     at = np.argmax(_together(depth), axis=0)
     return np.asarray(np.take_along_axis(depth, at[None], axis=0)[0])
 
 
 def crest(rise: Floats) -> Floats:
-    """(n,) height of a rim where it is highest across, averaged over neighbouring points: one grain is no rim."""
+    """(n,) height of a rim at its highest point across, averaged over neighbouring points: one grain is no rim."""
     return np.asarray((_together(rise) / _together(np.ones_like(rise))).max(axis=0))
 
 
@@ -246,7 +246,7 @@ def _plane(
 
 
 def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:
-    """(3,) level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off.
+    """(3,) level and slopes of samples at (row, col), by Tukey's weights, which ignore outliers.
 
     Of land in a line the least slopes.
     """

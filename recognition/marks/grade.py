@@ -1,4 +1,4 @@
-"""Grade of a character's mark, and the action that it calls for, in the spirit of ISO/IEC 29158.
+"""Grade of a character's mark, and the action for it, in the spirit of ISO/IEC 29158.
 
 That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0 and lets
 the worst one count; so here, but what is graded is what a whisker feels:
@@ -83,7 +83,7 @@ class MarkGrade:
 
     @property
     def worst(self) -> Parameter:
-        """The parameter that decides the grade; of equal ones the first."""
+        """The parameter that decides the grade; the first of equal ones."""
         return min(self.parameters, key=lambda p: p.grade)
 
     @property
@@ -107,7 +107,7 @@ class MarkGrade:
 
 
 def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.58) -> list[Edges | None]:
-    """The edges felt at each place of a text, and those predicted; None where nothing is, of either.
+    """Felt and predicted edges at each place of a text; None if either is missing.
 
     Args:
         laid: the text.
@@ -126,12 +126,12 @@ def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.
 
 
 def edge_fit(edges: Sequence[Edges | None]) -> float:
-    """Mean correlation of felt with predicted edges; 0 where either is lacking."""
+    """Mean correlation of felt with predicted edges; 0 if either is missing."""
     return float(np.mean([correlate(one[0], [one[1]])[0, 0, 0] if one is not None else 0.0 for one in edges]))
 
 
 def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tuple[MarkGrade | None, ...]:
-    """The grade of every character of a text; None where its edges are not known.
+    """The grade of every character of a text; None if its edges are unknown.
 
     Args:
         edges: edges of the text.
@@ -146,7 +146,7 @@ def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tupl
 
 
 def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
-    """(rows, columns, layers) of the edges felt where a template of that shape lies at a place."""
+    """(rows, columns, layers) of the felt edges under a template of a given shape at a place."""
     from glyphs.opencv import cv2
 
     rows, columns = shape[:2]
@@ -159,12 +159,12 @@ def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
 
 
 def is_of_the_part(grade: MarkGrade | None) -> bool:
-    """Whether the strokes of the font that a mark was graded by are the mark's own: hardly any are missing."""
+    """Whether a mark has the strokes of the font by which it was graded: hardly any are missing."""
     return grade is not None and (grade.value("completeness") or 0.0) >= LIMITS["completeness"][1]
 
 
 def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(2, rows, columns) half differences of opposite directions, which answer steps of the surface; of those felt."""
+    """(2, rows, columns) half differences of opposite felt directions, which respond to steps of the surface."""
     known = np.moveaxis(layers * felt, 2, 0)
     return np.asarray(0.5 * (known[:2] - known[2:]))
 
@@ -180,7 +180,7 @@ def grade_character(
     foreign_share: float = 0.5,
     least_contrast: float = 0.3,
 ) -> MarkGrade | None:
-    """Grade one character; None where the template predicts no edge.
+    """Grade one character; None if the template predicts no edge.
 
     Args:
         felt: (channels, rows, cols) edge map of its cell, in the template's units: 1 times the template where

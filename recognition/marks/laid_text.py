@@ -1,4 +1,4 @@
-"""A text laid on its line in the font and the kind of die that suit it best: what its marks are measured by."""
+"""Lay a text on its line in the best-fitting font and kind of die, to measure its marks."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class LaidText:
 
     @cached_property
     def laid(self) -> tuple[LaidCharacter | None, ...]:
-        """Each character; None where the font lacks it."""
+        """Each character; None if the font lacks it."""
         return tuple(
             self.felt.lay(k, char, self.font, self.face) if char in self.font.glyphs else None
             for k, char in enumerate(self.text)
@@ -44,7 +44,7 @@ class LaidText:
 
     @property
     def fit(self) -> float:
-        """Mean correlation; that of characters which the font lacks is 0."""
+        """Mean correlation; a character that the font lacks counts as 0."""
         return sum(one.fit for one in self.laid if one is not None) / len(self.text)
 
     @property
@@ -83,7 +83,7 @@ def laid_text(
     stand_ins: Iterable[Font] = (),
     clearly: float = 0.06,
 ) -> LaidText | None:
-    """The text in the font and the kind of die that suits it best; None where no font has any of its characters.
+    """Lay a text in the best-fitting font and kind of die; None if no font has any of its characters.
 
     Nor is there one for a text of another number of places.
 

@@ -1,4 +1,4 @@
-"""Strokes of characters that were felt, and what they say for the character that was read and against its rivals.
+"""Felt strokes of characters: evidence for the character that was read and against its rivals.
 
     R read, P its rival                             felt    missing
       .--.       P       .--.     R has, P has not     \\     against P, for P
@@ -109,12 +109,12 @@ class _Strokes:
     within: Bools
 
     def share_felt(self) -> float:
-        """Share of its strokes that was felt, of those that could be; 0 where none could be."""
+        """Share of its strokes that was felt, among those within the scan; 0 if none is within."""
         return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
 
 
 class _Surface:
-    """The depths along a line, as strokes are looked for in them."""
+    """The depths along a line, prepared to find strokes in them."""
 
     def __init__(
         self,
@@ -219,14 +219,14 @@ def strokes_of(
 
 @lru_cache(maxsize=1024)
 def _pieces(font: Font, char: str) -> Floats:
-    """(n, 2) points along a character's strokes, one to a square of a step: a double stroke counts once."""
+    """(n, 2) points along a character's strokes, one per square of a step, so that a double stroke counts once."""
     points = centre_line(font, char).points
     _, first = np.unique(np.floor(points / STEP_HEIGHTS), axis=0, return_index=True)
     return points[np.sort(first)]
 
 
 def _rivals(char: str, chars: Sequence[str], log_belief: Floats, slope: float) -> list[tuple[str, float]]:
-    """List the probable rivals, and the declared ones that the format allows, with their calibrated probabilities."""
+    """List probable rivals, and easily confused ones that the format allows, with their calibrated probabilities."""
     total = np.logaddexp.reduce(log_belief)
     power = slope * (log_belief - total)
     beliefs = np.exp(power - np.logaddexp.reduce(power) + total)
@@ -293,7 +293,7 @@ def felt_others(
     least_depth: float = 0.25,
     least_felt: float = 0.5,
 ) -> PartLines:
-    """Drop unassigned lines that were not felt as marks are: dirt beside the serial is read as text now and then.
+    """Drop unassigned lines that do not feel like marks: dirt beside the serial is sometimes read as text.
 
     Text is struck about as deep as the serial is, and its characters' strokes lie in what is deep there.
 

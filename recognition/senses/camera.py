@@ -1,4 +1,4 @@
-"""The reader of photographs: from a picture to a reading.
+"""Read parts by camera: from a photograph to a reading.
 
 photograph --codes removed, shrunk--> view --LineReader--> posteriors --format--> Reading --codes--> Reading
                                       \\-> the same without stains, used if clearly surer -^
@@ -137,7 +137,7 @@ class VisionReader:
 
     @cached_property
     def _judging(self) -> list[tuple[Font, str]]:
-        """Named fonts that are matched to lines, each with its characters that are looked for."""
+        """Named fonts that are matched to lines, each with the characters to look for."""
         if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
             return []
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]

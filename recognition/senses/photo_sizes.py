@@ -22,7 +22,7 @@ _HARDLY_LARGER = 1.5
 
 
 def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
-    """The reading at the first size at which the line found has enough pixels."""
+    """Read at increasing sizes until the line has enough pixels."""
     for small in _sizes(photo):
         seen = read(small)
         line = seen.trace.line
@@ -32,7 +32,7 @@ def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
 
 
 def shrunk(photo: Photo, pixels: int) -> Photo:
-    """The photograph with about so many pixels, in the same frame; itself if it has fewer."""
+    """Shrink a photograph to about a number of pixels, in the same frame; unchanged if it has fewer."""
     from glyphs.opencv import cv2
 
     rows, cols = photo.shape

@@ -15,7 +15,7 @@ class StepTimer:
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Charge what runs inside to a step."""
+        """Add the time of the block to a step."""
         start = time.perf_counter()
         try:
             yield

@@ -1,4 +1,4 @@
-"""Data Matrix and QR codes in a photograph: their text and where they are.
+"""Data Matrix and QR codes in a photograph: text and position.
 
 pixels --zxing-cpp--> Code                        decoded, with a correct checksum
 pixels, Code --inpainting--> pixels without it    a code's modules must not look like strokes
@@ -51,7 +51,7 @@ class Code:
 
     @property
     def box(self) -> Box | None:
-        """Axis-parallel hull; None if its place is unknown."""
+        """Axis-parallel hull; None if its position is unknown."""
         if not self.corners:
             return None
         x, y = zip(*self.corners, strict=True)
@@ -71,7 +71,7 @@ def codes_of(photo: Photo) -> tuple[Code, ...]:
 
 
 def _variants(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
-    """A photograph's grey values as they are, then with dots joined: those of a peened code do not touch.
+    """Grey values of a photograph unchanged, then with dots joined: those of a peened code do not touch.
 
     Each comes with whether the decoder should also try it inverted. Bright dots are inverted here.
     """

@@ -1,4 +1,4 @@
-"""The curve that a line of text follows, through what is known of its characters: straight, or an arc of a circle."""
+"""Fit the curve of a line of text to points of its characters: straight, or an arc of a circle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def straight_through(points: Points, *, before: float, after: float) -> Points:
 
 
 def arc_through(points: Points, *, height: float, before: float, after: float) -> Points | None:
-    """(n, 2) along the arc of a circle that fits best; None where it hardly bends, or the points are too few.
+    """(n, 2) points along the best-fitting arc of a circle; None if it hardly bends or there are too few points.
 
     Args:
         points, before, after: as in `straight_through`.
@@ -45,7 +45,7 @@ def arc_through(points: Points, *, height: float, before: float, after: float) -
 
 
 def _axes(points: Points) -> tuple[Points, Points, Points, Points]:
-    """The points' middle, their main direction, and where they lie along it and down from it."""
+    """Middle and main direction of the points, and their coordinates along and across it."""
     middle = points.mean(axis=0)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
     along = axes[0] if axes[0] @ (points[-1] - points[0]) >= 0.0 else -axes[0]
@@ -61,7 +61,7 @@ def _arc(
     after: float,
     least_sag: float = 0.04,
 ) -> Points | None:
-    """Along the circle nearest the points (Kasa's fit), or None where that is hardly bent.
+    """Points along the circle nearest the points (Kasa's fit); None if it is hardly bent.
 
     Args:
         least_sag: sagitta, in heights, below which an arc is a straight line.

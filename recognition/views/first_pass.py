@@ -32,7 +32,7 @@ FIRST_HEIGHT_MM = 4.0
 def virtual_feel(
     *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = ""
 ) -> Feel:
-    """The virtual array with ideal sensors, made for the height of the characters, by the default plan.
+    """Make a function that scans with the virtual array, ideal sensors and the default plan for a character height.
 
     Args:
         fidelity: fidelity of the contact.
@@ -56,7 +56,7 @@ class HeightSearch(Protocol):
         """Character height, if known."""
 
     def heights_mm(self, view: View) -> list[float]:
-        """Character heights worth a scan, most promising first."""
+        """Character heights to scan for, most promising first."""
 
 
 def felt_heights_mm(
@@ -67,7 +67,7 @@ def felt_heights_mm(
     soil: Soil | None = None,
     feel: Feel | None = None,
 ) -> list[float]:
-    """Character heights, mm, that a first pass finds, most promising first; the one that is known without a pass.
+    """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
 
     Args:
         search: looks for lines in what was felt.

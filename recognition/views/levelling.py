@@ -1,4 +1,4 @@
-"""A height map as a stage would mount it: level."""
+"""Level a height map, as mounting on a stage would."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from recognition.views.levelling_fit import (
 
 
 def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
-    """Take off tilt and slight dome: a robust polynomial through the land; dropouts stay NaN.
+    """Remove tilt and slight dome: a robust polynomial through the land; dropouts stay NaN.
 
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
     grid. This mounts the part; it is no edge filter.

@@ -53,14 +53,14 @@ class Terms:
 
 
 def tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, Floats]:
-    """Biweights of heights that lie `over` a fit, which vanish `cut` from the middle, and the heights by them."""
+    """Tukey's biweights of heights `over` a fit, 0 beyond `cut`, and the weighted heights."""
     off = (over - middle) / cut
     weight = np.fmax(1.0 - off * off, 0.0) ** 2  # nought for NaN, too
     return weight, np.where(weight > 0.0, weight * z, 0.0)
 
 
 def median_near(values: NDArray[np.float64], guess: float, reach: float, *, about: float = np.nan) -> float:
-    """The median of values, or of their distances from `about`: exact, and quick when it is within reach of a guess."""
+    """The median of values, or of their distances from `about`: exact, and quick if the guess is near."""
     n = values.size
     if not np.isnan(about):
         values = np.abs(values - about)

@@ -1,4 +1,4 @@
-"""Several photographs of a part laid over the first: each a view of its own, all in one frame.
+"""Register several photographs of a part with the first: one view each, all in one frame.
 
     photographs --gradient's size, whatever the light--> phase correlation, then ECC --> shift and turn --> views
     four or more views of different lights --> slopes, one more view
@@ -30,7 +30,7 @@ _STEPS, _LEAST_GAIN = 60, 1e-5
 
 
 def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
-    """A view of each photograph, in the frame of the first, and which do not show the same and are left out.
+    """One view for each photograph, in the frame of the first, and the numbers of those left out because they differ.
 
     Of four or more under different lights the view of the slopes comes before them: stains are gone from it.
 
@@ -58,13 +58,13 @@ def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
 
 
 def stainless_view(photo: Photo) -> View | None:
-    """View of a photograph in colour without its stains; None where there are none."""
+    """View of a colour photograph without its stains; None without stains."""
     clean = without_stains(photo)
     return None if clean is None else _of_brightness(photo_view(photo), clean)
 
 
 def _slopes(views: list[View]) -> list[View]:
-    """The view of how steep it is, where lights show that."""
+    """View of the slopes, if the lights show them."""
     known = np.all([view.layers[KNOWN] > 0.5 for view in views], axis=0)
     # what a light does not reach is filled from the first: no edge is made there
     first = views[0].layers[GREY]
@@ -85,7 +85,7 @@ def _gradient(grey: Floats, scale: float) -> Floats:
 
 
 def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDArray[np.float32] | None:
-    """(2, 3) from places of the first photograph to those of the other; None where they show different things.
+    """(2, 3) map from the first photograph to the other; None if they show different things.
 
     Args:
         least_alike: correlation of the gradients' sizes from which two photographs show the same.
@@ -123,7 +123,7 @@ def _warp_onto(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
 def _of_brightness(
     first: View, grey: NDArray[np.number[Any]], known: NDArray[np.bool_] | None = None
 ) -> View:
-    """A view in the frame of the first, of another brightness that is known in places (default: everywhere)."""
+    """A view in the frame of the first with another brightness, known in some places (default: everywhere)."""
     layers = np.zeros_like(first.layers)
     layers[KNOWN] = 1.0 if known is None else known
     layers[GREY] = grey * layers[KNOWN]

@@ -1,4 +1,4 @@
-"""A view on another grid: of another pitch, or turned."""
+"""Resample a view to another pitch, or turn it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from recognition.views.view import EDGES, GREY, KNOWN, View, turned_edges
 
 
 def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.float32]:
-    """Layers on a grid of another pitch, from the same origin; finer ones are blurred before.
+    """Resample layers to another pitch, from the same origin; finer ones are blurred before.
 
     Args:
         blur: sigma of what a coarser grid is averaged by, its pixels beyond one.
@@ -42,7 +42,7 @@ def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.fl
 
 
 def turn_view(view: View, turned_deg: float) -> View:
-    """The view on axes that are turned clockwise as seen: lines turned by as much run level on it.
+    """Turn the axes of a view clockwise as seen: lines with this rotation become level.
 
     x, y of its frame are taken from the middle of the view (`unturned` brings them back).
     """
@@ -71,7 +71,7 @@ def turn_view(view: View, turned_deg: float) -> View:
 
 
 def turn_back(points_mm: NDArray[np.float64], view: View, turned_deg: float) -> NDArray[np.float64]:
-    """(n, 2) places of the turned view where they lie on the view itself."""
+    """(n, 2) positions on the view of positions on the turned view."""
     cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
     middle = np.array(view.origin_mm) + 0.5 * np.array(view.size_mm)
     return np.asarray(points_mm @ np.array([[cos, sin], [-sin, cos]]) + middle)

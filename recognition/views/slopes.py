@@ -1,4 +1,4 @@
-"""Slopes of a surface from photographs under several lights, wherever the lamps stood: one more view.
+"""Slopes of a surface from photographs under several lights at unknown positions, as one more view.
 
     under lights 1 .. n --own brightness out, colour out--> changes --two main directions--> slopes --size--> view
 
@@ -27,7 +27,7 @@ _FOCUS, _FULL_PERCENT = 1.0, 99.0
 def slope_picture(
     photographs: Sequence[Floats], *, near: float = 1 / 50, least_share: float = 0.75
 ) -> Floats | None:
-    """Flanks dark on light, (rows, cols) 0 to 1; None for too few photographs, or all under one light.
+    """Picture of the slopes, dark on light, (rows, cols) 0 to 1; None for too few photographs or only one light.
 
     Args:
         photographs: brightness of each, (rows, cols) 0 to 1, laid over each other.
@@ -67,7 +67,7 @@ def _is_exposure(
     exposed: float = 0.15,
     along: float = 0.9,
 ) -> bool:
-    """Whether one change makes nearly all the difference, and goes with how bright the photographs are.
+    """Whether nearly all differences come from one change that follows the brightness of the photographs.
 
     Args:
         one_change, exposed, along: limit for exposures under one lamp: the second change's power by the first's (0.02

@@ -1,4 +1,4 @@
-"""The position of a line of text on a part: along a curve, because serials also go round badges and shafts.
+"""Position of a line of text on a part: along a curve, because serials also run around badges and shafts.
 
    .--- A  B  C ---.           centre_mm: points of the curve half way up the characters
 .-'    ^ height_mm  '-.        in the order of reading; down is 90 degrees clockwise of along
@@ -66,7 +66,7 @@ class TextLine:
 
     @property
     def length_mm(self) -> float:
-        """Along the curve."""
+        """Length along the curve."""
         return float(np.linalg.norm(np.diff(self.centre_mm, axis=0), axis=1).sum())
 
     @property
@@ -78,13 +78,13 @@ class TextLine:
 
     @property
     def turned_deg(self) -> float:
-        """From its start to its end, from +x towards +y."""
+        """Rotation of the line from its start to its end, from +x towards +y."""
         across, down = self.centre_mm[-1] - self.centre_mm[0]
         return math.degrees(math.atan2(down, across))
 
     @property
     def reversed(self) -> TextLine:
-        """The same line of a part that lies upside down."""
+        """The same line on a part that lies upside down."""
         return TextLine(self.centre_mm[::-1], self.height_mm)
 
     def columns(self, *, margin: float = MARGIN) -> int:
@@ -94,7 +94,7 @@ class TextLine:
     def grid_mm(
         self, columns: Points, rows: Points, *, margin: float = MARGIN, of_rows: float = ROWS
     ) -> Points:
-        """(rows, columns, 2) x, y of the places of its strip, given in pixels from the middle of its first one.
+        """(rows, columns, 2) x, y of the pixels of its strip, given in pixels from the middle of its first one.
 
         Args:
             columns: (columns,) along the line; a curve goes on straight beyond its ends.
@@ -109,13 +109,13 @@ class TextLine:
     def places_mm(
         self, columns: Points, rows: Points, *, margin: float = MARGIN, of_rows: float = ROWS
     ) -> Points:
-        """(n, 2) x, y of places of its strip, as `grid_mm`, of n columns and n rows."""
+        """(n, 2) x, y of points of its strip at n columns and n rows, as in `grid_mm`."""
         on, down = self._frames(columns, margin)
         far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)
         return np.asarray(on + far[..., None] * down)
 
     def _frames(self, columns: Points, margin: float) -> tuple[Points, Points]:
-        """(n, 2) places on the curve, and the directions down from them."""
+        """(n, 2) points on the curve, and the directions down from them."""
         along = (
             np.asarray(columns, dtype=np.float64) + 0.5
         ) * self.height_mm / HEIGHT_ROWS - margin * self.height_mm

@@ -1,4 +1,4 @@
-"""Views of a part on one grid: felt, photographed, or measured by an instrument.
+"""Views of a part on one grid: felt, photographed or measured by an instrument.
 
     scan ------------> felt_view     heights, edges of each direction \
     height map ------> heights_view  heights                           > View --strip(line)--> (LAYERS, ROWS, columns)
@@ -60,7 +60,7 @@ class ViewKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Something to look at.
+    """A view of a part: layers on a grid.
 
     Attributes:
         kind: where it comes from.
@@ -100,7 +100,7 @@ class View:
 
     @property
     def mirrored(self) -> View:
-        """The view with its rows in the other order, in the same frame."""
+        """The view with its rows in reverse order, in the same frame."""
         layers = np.array(self.layers[:, ::-1])
         forward, back = (
             EDGES + DIRECTIONS.index(d) for d in (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y)
@@ -109,7 +109,7 @@ class View:
         return replace(self, layers=layers)
 
     def cut(self, across: tuple[float, float], down: tuple[float, float]) -> View:
-        """The part of it between two shares of its columns and of its rows, in the same frame."""
+        """Crop the view to two shares of its columns and of its rows, in the same frame."""
         (top, bottom), (left, right) = (
             (math.floor(a * n), max(math.ceil(b * n), math.floor(a * n) + 8))
             for (a, b), n in zip((down, across), self.layers.shape[1:], strict=True)
@@ -120,12 +120,12 @@ class View:
 
     @cached_property
     def filled(self) -> NDArray[np.intp]:
-        """Numbers of the layers that hold anything; of most views few do."""
+        """Indices of the layers that are not empty; most views have few."""
         return np.flatnonzero(self.layers.any(axis=(1, 2)))
 
     @cached_property
     def halved(self) -> View:
-        """The view with half as many rows and columns: means of four pixels, of those that are known."""
+        """The view with half as many rows and columns: means of the known ones of four pixels."""
         from glyphs.opencv import cv2
 
         rows, columns = (n // 2 for n in self.layers.shape[1:])
@@ -146,7 +146,7 @@ class View:
     def strip(
         self, line: TextLine, *, rows: float = ROWS, margin: float = MARGIN, zoom: float = 1.0
     ) -> Layers:
-        """A line straightened, its characters of one size.
+        """Cut out a line, straightened, with characters of one size.
 
         Args:
             line: where it lies.
@@ -167,7 +167,7 @@ class View:
         return strip
 
     def sample(self, places_mm: NDArray[np.float64], turned_deg: float) -> Layers:
-        """(LAYERS, rows, columns) at places; what was not felt, or lies next to that, is zero.
+        """(LAYERS, rows, columns) at positions; unknown samples and their neighbours are zero.
 
         Args:
             places_mm: (rows, columns, 2) x, y.
@@ -186,7 +186,7 @@ class View:
 
 
 def turned_edges(edges: Layers, turned_deg: float) -> Layers:
-    """Edges as passes along turned axes would feel them: slopes, which add up as the parts of a vector.
+    """Edges of passes along turned axes: slopes add like components of a vector.
 
     Args:
         edges: (4, ...) of the directions.
@@ -202,7 +202,7 @@ def turned_edges(edges: Layers, turned_deg: float) -> Layers:
 
 
 def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None) -> View:
-    """View of a felt part; without heights where friction or whisker give none."""
+    """View of a felt part; without heights if friction or whisker give none."""
     layers = np.zeros((LAYERS, *edges.shape), dtype=np.float32)
     for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
         layers[EDGES + DIRECTIONS.index(direction)] = np.clip(layer, -_MOST_EDGE, _MOST_EDGE)
@@ -216,7 +216,7 @@ def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None)
 
 
 def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
-    """The surface as felt; None where friction or whisker tell no heights."""
+    """The felt surface; None if friction or whisker give no heights."""
     try:
         if scan.others or any(s.plan.pushed for s in scan.sweeps):
             return estimate_relief(scan, edges)

@@ -151,7 +151,7 @@ class Bench(OneLine):
         return Touch(tip=whisker.tip_model(), whisker=whisker.describe(), **use)
 
     def whisker(self, nominal: LShaped) -> LShaped:
-        """The whisker: the drawing's with these lengths and angle, of a material so much stiffer.
+        """The drawn whisker with these lengths and angle, and a material of this stiffness.
 
         Raises:
             WhiskerError: a number that no whisker has.
