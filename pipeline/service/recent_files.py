@@ -112,13 +112,6 @@ class GlyphDatabases(RecentFiles):
             )
 
     def listed(self) -> list[dict[str, Any]]:
-        """Name, size and time of each, and whether it is the default."""
-        found = []
-        for name, path in self.files().items():
-            try:
-                status = path.stat()
-            except OSError:
-                continue
-            default = self._default is not None and path.absolute() == self._default.absolute()
-            found.append({"name": name, "n_bytes": status.st_size, "default": default})
-        return found
+        """Name of each, and whether it is the default."""
+        default = None if self._default is None else self._default.absolute()
+        return [{"name": name, "default": path.absolute() == default} for name, path in self.files().items()]
