@@ -25,7 +25,7 @@ from pipeline.workers.executors import Executor
 from pipeline.workers.options import WorkerSettings
 WorkerSettings.opened = lambda *_, **__: nullcontext(Executor())  # here, where kernels are counted
 for name in sys.argv[1:]:
-    assert main(["read", name, "--font", "gothic", "--format", "AA99"]) == 0
+    assert main(["read", name, "--font", "gothic", "--format", "AA99", "--height-mm", "5"]) == 0
 modules = [m for name, m in sys.modules.items() if name.split(".")[0] in ("glyphs", "whisker_array", "recognition")]
 kernels = {id(k): k for m in modules for k in vars(m).values() if isinstance(k, CPUDispatcher)}
 for one in kernels.values():

@@ -84,6 +84,6 @@ def test_what_the_format_does_not_allow_is_not_accepted() -> None:
 
 
 def test_a_bare_plate_is_no_serial() -> None:
-    noise = np.random.default_rng(8).normal(scale=0.002, size=(80, 200)).astype(np.float32)
+    noise = np.random.default_rng(8).normal(scale=0.002, size=(60, 120)).astype(np.float32)
     reading = reader(height_mm=4.0).read_height_map(HeightMap(noise, 0.1))
     assert (reading.text, reading.decision) == ("", Decision.REJECT)
