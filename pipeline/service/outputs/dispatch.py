@@ -185,6 +185,7 @@ class Dispatcher:
         """Begin, in tasks of the running loop."""
         for target, sender in self._senders.items():
             self._tasks.append(asyncio.create_task(self._run(target, sender), name=f"dispatcher {target}"))
+        self._tasks.append(asyncio.create_task(self._warn_of_unknown_targets()))
 
     def wake(self) -> None:
         """Look at the outbox now; call it after something was put there, from the loop's own thread."""
@@ -242,6 +243,11 @@ class Dispatcher:
                 wakes = self._stopping
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(wakes.wait(), pause_s)
+
+    async def _warn_of_unknown_targets(self) -> None:
+        waiting = await asyncio.to_thread(self._outbox.waiting_results)
+        for target in sorted(set(waiting) - set(self._senders)):
+            _log.warning("results wait to be sent to %s, which is not set up here", target)
 
     async def _ping(self, target: str, sender: Sender) -> None:
         try:

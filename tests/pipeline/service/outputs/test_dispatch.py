@@ -165,8 +165,8 @@ async def test_a_store_that_is_away_for_a_while_costs_nothing_but_a_second_sendi
     assert [delivery.id for delivery in sender.arrived] == [1, 1]
 
 
-async def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries(
-    outbox: Outbox,
+async def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries_and_is_said(
+    outbox: Outbox, caplog: pytest.LogCaptureFixture
 ) -> None:
     outbox.fill(20, 1, "mqtt", "webhook")
     sender = Recorder()
@@ -177,6 +177,7 @@ async def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries(
     await dispatcher.stop()
     assert outbox.undelivered() == 20
     assert not outbox.postponed  # another service that shares the store may send them
+    assert "results wait to be sent to mqtt, which is not set up here" in caplog.text
 
 
 async def test_waiting_grows_to_its_limit_and_is_never_all_at_once(outbox: Outbox) -> None:
