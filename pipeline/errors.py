@@ -30,14 +30,14 @@ _OF_THE_MACHINE = frozenset(
 
 
 class DataError(MarksError):
-    """Content that cannot be used; `reading` makes it a FileError of the file that is read."""
+    """Unusable content; `reading` turns it into a FileError of the file."""
 
     def __init__(self, what: str, hint: str) -> None:
         super().__init__(what, hint=hint)
 
 
 class FaultError(FileError):
-    """A fault of the program, met while it was at work on a file: nothing is wrong with the file."""
+    """A fault of the program while it worked on a file; the file is not to blame."""
 
 
 class OwnFileError(FileError):
@@ -74,7 +74,7 @@ def is_web(url: str) -> bool:
 
 
 def without_secrets(url: str) -> str:
-    """A URL as it may be shown: without a password, and without the query of a web address, which may sign it."""
+    """A URL without secrets: no password, and no query of a web address, which may be a signature."""
     shown = _PASSWORD.sub("***@", url)
     return shown.partition("?")[0] if is_web(shown) else shown
 
@@ -125,7 +125,7 @@ def naming(name: str | Path) -> Iterator[None]:
 
 
 def require_file(path: Path, *, most_bytes: int) -> None:
-    """Check that there is a file which is not empty and not too long.
+    """Check that a file exists, is not empty and not too long.
 
     Raises:
         FileError: there is not.

@@ -1,4 +1,4 @@
-"""A bench that is open, and the part on it, felt pass by pass, or over a whole region.
+"""An open bench, and the part on it, felt pass by pass or over a whole region.
 
     with Bench(read_bench(path)) as bench:
         bench.home()
@@ -69,7 +69,7 @@ class Bench:
         self.close()
 
     def home(self) -> None:
-        """Lift, find the axes' ends, lift to where tips are carried.
+        """Lift, find the ends of the axes, and lift to the travel height.
 
         Raises:
             StageError: it cannot.
@@ -111,7 +111,7 @@ class Bench:
         return self.daq.stop()
 
     def close(self) -> None:
-        """Lift, and let both ports go; closing again does nothing."""
+        """Lift, and close both ports; closing again does nothing."""
         try:
             if self._in_pass:  # cut short by an interrupt
                 self._stop()
@@ -158,7 +158,7 @@ class BenchSession:
         self.fitting: Fitting = replace(fitting, calibration=known)
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass. A whisker's line is the line's, whichever whisker ran on it.
+        """Feel one pass. Samples are stored by line, whichever whisker ran on it.
 
         Raises:
             StageError: it could not be felt.
@@ -181,7 +181,7 @@ class BenchSession:
         )
 
     def close(self) -> None:
-        """Lift, and let the part go."""
+        """Lift, and release the part."""
         if self._bench is not None and not self._bench.stage.lost:
             with contextlib.suppress(StageError):
                 self._bench.stage.lift()

@@ -94,7 +94,7 @@ class Sender:
         return self._acknowledged == len(self._lines)
 
     def due(self, *, silent: bool) -> bytes:
-        """Take the bytes to be written now; `silent`: the last wait brought no answer."""
+        """Return the bytes to write now; `silent`: the last wait brought no answer."""
         begin = self._sent
         if self._again:
             # those behind the spoilt line have been refused as well by now
@@ -106,7 +106,7 @@ class Sender:
         return (self._query if silent else b"") + b"".join(self._lines[begin : self._sent])
 
     def acknowledges(self, answer: str) -> bool:
-        """Take an answer in; False where it acknowledges nothing.
+        """Process an answer; False if it acknowledges nothing.
 
         Raises:
             ValueError: a line is asked for again that cannot be sent.
@@ -135,7 +135,7 @@ class Controller(ABC):
     dialect: ClassVar[Dialect]
 
     def __init__(self, settings: StageSettings) -> None:
-        """Open the port; nothing is asked yet.
+        """Open the port; nothing is sent yet.
 
         Raises:
             StageError: it cannot be opened.
@@ -158,7 +158,7 @@ class Controller(ABC):
 
     @abstractmethod
     def ask_place(self) -> None:
-        """Ask for the place, and take the answer in.
+        """Ask for the position, and process the answer.
 
         Raises:
             StageError: as in `run`.
@@ -166,7 +166,7 @@ class Controller(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Emergency: end all moves now, then lift; it wants homing afterwards.
+        """Stop in an emergency: end all moves now, then lift; the stage needs homing afterwards.
 
         Raises:
             StageError: it could not be lifted.
@@ -200,7 +200,7 @@ class Controller(ABC):
         return self._place
 
     def run(self, lines: Sequence[str], *, seconds: float) -> None:
-        """Send lines, and wait until all are acknowledged; a line that waits for the end of moves is answered then.
+        """Send lines, and wait until all are acknowledged; a line that waits for moves is acknowledged at their end.
 
         Args:
             lines: without their ends; they travel together as far as the firmware has room.
@@ -236,7 +236,7 @@ class Controller(ABC):
                 raise self.failed(f"the stage's controller {error}") from error
 
     def take_in(self, answer: str) -> None:
-        """Take in an answer that is no acknowledgement.
+        """Process an answer that is no acknowledgement.
 
         Raises:
             StageError: it ends the run.
@@ -249,7 +249,7 @@ class Controller(ABC):
             self._place = (float(x), float(y), float(z))
 
     def travel(self, moves: Moves) -> None:
-        """Lift, turn, and stand lifted where a pass begins.
+        """Lift, turn, and move to the start of a pass.
 
         Raises:
             StageError: as in `run`.
@@ -292,7 +292,7 @@ class Controller(ABC):
             raise self.failed(f"the stage stands at {at} and not at {wanted}")
 
     def lift(self) -> None:
-        """Lift at rest: to where the tips are carried, or up by as much where their place is not known.
+        """Lift at rest to the travel height, or up by the same distance if the position is unknown.
 
         Raises:
             StageError: it cannot.
@@ -321,7 +321,7 @@ class Controller(ABC):
         )
 
     def _move(self, speed: float, **axes: float) -> str:
-        """A straight move in machine coordinates; speed in mm/s, or degrees a second."""
+        """A straight move in machine coordinates; speed in mm/s, or degrees per second."""
         places = "".join(f"{letter}{value:.3f}" for letter, value in axes.items())
         return f"{self.dialect.absolute}G1{places}F{60.0 * speed:.0f}"
 

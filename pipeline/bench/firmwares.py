@@ -1,4 +1,4 @@
-"""GRBL 1.1 and its kin (grblHAL, FluidNC), and Marlin 2.
+"""Firmwares: GRBL 1.1, grblHAL, FluidNC, and Marlin 2.
 
 GRBL: character counting, status reports, feed hold and soft reset::
 
@@ -121,7 +121,7 @@ class Grbl(Controller):
         return greeting[0]
 
     def _state(self, *, wait_s: float) -> str | None:
-        """State of a fresh status report; None where none comes."""
+        """State in a fresh status report; None without a report."""
         self._place = None
         self.port.write(b"?")
         found = self.port.answer(self.dialect.place, wait_s=wait_s)
@@ -156,7 +156,7 @@ class Marlin(Controller):
     _name = ""
 
     def connect(self) -> str:
-        """Wait for a board that boots, begin numbering, ask for its name.
+        """Wait for the board to boot, start numbering, and ask for its name.
 
         Raises:
             StageError: silent, or no Marlin.
@@ -176,7 +176,7 @@ class Marlin(Controller):
         raise self.unknown()
 
     def sender(self, lines: Sequence[str]) -> Sender:
-        """Number the lines on from the last."""
+        """Continue the numbering of lines."""
         first = 0 if lines[0] == _COUNT_ANEW else self._number + 1
         self._number = first + len(lines) - 1
         bodies = [f"N{number} {line}" for number, line in enumerate(lines, start=first)]
@@ -191,7 +191,7 @@ class Marlin(Controller):
         self.run(["M400", "M114"], seconds=0.0)
 
     def take_in(self, answer: str) -> None:
-        """Take in its name, too.
+        """Process an answer, including the name.
 
         Raises:
             StageError: it ends the run.
@@ -201,7 +201,7 @@ class Marlin(Controller):
             self._name = answer.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]
 
     def stop(self) -> None:
-        """Quick stop, lift; where it is deaf to that, M112, which leaves the tips where they are.
+        """Quick stop, lift; without an answer M112, which leaves the tips where they are.
 
         Raises:
             StageError: it was halted, or does not answer.

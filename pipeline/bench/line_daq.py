@@ -30,7 +30,7 @@ _CABLE_HINT = "see cable, baud and rate_hz of [daq]"
 
 
 class LineDaq:
-    """The converter; a thread of its own takes lines while the stage moves."""
+    """The converter; its own thread reads lines while the stage moves."""
 
     def __init__(self, settings: DaqSettings) -> None:
         """Open it.
@@ -80,7 +80,7 @@ class LineDaq:
         self._ask("start")
 
     def stop(self) -> Record:
-        """End, with every sample checked and none missing.
+        """Stop, and check that no sample is missing or damaged.
 
         Raises:
             StageError: it was reset, is silent, or samples are lost or spoilt.

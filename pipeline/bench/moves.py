@@ -1,4 +1,4 @@
-"""From a pass on the plate to moves of the machine, all within its limits.
+"""Convert a pass on the plate to moves of the machine within its limits.
 
 ::
 
@@ -61,7 +61,7 @@ class Ramp:
         return self.distance_mm / peak + peak / self.acceleration_mm_s2 if peak > 0.0 else 0.0
 
     def at_mm(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) distance run after each time, from 0 to the whole."""
+        """(n,) distance after each time, from 0 to the whole."""
         peak, total = self.peak_mm_s, self.duration_s
         if total == 0.0:
             return np.zeros_like(time_s)
@@ -169,7 +169,7 @@ def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...]
 
 
 def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tuple[float, float]:
-    """Machine x, y of the turning axis while the middle tip is over a place of the plate."""
+    """Machine x, y of the turning axis at which the middle tip is over a point of the plate."""
     offset = complex(*stage.tip_mm) * cmath.rect(1.0, math.radians(turn))
     x, y = tip_mm[0] - offset.real, tip_mm[1] - offset.imag
     origin = stage.origin_mm
@@ -177,7 +177,7 @@ def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tu
 
 
 def check_limits(place_mm: Sequence[float], stage: StageSettings) -> None:
-    """Refuse a place beyond the stage's travel.
+    """Refuse a position beyond the stage's travel.
 
     Raises:
         StageError: it is.

@@ -1,4 +1,4 @@
-"""A converter's record, and the samples of a pass in it, each with its position.
+"""The samples of a pass in a converter's record, each with its position.
 
 sync   ____|^^^^^^|________|^^^^^^^^^^^^^^^^^|____      high: the stage's spare output
              air     lower      the pass       lift
@@ -74,7 +74,7 @@ class Daq(Protocol):
         """
 
     def close(self) -> None:
-        """Let it go; closing again does nothing."""
+        """Release the converter; closing again does nothing."""
 
 
 def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:
@@ -128,7 +128,7 @@ def samples(
 def _averaged(
     x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
 ) -> NDArray[np.float64]:
-    """(channels, at) means of (samples, channels) over a width about each place: no faster wiggle is folded back."""
+    """(channels, at) means of (samples, channels) over a width about each time, against aliasing."""
     whole = cumulative_trapezoid(rows, x, axis=0, initial=0.0)
     low, high = (np.array([np.interp(at + s * width, x, c) for c in whole.T]) for s in (-0.5, 0.5))
     return np.asarray((high - low) / width)

@@ -180,7 +180,7 @@ class BenchSettings(Strict):
         )
 
     def run_up_mm(self, speed_mm_s: float) -> float:
-        """Within which the stage reaches a speed."""
+        """Distance within which the stage reaches a speed."""
         return 1.05 * speed_mm_s**2 / (2.0 * self.stage.acceleration_mm_s2) + math.ulp(1.0)
 
 

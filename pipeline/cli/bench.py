@@ -56,7 +56,7 @@ def check(bench: Path) -> None:
 
 
 def home(bench: Path) -> None:
-    """Lift the comb, find the ends of all axes, and carry it lifted; also after a crash or an alarm.
+    """Lift the comb and find the ends of all axes; also after a crash or an alarm.
 
     Parameters
     ----------

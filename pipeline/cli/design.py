@@ -1,4 +1,4 @@
-"""`tactile-marks design`: which whisker to build, and with --array which comb of them."""
+"""`tactile-marks design`: design a whisker, and with --array a comb of them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def design(
     length_mm: float | None = None,
     whiskers: str = "1,2,4,6,8,12,16,24,32,48",
 ) -> None:
-    """Design the whisker that shows edges best in the worst case, and say what stands in its way.
+    """Design the whisker that shows edges best in the worst case, and name the limits that bind.
 
     With --array: the comb of default whiskers and the plan that feel a serial in the least stage time.
 
@@ -154,7 +154,7 @@ def design(
 
 
 def _report_built(path: Path, request: Request) -> None:
-    """Report what an identified whisker does for a request, and by how much it may be off."""
+    """Report the values of an identified whisker for a request, with their uncertainty."""
     from pipeline.cli.design_report import fitness
     from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import prediction_lines

@@ -90,7 +90,7 @@ def explain_failure(error: NoWhiskerError) -> str:
 
 
 def fitness(request: Request) -> dict[str, Quantity]:
-    """Figures by what they are called; NaN where the whisker jams on a wall of the request."""
+    """Figures by name; NaN where the whisker jams on a wall of the request."""
 
     def figure(number: int) -> Quantity:
         def of(whisker: LShaped, touch: Touch) -> float:
@@ -107,7 +107,7 @@ def fitness(request: Request) -> dict[str, Quantity]:
 
 
 def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> None:
-    """Print what was asked for, what to build, how well it shows edges, and which limits bind."""
+    """Print the request, the whisker to build, its edge contrast, and the limits that bind."""
     print("\n".join(_described(design)))
     if tuned is not None:
         _print_tuned(tuned)
@@ -202,7 +202,7 @@ def _print_tuned(tuned: Tuned) -> None:
 
 
 def _factor(value: float) -> str:
-    """F with two decimals, and no minus before nothing."""
+    """F with two decimals, without a minus before zero."""
     return "jams" if np.isnan(value) else f"{round(float(value), 2) + 0.0:.2f}"
 
 

@@ -209,7 +209,7 @@ def export(
     cluster: str | None = None,
     check: Flag = False,
 ) -> None:
-    """Write an exam's parts, photographs, felt views and truth. An interrupted export goes on with the same command.
+    """Write an exam's parts, photographs, felt views and truth. An interrupted export continues with the same command.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def score(
 
 
 def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs = 1) -> None:
-    """Compare two finished benchmarks of the same parts, and show what flipped.
+    """Compare two finished benchmarks of the same parts, and show the changed readings.
 
     Writes compare.html, with pictures of the parts that flipped, compare.md and compare.csv.
 

@@ -19,7 +19,7 @@ BROKEN_PIPE = 141
 
 
 class CommandError(MarksError):
-    """A command that cannot go on, and the status to leave with."""
+    """A command cannot continue; with its exit status."""
 
     def __init__(self, what: str, *, hint: str = "", status: int = FAILED) -> None:
         super().__init__(what, hint=hint)

@@ -1,4 +1,4 @@
-"""`tactile-marks certify` and `study`: how far readings can be trusted."""
+"""`tactile-marks certify` and `study`: test the reliability of readings."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def certify(
 
 
 def _print_tests(found: Certification, confidence: float) -> None:
-    """Print what was read, and the thresholds at which anything changes."""
+    """Print the readings, and the thresholds at which the result changes."""
     from pipeline.cli.shared import print_table
 
     words = [f"{found.parts:,} labelled parts"]
@@ -124,7 +124,7 @@ def study(
     reading: Reading = READING,
     config: Config = None,
 ) -> int:
-    """Read every part several times, and report how far readings agree and how well depth is gauged.
+    """Read every part several times, and report the agreement of readings and the repeatability of depth.
 
     Height maps are scanned anew for every trial; files NAME.1, NAME.2 ... are trials of one part; of a single scan or
     photograph every trial is perturbed. Writes study.html, study.md, study.json and readings.csv. The exit status is 1

@@ -1,4 +1,4 @@
-"""The command `tactile-marks`. What is heavy is imported when a command needs it, so help comes at once."""
+"""The command `tactile-marks`. Slow libraries are imported when a command needs them, so help is fast."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _settings(app: App, commands: tuple[str, ...], arguments: ArgumentCollection
 
 
 def _default(value: object) -> str | None:
-    """A default as help shows it."""
+    """Format a default for help."""
     if value in (None, False, "", (), {}):
         return None
     return f"{value:g}" if isinstance(value, float) else str(value)
@@ -205,7 +205,7 @@ def _show_less(given: Sequence[str]) -> Callable[[], None]:
 
 
 def whole_help(*names: str) -> None:
-    """Let the help of a command be all that its function says, not the line that the list of commands has.
+    """Show the whole docstring of a command's function in its help, not only the line in the list of commands.
 
     Args:
         names: words of the command, such as tokens, add; further words may follow.
@@ -217,7 +217,7 @@ def whole_help(*names: str) -> None:
 
 
 def _read_docstrings_once() -> None:
-    """Let cyclopts read the source of a class once, not for every command that takes its settings: 10 s saved."""
+    """Let cyclopts read the source of a class once instead of for every command with its settings; this saves 10 s."""
     import docstring_parser
 
     if not hasattr(docstring_parser.parse_from_object, "cache_info"):
@@ -272,7 +272,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _worker_of(given: Sequence[str]) -> contextlib.AbstractContextManager[None]:
-    """A worker that imports what reading needs while this process parses its arguments; only `read` wants one."""
+    """Start a worker that imports the reader's libraries while this process parses arguments; only for `read`."""
     if given[:1] != ["read"] or any(word.partition("=")[0] in (*_HELP, "--cluster") for word in given):
         return contextlib.nullcontext()
     from pipeline.workers.process import started_early
@@ -281,7 +281,7 @@ def _worker_of(given: Sequence[str]) -> contextlib.AbstractContextManager[None]:
 
 
 class _Output(io.TextIOWrapper):
-    """Standard output or error; where it cannot be written the command ends with a status of its own."""
+    """Standard output or error; if it cannot be written, the command ends with its own status."""
 
     def write(self, text: str) -> int:
         with _output_faults(self):

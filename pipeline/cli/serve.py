@@ -33,7 +33,7 @@ def serve(
         tuple[Path, ...] | None, Parameter(consume_multiple=(0, 1), negative="", show_default=False)
     ] = None,
 ) -> int:
-    """Serve: photographs in, serials out; where the camera is unsure, the scan that would settle it.
+    """Run the service: it reads photographs, and asks for a scan if the camera is unsure.
 
     Listens on this machine only, at http://127.0.0.1:8417, and keeps its data in tactile-marks-data. The operator's
     page is at /.
@@ -56,7 +56,7 @@ def serve(
 
 
 def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = None) -> None:
-    """Work for a Dask scheduler until it ends, one process a core; a lost process is replaced.
+    """Work for a Dask scheduler until it ends, with one process per core; a lost process is replaced.
 
     Start the scheduler with: dask scheduler. This is `dask worker` with one thread a process and the memory of maps
     kept between parts, without which a part costs up to three times as much.
@@ -104,7 +104,7 @@ def _say(line: str) -> None:
 
 
 def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
-    """Serve until a signal ends it; requests that are at work may end first.
+    """Serve until a signal; running requests may finish first.
 
     Raises:
         UsageError: an address that is taken, a certificate that cannot be used, tokens asked for and none there.
@@ -164,7 +164,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
 
 
 def check_tokens(settings: ServiceSettings) -> None:
-    """Look for a token where callers need one, before any worker is started.
+    """Check that a token exists if callers need one, before any worker is started.
 
     Raises:
         UsageError: there is none.
@@ -185,7 +185,7 @@ def check_tokens(settings: ServiceSettings) -> None:
 
 
 def check_tls(settings: ServiceSettings) -> None:
-    """Load the certificate and its key before anything is begun.
+    """Load the certificate and its key before anything is started.
 
     Raises:
         UsageError: they cannot be used.
@@ -216,7 +216,7 @@ def _no_password() -> str:
 
 
 def listening(host: str, port: int, *, option: str) -> socket.socket:
-    """Bind the socket before anything else is begun, so that an address in use is reported at once."""
+    """Bind the socket before anything else is started, so that an address in use is reported at once."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # by its protocol asyncio knows that small answers are not to wait for the last one's acknowledgement
     bound = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)

@@ -50,7 +50,7 @@ _TYPES = {
 
 
 def _flags(title: str, model: type[Settings], setting: str, example: str) -> Parameter:
-    """Flags of a group in help, which says where else the settings may stand."""
+    """Flags of a group in help, which names the other sources of its settings."""
     variable = model.variable(setting)
     where = f"Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
     return Parameter(name="*", group=Group(title, help=where))
@@ -83,7 +83,7 @@ READING, WORKERS, SERVICE, MAPS = ReadSettings(), WorkerSettings(), ServiceSetti
 
 
 def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Give a command what environment and file say of its settings where its flags say nothing.
+    """Fill in settings from environment and file that have no flag on the command line.
 
     Raises:
         SettingsError: a file that cannot be read, unknown keys, a job beside a file of settings, a database that is not
@@ -155,7 +155,7 @@ def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None
 
 
 def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
-    """Settings that the environment gives, with their variables."""
+    """Settings from the environment, with their variables."""
     prefix, names = model.variable(""), {model.variable(name): name for name in model.leaves()}
     others = tuple(
         one.variable("") for one in MODELS if one.variable("").startswith(prefix) and one is not model
@@ -168,7 +168,7 @@ def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    """Settings that stand in a file, with their places."""
+    """Settings from a file, with their places."""
     tables = {one.table for one in MODELS}
     own = (
         written.get(model.table, {}) if model.table else {k: v for k, v in written.items() if k not in tables}

@@ -59,7 +59,7 @@ def show(*font: str, out: Path | None = None) -> None:
 
 
 def build(out: Path, *font: str) -> None:
-    """Write a glyph database of fonts, to be given to `read --database`.
+    """Write a glyph database of fonts for `read --database`.
 
     Parameters
     ----------

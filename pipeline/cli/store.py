@@ -116,7 +116,7 @@ def list_tokens(*, at: AtStore = STORE) -> None:
 
 
 def revoke(name: str, *, at: AtStore = STORE) -> None:
-    """Refuse a token from now on.
+    """Revoke a token.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def check(
     json_output: Annotated[bool, Parameter(name="--json", negative="")] = False,
     at: AtStore = STORE,
 ) -> int:
-    """Check the store and its files while the service runs; say what is wrong and what to do.
+    """Check the store and its files while the service runs; print problems and remedies.
 
     Exit status: 1 if there is something to do.
 

@@ -143,7 +143,7 @@ def check_recording(path: Path) -> None:
 def scan_actively(
     session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
 ) -> None:
-    """Record the passes that a reader chooses, and say why it stopped.
+    """Record the passes that a reader chooses, and print why it stopped.
 
     Raises:
         CommandError: nothing could be felt.
@@ -247,7 +247,7 @@ def identify(
 def import_traces(
     files: Annotated[list[Path], Parameter(consume_multiple=True)], /, *, traces: Path, out: Path
 ) -> None:
-    """Make a scan of traces recorded by others: positions and signals in, what `read` and `inspect` take out.
+    """Convert recorded traces (positions and signals) to a scan for `read` and `inspect`.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def import_traces(
 def figures(
     *, out: Path = Path("figures-out"), mu: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.2
 ) -> None:
-    """Draw Figs. 4, 6 and 7 of the paper, with the step F read off simulated traces beside eq. (16).
+    """Draw Figs. 4, 6 and 7 of the paper, with the step F of simulated traces beside eq. (16).
 
     Parameters
     ----------

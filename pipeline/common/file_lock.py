@@ -13,7 +13,7 @@ _AGAIN_S = 0.05
 
 @contextlib.contextmanager
 def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
-    """Hold the lock file, made if it is missing and left where it is, while the block runs.
+    """Hold the lock file while the block runs; it is created if missing, and left in place.
 
     Threads exclude each other as processes do, for each opens the file anew. A system with neither fcntl nor msvcrt
     runs one process only, and nothing is locked there.

@@ -81,7 +81,7 @@ SIGMAS = 2.0
 
 
 def wear(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:
-    """Changes beyond their limits, each with a remedy; empty where all is well."""
+    """Changes beyond their limits, each with a remedy; empty without any."""
     found = []
     for name, limit in _LIMITS.items():
         if name not in now.measures or name not in reference.measures:

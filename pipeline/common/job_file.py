@@ -36,14 +36,14 @@ _MODE_HINT = "take it out; a part is read by all that it has files for, and read
 
 
 def files_of(settings: ReadSettings) -> list[Path]:
-    """The files that the settings name."""
+    """The files named in the settings."""
     named = [path for name in FILES if (path := getattr(settings, name)) is not None]
     return [*named, *(Path(font) for font in settings.font if is_font_file(font))]
 
 
 @dataclass(frozen=True)
 class JobFile:
-    """A job, checked.
+    """A checked job.
 
     Attributes:
         name: the stem of its file.
@@ -59,7 +59,7 @@ class JobFile:
 
 
 def read_job_file(path: Path) -> JobFile:
-    """A job out of its file.
+    """Read a job from its file.
 
     Raises:
         FileError: as in `read_keys`; no name for a job, a setting that does not exist or is invalid, a file in it that
@@ -69,7 +69,7 @@ def read_job_file(path: Path) -> JobFile:
 
 
 def read_keys(path: Path) -> tuple[dict[str, Any], str]:
-    """The keys of a job file, not yet checked, and the file's SHA-256.
+    """Read the keys of a job file, not yet checked, and the file's SHA-256.
 
     Raises:
         FileError: no such file, no TOML.
@@ -78,7 +78,7 @@ def read_keys(path: Path) -> tuple[dict[str, Any], str]:
 
 
 def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
-    """The job that stands, or is to stand, in a file.
+    """The job of a file that exists or will be written.
 
     Args:
         path: path of the file.
@@ -118,7 +118,7 @@ def job_text(written: Mapping[str, Any], lines: Iterable[str]) -> str:
 
 
 def with_whole_paths(settings: ReadSettings, folder: Path) -> ReadSettings:
-    """The settings with files that they name looked for in a folder; fonts as far as they are files there."""
+    """The settings with the whole paths of files in a folder; also fonts that are files there."""
     folder = folder.absolute()
     paths = {name: folder / path for name in FILES if (path := getattr(settings, name)) is not None}
     fonts = tuple(str(folder / font) if (folder / font).is_file() else font for font in settings.font)

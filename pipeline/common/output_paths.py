@@ -17,7 +17,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder of output, and those above it, if need be.
+    """Make an output folder and its parents if needed.
 
     Raises:
         FileError: it cannot be made.
@@ -52,7 +52,7 @@ def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text; half a character, as a file's name may have it, is written as a word.
+    """Write a text; half surrogates, which file names may have, are written as words.
 
     Raises:
         FileError: it cannot be written.
@@ -71,7 +71,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV table whose cells no spreadsheet takes for formulas; half a character is written as a word.
+    """Write a CSV table whose cells are not formulas for a spreadsheet; half surrogates are written as words.
 
     Args:
         path: path of the table.

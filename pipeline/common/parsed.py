@@ -82,7 +82,7 @@ def json_of(text: str | bytes) -> Any:
 
 
 def shown(value: object) -> str:
-    """A value as it was written, in at most a line."""
+    """A value as written, in at most one line."""
     try:
         text = repr(value)
     except ValueError:  # an integer of more digits than Python writes
@@ -97,7 +97,7 @@ def read_toml(
     format_version: int | None = None,
     hidden: Collection[str] = (),
 ) -> Model:
-    """A TOML file as a model.
+    """Read a TOML file as a model.
 
     Args:
         path: the file.

@@ -25,7 +25,7 @@ class Person:
 
     @property
     def holder(self) -> str:
-        """Key of this person's claims; empty where there is none."""
+        """Key of this person's claims; empty without one."""
         return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
 
     def said(self, review: ReviewRecord) -> bool:
@@ -35,7 +35,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ClaimRecord:
-    """A part that a person is at.
+    """A part that a person works on.
 
     Attributes:
         part_id: which.

@@ -1,4 +1,4 @@
-"""One reading as it is kept: of the camera, of touch, or of both; and what to feel where the camera is unsure.
+"""Records of a reading by camera, touch or both, and of the scan to make if the camera is unsure.
 
 Boxes are in mm of the frame of what was read: the plate's for touch, the photograph's for the camera; of a photograph
 whose scale is not known they are in its pixels.
@@ -19,7 +19,7 @@ _ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}
 
 @dataclass(frozen=True)
 class CandidateRecord:
-    """One answer for one place.
+    """One candidate for one place.
 
     Attributes:
         char: the character.
@@ -120,7 +120,7 @@ class LineRecord:
 
 @dataclass(frozen=True)
 class FieldRecord:
-    """A field of a marking that says what it is.
+    """A named field of a marking.
 
     Attributes:
         name: text element or application identifier: SER, 21.
@@ -257,7 +257,7 @@ class ReadingRecord:
 
 @dataclass(frozen=True)
 class ScanPlanRecord:
-    """The scan that the whisker stage is asked for.
+    """The scan that the whisker stage must make.
 
     Attributes:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
@@ -295,7 +295,7 @@ def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
 
 
 def to_json(record: Any) -> dict[str, Any]:
-    """The record as values that JSON has: enums and times as text, tuples as lists."""
+    """The record as JSON values: enums and times as text, tuples as lists."""
     made: dict[str, Any] = _adapter(type(record)).dump_python(record, mode="json")
     return made
 
@@ -306,7 +306,7 @@ def to_json_bytes(record: Any) -> bytes:
 
 
 def from_json(kind: type[T], data: Any) -> T:
-    """The record out of what `to_json` made of it, or out of that as JSON text.
+    """Make a record from the result of `to_json`, or from its JSON text.
 
     Raises:
         ValueError: data that are no such record.

@@ -182,7 +182,7 @@ class AgreementDay:
 
 @dataclass(frozen=True)
 class PartRecord:
-    """A part as it stands.
+    """A part in its present state.
 
     Attributes:
         id: made by the store; sorts by time.
@@ -272,7 +272,7 @@ class WaitingResults:
 
 @dataclass(frozen=True)
 class History:
-    """All that happened to a part, oldest first; nothing of it is ever changed."""
+    """All events of a part, oldest first; they are never changed."""
 
     events: tuple[EventRecord, ...]
     readings: tuple[ReadingRecord, ...]
@@ -282,7 +282,7 @@ class History:
 
 @dataclass(frozen=True)
 class PartStory(History):
-    """A part and all that happened to it, as it was at one moment.
+    """A part and all its events at one moment.
 
     Attributes:
         part: the part with its present state.
@@ -318,7 +318,7 @@ class TrendStep:
 
 @dataclass(frozen=True)
 class Statistics:
-    """The dashboard's numbers of a stretch of time.
+    """The dashboard's numbers for a period.
 
     Attributes:
         since: its beginning.
@@ -352,7 +352,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class AlertRecord:
-    """Something that has gone wrong, until it is right again.
+    """A problem, from its start until it is solved.
 
     Attributes:
         name: reject_rate, review_rate, drift, drift:JOB, bench, golden or golden_overdue.

@@ -1,4 +1,4 @@
-"""One part, one row: a flat view of its record, for tables that know no lists, the terminal and counts.
+"""One row per part: a flat view of its record, for tables without lists, the terminal and counts.
 
     ReadingRecord --row_of--> columns --> (CSV, terminal, summary)
 
@@ -108,7 +108,7 @@ def depths_text(places: Sequence[CharacterRecord]) -> str:
 
 
 def lines_text(lines: Sequence[LineRecord]) -> str:
-    """Other lines of a part: "lot=LOT77;date=12/26"; only the text of a line that was not asked for."""
+    """Other lines of a part: "lot=LOT77;date=12/26"; only the text of a line that was not requested."""
     return ";".join(f"{line.name}={line.text}" if line.name else line.text for line in lines)
 
 
@@ -124,7 +124,7 @@ def codes_text(codes: Sequence[CodeRecord]) -> str:
 
 
 def alternatives_text(places: Sequence[CharacterRecord]) -> str:
-    """Each place's other candidates with some belief: "3: 8 0.21, B 0.02; 5: S 0.01"."""
+    """Each place's other candidates with their probabilities: "3: 8 0.21, B 0.02; 5: S 0.01"."""
     named = (
         (k, [f"{c.char} {c.probability:.2f}" for c in place.candidates[1:] if c.probability >= WORTH_SHOWING])
         for k, place in enumerate(places, start=1)

@@ -18,7 +18,7 @@ _COMMENT = re.compile(r"(^|\s)#.*")
 
 
 def serial_format(settings: ReadSettings) -> Grammar | None:
-    """The grammar of the serials; None where the settings say nothing of it.
+    """The grammar of the serials; None if the settings have none.
 
     Raises:
         FileError: a lexicon that cannot be used.
@@ -37,7 +37,7 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
 
 
 def outside_format(text: str, settings: ReadSettings) -> str:
-    """The rules that a text breaks, in words; empty where it breaks none, or the settings have none.
+    """The rules that a text breaks, in words; empty if there are none.
 
     Raises:
         FileError: as in `serial_format`.
@@ -49,7 +49,7 @@ def outside_format(text: str, settings: ReadSettings) -> str:
 
 
 def read_lexicon(path: Path) -> frozenset[str]:
-    """The serials in a text file, one a line; what follows a # at the start or after a blank is a comment.
+    """Read the serials in a text file, one per line; a # at the start or after a blank begins a comment.
 
     Raises:
         FileError: no such file, no text, or no serial in it.

@@ -1,4 +1,4 @@
-"""Duplicate, order and sequence checks of a serial that is read surely.
+"""Duplicate, order and sequence checks of a serial that was read with certainty.
 
     in the order?         KX407299 is not in lot-7.csv
     read before?          KX407251 was read before, of tray-7/part-3        (`pipeline.store.parts` asks)
@@ -38,7 +38,7 @@ class SerialAlarm(StrEnum):
 
 @dataclass(frozen=True)
 class Objection:
-    """Reason to send a part that is read surely to review.
+    """Reason to send a part to review although it was read with certainty.
 
     Attributes:
         alarm: kind of the objection.
@@ -73,7 +73,7 @@ class NumberedSerial(NamedTuple):
 
 @dataclass(frozen=True)
 class ProductionOrder:
-    """The serials that are to come.
+    """The serials of an order.
 
     Attributes:
         name: name of its file.
@@ -86,7 +86,7 @@ class ProductionOrder:
     ranges: tuple[tuple[NumberedSerial, NumberedSerial], ...] = ()
 
     def holds(self, text: str) -> bool:
-        """Whether a serial is in it, blanks or not."""
+        """Whether a serial is in it, with or without blanks."""
         place = split_serial(text)
         return without_blanks(text) in self.serials or any(
             place is not None and place.series == first.series and first.number <= place.number <= last.number

@@ -26,7 +26,7 @@ class SettingsError(MarksError):
 
 
 class Settings(BaseModel):
-    """Settings, checked; unknown names are errors.
+    """Checked settings; unknown names are errors.
 
     Attributes:
         table: table of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names,
@@ -54,7 +54,7 @@ class Settings(BaseModel):
 
     @classmethod
     def of(cls, **given: Any) -> Self:
-        """The settings given, as a program gives them.
+        """Make settings from a program's arguments.
 
         Raises:
             SettingsError: an unknown or invalid one.
@@ -157,7 +157,7 @@ def _line_of_table(name: str, written: Any) -> str:
 
 @dataclass(frozen=True)
 class NamedLine:
-    """A line that stands beside the serial, as it is written: lot=AAA99, or lot@0,0.5,1,1=AAA99.
+    """Another line beside the serial, written as lot=AAA99, or lot@0,0.5,1,1=AAA99.
 
     Attributes:
         name: name of the line.
@@ -171,7 +171,7 @@ class NamedLine:
 
     @classmethod
     def parse(cls, text: str) -> NamedLine:
-        """Out of what is written.
+        """Parse the written form.
 
         Raises:
             ValueError: it has no name, no format, or a region that is none.
@@ -201,7 +201,7 @@ def _lines(value: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _region(value: Any) -> Any:
-    """The region of four shares that are written.
+    """Parse a region of four shares.
 
     Raises:
         ValueError: they are none.
@@ -263,7 +263,7 @@ def _rules(value: tuple[str, ...]) -> None:
 
 
 def _where_given(check: Callable[[tuple[str, ...]], None]) -> AfterValidator:
-    """Check values by libraries that are slow to import, and that nothing is imported for where there are none."""
+    """Check values by libraries that are slow to import; they are imported only if there are values."""
 
     def checked(value: tuple[str, ...]) -> tuple[str, ...]:
         if value:
@@ -292,7 +292,7 @@ MOST_FONTS = 64
 
 
 class MapSettings(Settings):
-    """Settings of height files: what a file does not state, or states wrongly."""
+    """Settings of height files, for values that a file lacks or states wrongly."""
 
     unit: Literal["nm", "um", "mm", "m", "in"] | None = None
     """Unit of the numbers in height files, whatever the file states. Default: the unit that the file states, and mm
@@ -309,7 +309,7 @@ class MapSettings(Settings):
 
 
 class Limits(Settings):
-    """Largest sizes of a part's files, where others send them."""
+    """Largest sizes of a part's files that others send."""
 
     photo_pixels: int = Field(default=40_000_000, ge=64)
     """Largest photograph; checked before it is decoded."""
@@ -389,5 +389,5 @@ class ReadSettings(MapSettings):
 
     @property
     def touch_budget_s(self) -> float | None:
-        """Most stage seconds of touch that chooses its passes; None where the whole plan is felt."""
+        """Greatest stage seconds of active touch; None for the whole plan."""
         return self.budget_s if self.active else None

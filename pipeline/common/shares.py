@@ -32,12 +32,12 @@ class Share:
 
     @property
     def value(self) -> float:
-        """The share; 0 of nothing."""
+        """The share; 0 without trials."""
         return self.count / self.total if self.total else 0.0
 
 
 def share(count: int, total: int, *, exact: bool = False) -> Share:
-    """A share with Wilson's 95 % interval, or the exact one; both take the trials for independent.
+    """A share with Wilson's 95 % interval, or the exact one; both assume independent trials.
 
     Raises:
         ValueError: more than all, or fewer than none.

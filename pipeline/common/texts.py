@@ -1,4 +1,4 @@
-"""Texts: as they are stamped, as cells of a table, and a true serial beside the one that was read.
+"""Texts: stamped form, cells of a table, and alignment of a true serial with the one that was read.
 
 Cells of CSV that a spreadsheet takes for formulas are text with an apostrophe in front: =1+1 <-> '=1+1.
 
@@ -25,7 +25,7 @@ EXTRA = "nothing stamped"
 
 
 def without_blanks(text: str) -> str:
-    """A text as it is stamped."""
+    """A text without blanks, as it is stamped."""
     return "".join(text.split())
 
 
@@ -35,12 +35,12 @@ def same_text(one: str, other: str) -> bool:
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """Items that are separated by commas."""
+    """Split items separated by commas."""
     return tuple(item.strip() for item in text.split(",") if item.strip())
 
 
 def first_of(names: Sequence[str]) -> str:
-    """Write the first five of some names, and that there are more."""
+    """Write the first five of some names, and the number of others."""
     return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
@@ -50,7 +50,7 @@ def harmless(text: str) -> str:
 
 
 def original(cell: str) -> str:
-    """The text of a cell that was written so."""
+    """Recover the text of a cell."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 
@@ -75,7 +75,7 @@ class Pair:
 
 
 def align(true: str, read: str) -> tuple[Pair, ...]:
-    """The two serials beside each other, left to right."""
+    """Align two serials, left to right."""
     if len(true) == len(read):
         return tuple(Pair(t, r, k) for k, (t, r) in enumerate(zip(true, read, strict=True)))
     from rapidfuzz.distance import Levenshtein  # slow to import, and every command imports this module

@@ -16,7 +16,7 @@ _NO_EFFECT = frozenset({"cli", "plots", "service", "report.py", "charts.py", "cu
 
 @cache
 def program_version() -> str:
-    """The installed version; "0" where the program runs without having been installed."""
+    """The installed version; "0" if the program is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -41,7 +41,7 @@ def library_versions(names: Iterable[str]) -> dict[str, str]:
 
 @cache
 def program_mark() -> str:
-    """A hash of the program's text: what two versions answer does not belong in one table."""
+    """A hash of the source code: answers of two versions do not belong in one table."""
     import glyphs
     import pipeline
     import recognition
@@ -70,12 +70,12 @@ def reader_versions() -> dict[str, str]:
 
 
 def key_of(description: Mapping[str, Any]) -> str:
-    """Hash of what is tried; equal descriptions have equal keys whatever the order of their entries."""
+    """Hash of a description; the order of its entries does not matter."""
     return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def file_sha256(path: Path) -> str:
-    """Hash of what a file holds, hexadecimal.
+    """Hash of a file's content, hexadecimal.
 
     Raises:
         OSError: it cannot be read.
@@ -94,6 +94,6 @@ def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def in_short(value: object) -> str:
-    """A value in a few characters."""
+    """A value, shortened."""
     text = json.dumps(value)
     return text if len(text) <= _MOST_CHARACTERS else text[: _MOST_CHARACTERS - 3] + "..."

@@ -1,1 +1,1 @@
-"""File formats in and out, and which parts there are."""
+"""File formats in and out, and discovery of parts."""

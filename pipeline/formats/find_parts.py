@@ -66,7 +66,7 @@ class PassedOver:
         return Counter(suffix.lower()[:20] or "no suffix" for suffix in suffixes)
 
     def describe(self) -> str:
-        """One line for a person; empty where nothing was passed over."""
+        """One line of text; empty if nothing was ignored."""
         if not (total := len(self.files)):
             return ""
         kinds = ", ".join(f"{n} {suffix}" for suffix, n in sorted(self.counts.items()))
@@ -78,7 +78,7 @@ class PassedOver:
 
 
 class Listing(list[PartFiles]):
-    """Parts found, and the files of their folders that belong to no part."""
+    """Found parts, and the files of their folders that belong to no part."""
 
     def __init__(self, parts: Iterable[PartFiles], passed_over: PassedOver) -> None:
         super().__init__(parts)
@@ -139,7 +139,7 @@ def discover(
 
 
 def _is_manifest(name: str) -> bool:
-    """Whether an input is a table of parts, and no folder of that name or table of heights."""
+    """Whether an input is a table of parts, not a folder or a table of heights."""
     if not is_manifest(name) or os.path.isdir(name):
         return False
     from pipeline.formats.text_maps import is_number_table  # slow, and few inputs are tables
@@ -148,7 +148,7 @@ def _is_manifest(name: str) -> bool:
 
 
 class FoundFiles:
-    """Files as they are found, put together to parts by folder and stem.
+    """Found files, grouped to parts by folder and stem.
 
     Attributes:
         passed_over: files of folders that no part is made of; complete after `parts`.
@@ -237,7 +237,7 @@ class FoundFiles:
 
 
 def _files_in(folder: str) -> list[str]:
-    """Files of a folder by name; what kind they are is known without asking for each."""
+    """Files of a folder by name, with their kind, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
             return sorted(str(Path(e.path)) for e in entries if _is_file(e))
@@ -247,7 +247,7 @@ def _files_in(folder: str) -> list[str]:
 
 
 def _is_file(entry: os.DirEntry[str]) -> bool:
-    """Whether an entry is a file, or a link that leads nowhere: its reader says so."""
+    """Whether an entry is a file or a broken link, which its reader will report."""
     try:
         return entry.is_file() or (entry.is_symlink() and not os.path.exists(entry.path))
     except OSError:
@@ -255,7 +255,7 @@ def _is_file(entry: os.DirEntry[str]) -> bool:
 
 
 def kind_of_named(file: str) -> str:
-    """The attribute of a part for a named file of a kind that is not read: its reader refuses it."""
+    """The attribute of a part for a named file of an unsupported kind: its reader refuses it."""
     suffix = os.path.splitext(split_name(file)[1])[1].lower()
     return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"
 
@@ -278,7 +278,7 @@ def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
 
 
 def _stem_name(stem: str) -> str:
-    """A name that can be stored, whatever bytes the file's name is made of."""
+    """A name that can be stored, for any bytes in the file's name."""
     return stem.encode("utf-8", "replace").decode()[: _MOST_NAME if len(stem) > 255 else None]
 
 

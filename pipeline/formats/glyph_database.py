@@ -45,7 +45,7 @@ _NUMBERS = ("<f4", "<f8")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exemplar(OneLine):
-    """One character as it was once felt, enrolled by hand.
+    """One felt character, enrolled by hand.
 
     Attributes:
         char: the character.
@@ -194,7 +194,7 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 def _array(written: dict[str, Any]) -> Any:
-    """Make the array again that `_plain` wrote; other objects of JSON stay as they are."""
+    """Restore an array written by `_plain`; other JSON objects stay unchanged."""
     if written.keys() != {"dtype", "shape", "base64"} or written["dtype"] not in _NUMBERS:
         return written
     return np.frombuffer(base64.b64decode(written["base64"]), written["dtype"]).reshape(written["shape"])

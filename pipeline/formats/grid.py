@@ -190,7 +190,7 @@ MAX_PITCH_MM = 10.0
 
 @dataclass(frozen=True, eq=False)
 class PartMap:
-    """Top of a part, and what lies on it.
+    """Top of a part, and its soil.
 
     Attributes:
         height_map: in mm, row 0 at the top.
@@ -204,7 +204,7 @@ class PartMap:
 
 
 def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
-    """The map that a file holds.
+    """Make the map of a file.
 
     Args:
         raw: its heights.
@@ -239,7 +239,7 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
-    """Distances of columns and rows, in the file's numbers; what the settings give goes before them."""
+    """Distances of columns and rows, in the file's numbers; settings override them."""
     if settings.pitch_mm is not None:
         return settings.pitch_mm, settings.pitch_mm
     if raw.x_pitch is None or raw.y_pitch is None:

@@ -1,4 +1,4 @@
-"""Look at an HDF5 file before it is read: all that it holds must be in it, and of bounded size.
+"""Check an HDF5 file before it is read: all content must be inside it, and of bounded size.
 
 HDF5 can point to other files (external links, external storage, virtual datasets), and what a stranger sends may not
 read the server's. Nothing is decoded and no link is followed.
@@ -21,7 +21,7 @@ MOST_CHUNK_BYTES = 268_435_456
 
 
 def check_hdf5(path: Path, *, most: int) -> None:
-    """Check that all that an HDF5 file holds is in it, in small chunks and of bounded size.
+    """Check that all content of an HDF5 file is inside it, in small chunks and of bounded size.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""Traces that others have recorded, as a scan: cut into passes, laid at even steps along the travel.
+"""Import recorded traces as a scan: cut into passes and resampled at even steps along the travel.
 
     stage  x |        ______      number   -1 0 0 0 0 0 -1 1 1 ...     a pass is what one number marks, or one file
              |   ____/            lifted    1 1 0 0 0 0  1 ...         air, then land
@@ -246,7 +246,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
 
 
 def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
-    """Samples a second, by the clock of the rows if they have one; it may start anew with a pass."""
+    """Samples per second, by the clock of the rows if they have one; it may start anew with a pass."""
     columns = layout.columns
     if columns.time is None or table.n_rows < 2:
         if not (rate := layout.sampling_rate_hz or table.rate_hz):
@@ -272,7 +272,7 @@ def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
 
 
 def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> None:
-    """Refuse times or positions by which the stage crawls or flies.
+    """Refuse times or positions with an impossibly slow or fast stage.
 
     Args:
         step_mm: step from sample to sample.

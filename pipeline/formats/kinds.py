@@ -24,7 +24,7 @@ HEAD_BYTES = 16
 
 @dataclass(frozen=True)
 class PhotoKind:
-    """A kind of picture that is read.
+    """A supported kind of picture.
 
     Attributes:
         name: Pillow's name for it.
@@ -40,7 +40,7 @@ class PhotoKind:
 
     @property
     def suffix(self) -> str:
-        """The usual one."""
+        """The usual suffix."""
         return self.suffixes[0]
 
 

@@ -1,4 +1,4 @@
-"""Tables of parts: which files are whose, and what the parts should read.
+"""Tables of parts: their files and expected texts.
 
 part,height_map,scan,photo,expected,format,font
 A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
@@ -54,7 +54,7 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\[^\\]+")
 
 
 def is_manifest(name: str) -> bool:
-    """Whether a path or URL ends as a table of parts does."""
+    """Whether a path or URL has the suffix of a table of parts."""
     return split_name(name)[1].lower().endswith(".csv")
 
 
@@ -110,7 +110,7 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
 
 
 def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
-    """One line as a part."""
+    """Make a part of one line."""
     if _CONTROL.search("".join(cells.values())):
         column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
         raise DataError(f"{where} has a line break or control character under {column}", "check its quotes")
@@ -134,7 +134,7 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
 
 
 def _place(source: str, where: str, name: str) -> str:
-    """A file beside the table; a path that Windows wrote is read on any system.
+    """A file relative to the table; paths from Windows work on any system.
 
     Raises:
         DataError: it begins with a drive or a server that this system does not have.

@@ -37,7 +37,7 @@ DEFAULT_HARDNESS_MPA = 10.0
 
 @dataclass(frozen=True)
 class _SoilMember:
-    """The value of a member that is missing, and the values that it may hold."""
+    """Default and allowed values of a member."""
 
     missing: float
     least: float

@@ -1,4 +1,4 @@
-"""Names of files, paths and URLs, and a part by the names of its files: small, for lists of a million."""
+"""Names of files, paths and URLs, and a part by the names of its files: compact, for lists of a million."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def local_name(name: str) -> str:
 
 
 def harmless_name(name: str) -> str:
-    """A file name without anything that leads elsewhere, and with the suffix kept."""
+    """A file name without path elements, and with its suffix."""
     stem, suffix = os.path.splitext(re.sub(r"[^\w.+ -]", "_", name, flags=re.ASCII).lstrip("."))
     return (stem[: _MOST_FILE_NAME - len(suffix[:20])] or "file") + suffix[:20]
 
 
 def beside(source: str, name: str) -> str:
-    """A file as the table names it: URLs and absolute paths as they are, others beside the table."""
+    """A file named in a table: URLs and absolute paths unchanged, others relative to the table."""
     if is_url(name):
         return local_name(name)
     if os.path.isabs(name):
@@ -85,12 +85,12 @@ def beside(source: str, name: str) -> str:
 
 
 def absolute(name: str | Path) -> str:
-    """A path from the root on; a URL as it is."""
+    """An absolute path; URLs are unchanged."""
     return str(name) if not name or is_url(name) else os.path.abspath(name)
 
 
 def spelling_on_disk(name: str) -> Path:
-    """The path of a file as the disk spells it; as it is given where there is no such file.
+    """The path of a file in the disk's own spelling; unchanged without such a file.
 
     Raises:
         FileError: several files differ from the name in spelling alone.
@@ -129,7 +129,7 @@ def _composed(name: str) -> str:
 
 
 def folded(name: str) -> str:
-    """A name's spelling, however it is composed (NFC, NFD) and in whatever case."""
+    """A name's spelling, independent of composition (NFC, NFD) and case."""
     return _composed(name).casefold()
 
 
@@ -147,7 +147,7 @@ _SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
 
 @dataclass(frozen=True, slots=True)
 class PartFiles:
-    """One part by its files, each a path or URL; empty where there is none.
+    """One part by its files, each a path or URL; empty if missing.
 
     Attributes:
         name: unique in its list; control characters are written as words.
@@ -192,17 +192,17 @@ class PartFiles:
 
     @property
     def felt(self) -> bool:
-        """Whether there is anything to be felt."""
+        """Whether there is a height map or scan."""
         return bool(self.height_map or self.scan)
 
     def absolute(self) -> PartFiles:
-        """The part with local files named as on any machine that shares the disk."""
+        """The part with absolute paths of local files, valid on every machine that shares the disk."""
         height_map, scan, *photos = map(absolute, (self.height_map, self.scan, *self.photos))
         return replace(self, height_map=height_map, scan=scan, photos=tuple(photos))
 
 
 def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
-    """The settings that a part is read with: its own format and fonts go before the run's."""
+    """The settings for a part: its own format and fonts override those of the run."""
     own: dict[str, tuple[str, ...]] = {}
     if part.format:
         own["format"] = (part.format,)
@@ -212,7 +212,7 @@ def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
 
 
 def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
-    """Folder and stem of a path or URL (None: hidden), and which attribute of a part its suffix means ("": none)."""
+    """Folder and stem of a path or URL (None: hidden), and the attribute of a part for its suffix ("": none)."""
     folder, last = split_name(file)
     if not last or last.startswith("."):
         return None, ""
@@ -223,14 +223,14 @@ def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, 
 
 
 def set_of(file: str) -> str:
-    """Stem of the set that one of several photographs belongs to (part.light-2.png); empty of others."""
+    """Stem of the set of a photograph such as part.light-2.png; empty for others."""
     stem, suffix = os.path.splitext(split_name(file)[1])
     several = _SEVERAL.match(stem) if file_kind(suffix) == "photo" else None
     return several["stem"] if several else ""
 
 
 def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
-    """The parts with names that are unique: as much of its folder before a name as that takes.
+    """The parts with unique names: as much of the folder before a name as needed.
 
     Parts of one name and one folder, which only manifests can tell of, are numbered.
     """

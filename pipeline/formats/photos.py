@@ -45,13 +45,13 @@ _BLANK = 2.0 / 255.0
 
 
 def turn_upright(pixels: Decoded, orientation: int) -> Decoded:
-    """A picture turned as its EXIF orientation (1 to 8) says; other numbers turn nothing."""
+    """Turn a picture by its EXIF orientation (1 to 8); other numbers are ignored."""
     turned = np.rot90(pixels, {3: 2, 4: 2, 5: 3, 6: 3, 7: 1, 8: 1}.get(orientation, 0))
     return turned[:, ::-1] if orientation in (2, 4, 5, 7) else turned
 
 
 def lay_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
-    """(rows, cols, 3) pixels made opaque, and the ground ("white", "black") that shows through; "" if none does.
+    """(rows, cols, 3) opaque pixels, and the background ("white", "black") that shows through; "" if none does.
 
     Evenly opaque or transparent pictures keep their colours. Where what is opaque is dark the ground is white, else
     black.
@@ -72,7 +72,7 @@ def lay_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
 
 
 def stretch(pixels: Decoded) -> Pixels:
-    """Pixels of 16 bit stretched over their full scale; of 8 bit as they are.
+    """Stretch pixels of 16 bit to their full scale; 8 bit is unchanged.
 
     The scale ends a little beyond the percentiles, and nowhere beyond the numbers there are.
     """
@@ -90,7 +90,7 @@ def stretch(pixels: Decoded) -> Pixels:
 
 
 def is_blank(pixels: Decoded) -> bool:
-    """Whether a page shows nothing."""
+    """Whether a page is blank."""
     made, _ = lay_on_ground(pixels)
     low, high = np.percentile(_some(made), (0.1, 99.9))
     return bool(high - low < _BLANK * np.iinfo(made.dtype).max)
@@ -122,7 +122,7 @@ _NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 
 
 def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
-    """Read a photograph as red, green and blue of 8 or 16 bit, turned upright as its EXIF says.
+    """Read a photograph as red, green and blue of 8 or 16 bit, turned upright by its EXIF data.
 
     Pictures of 16 bit are stretched between percentiles, so that neither a 12 bit camera nor a single glint leaves
     the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
@@ -152,7 +152,7 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
 
 @contextlib.contextmanager
 def _opened(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
-    """The picture, not yet decoded; errors of its decoder name the file."""
+    """Open a picture without decoding it; errors of the decoder name the file."""
     with reading(path, kind="picture", most_bytes=MOST_BYTES["photo"]), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
         from PIL import Image, UnidentifiedImageError
@@ -170,7 +170,7 @@ def _opened(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
 
 
 def _check_work(path: Path, image: ImageFile, most: int = MAX_PIXELS) -> None:
-    """Refuse a page, before it is decoded, that takes more work than a photograph."""
+    """Refuse a page that takes more work than a photograph, before it is decoded."""
     pixels = image.width * image.height
     if pixels > most:
         raise DataError(f"has {_size(image)}, over the limit of {most:,}", "crop or shrink it")
@@ -219,7 +219,7 @@ def _pitch_mm(image: ImageFile) -> float | None:
 
 
 def _page(path: Path, image: ImageFile) -> tuple[int, int]:
-    """The page of a TIFF that is read, and how many it has: the first that is not blank; the picture stands at it.
+    """Choose the first page of a TIFF that is not blank; return its number and the number of pages.
 
     Smaller copies of a page do not count. Beyond `_MOST_PAGES` nothing is looked at or counted.
     """
@@ -278,7 +278,7 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
 
 
 def _is_deep(path: Path, image: ImageFile) -> bool:
-    """Whether a picture has 16 bit a channel."""
+    """Whether a picture has 16 bits per channel."""
     if image.format == "TIFF":
         return 16 in image.tag_v2.get(_BITS, ())  # type: ignore[attr-defined]
     if image.format == "PPM":
@@ -297,7 +297,7 @@ def _decoded_deep(path: Path, page: int) -> Decoded:
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
-    """A page of a picture as it is stored, (rows, cols) or (rows, cols, channels); None where it is damaged."""
+    """A stored page of a picture, (rows, cols) or (rows, cols, channels); None if it is damaged."""
     from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()
@@ -311,7 +311,7 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights in the pixels of a PNG or TIFF of 16 or 32 bits, where the user says that they are.
+    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits, if the user declares them as heights.
 
     The pitch is the pixel's size where the file says one.
 

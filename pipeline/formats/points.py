@@ -1,4 +1,4 @@
-"""Heights out of meshes (STL, PLY, OBJ, by trimesh) and of points.
+"""Heights from meshes (STL, PLY, OBJ, by trimesh) and points.
 
 x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a
 grid keep their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
@@ -112,7 +112,7 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
 def map_of_points(
     points: NDArray[np.number], faces: Faces | None = None, *, most: int = MAX_PIXELS
 ) -> RawMap:
-    """Heights on a grid out of points (n, 3) and triangles (m, 3) of them, if there are any.
+    """Make a grid of heights from points (n, 3) and their triangles (m, 3), if any.
 
     Raises:
         DataError: too few points, points in one line, or a map of more samples than the limit.
@@ -159,7 +159,7 @@ def _on_grid(points: Points) -> tuple[Points, float, float] | None:
 def _triangulated(
     points: Points, faces: Faces, known: NDArray[np.bool_], most: int
 ) -> tuple[Points, float, float]:
-    """Heights on a grid of our own, as the uppermost triangles have them, and its pitch twice."""
+    """Heights of the uppermost triangles on a new grid, and its pitch for both axes."""
     width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
     if not min(width, height) > 0.0:
         raise DataError("is a profile: its points lie in one plane", "measure a surface")
@@ -190,13 +190,13 @@ def _triangulated(
 
 
 def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
-    """(m,) as seen from above."""
+    """(m,) longest sides seen from above."""
     corners = points[faces][:, :, :2]
     return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
 
 
 def _drawn_samples(places: Points, faces: Faces) -> float:
-    """Samples that `_draw` looks at, about: those in each triangle, and the ends of its rows."""
+    """Approximate number of samples that `_draw` visits: those in each triangle, and the ends of its rows."""
     a, b, c = (places[faces[:, k], :2] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     rows = np.ptp(places[:, 1][faces], axis=1)
@@ -205,7 +205,7 @@ def _drawn_samples(places: Points, faces: Faces) -> float:
 
 @kernel()
 def _draw(z, places, faces):  # type: ignore[no-untyped-def]
-    """Raise z (rows, cols), NaN where nothing is, to the triangles of places (n, 3): column, row, height."""
+    """Raise z (rows, cols), NaN if empty, to the triangles of points (n, 3): column, row, height."""
     for i in range(faces.shape[0]):
         a, b, c = places[faces[i, 0]], places[faces[i, 1]], places[faces[i, 2]]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])

@@ -1,4 +1,4 @@
-"""Heights as a file holds them: returned by every reader, made a map by `pipeline.formats.grid`."""
+"""Raw heights of a file: every reader returns them, and `pipeline.formats.grid` turns them into a map."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
 
 
 def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The heights with NaN in place of infinities and of a number that stands for missing points; changed in place."""
+    """Replace infinities and the marker of missing points by NaN, in place."""
     z[~np.isfinite(z)] = np.nan
     z[np.abs(z) > 1e30] = np.nan
     for _ in range(2):  # one below all others and one above
@@ -73,7 +73,7 @@ def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _stands_for_missing(value: float, known: NDArray[np.float64]) -> bool:
-    """Whether the lowest or highest height is no height: far from all others, and written again and again."""
+    """Whether the lowest or highest value marks missing points: far from all others, and frequent."""
     others = known[known != value]
     if not others.size:
         return False

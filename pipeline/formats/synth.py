@@ -1,4 +1,4 @@
-"""Make test parts: stamped plates, dirt on them, photographs, and the table of their texts.
+"""Make test parts: stamped plates, dirt, photographs, and the table of their texts.
 
 The truth stands in `truth.csv` alone; no part's own file holds its text. A part depends on the seed and its
 number only, so the first ten of fifty are the same as ten.
@@ -87,7 +87,7 @@ class SynthSpec(Stamping):
         )
 
     def photograph(self, part: Part) -> Photo:
-        """The photograph of one of its parts, with its others under other lights."""
+        """Photograph one of its parts, also under other lights."""
         return part.photograph(
             light_azimuth_deg=self.light_azimuth_deg,
             light_elevation_deg=self.light_elevation_deg,
@@ -97,7 +97,7 @@ class SynthSpec(Stamping):
 
 
 def make_part(spec: SynthSpec, number: int) -> Part:
-    """The part of that number, the same whatever was made before it."""
+    """Make the part with a number; it does not depend on parts made before."""
     return stamp(
         **{name: getattr(spec, name) for name in _OF_THE_STAMP},
         variation=None if spec.variation else StampingVariation.none(),
@@ -108,7 +108,7 @@ def make_part(spec: SynthSpec, number: int) -> Part:
 
 
 def text_of(spec: SynthSpec, number: int) -> str:
-    """The text of the part of that number, which is drawn before anything else of it, without making the part."""
+    """The text of the part with a number, without making the part."""
     return random_text(spec.format, rng=np.random.default_rng((spec.seed, number)))
 
 
@@ -161,7 +161,7 @@ def _write_numbered(spec: SynthSpec, folder: Path, digits: int, photos: bool, nu
 
 
 def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str:
-    """Write one part as `stem`.npz and .png; a clean one as its surface alone. Returns its text."""
+    """Write one part as `stem`.npz and .png; for a clean one only the surface. Return its text."""
     part = make_part(spec, number)
     write_surface(stem.with_suffix(".npz"), part.height_map, part.soil)
     if photos:
@@ -173,7 +173,7 @@ def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str
 
 
 def write_surface(path: Path, height_map: HeightMap, soil: Soil | None) -> None:
-    """Write the top of a part and what lies on it; a clean part is its surface alone.
+    """Write the top of a part and its soil; for a clean part only the surface.
 
     Raises:
         FileError: it cannot be written.

@@ -51,7 +51,7 @@ class TableLine:
     cells: tuple[str, ...]
 
     def cell(self, place: int) -> str:
-        """The text in a column; empty where the line ends before it."""
+        """The text in a column; empty if the line ends before it."""
         return self.cells[place] if place < len(self.cells) else ""
 
 
@@ -98,14 +98,14 @@ def table_lines(
 
 
 def _text_of(written: str) -> str:
-    """The text of a cell, without blanks and invisible signs around it, and of ="000123" what stands in it."""
+    """The text of a cell, without blanks and invisible signs around it; ="000123" gives 000123."""
     cell = written.strip().strip(_INVISIBLE).strip()
     kept = _KEPT_AS_TEXT.fullmatch(cell)
     return original(cell if kept is None else kept[1])
 
 
 def check_serial(line: int, text: str) -> str:
-    """A serial of a table, as it is written.
+    """Check a serial of a table.
 
     Raises:
         DataError: a spreadsheet has taken it for a number and rounded it.
@@ -117,12 +117,12 @@ def check_serial(line: int, text: str) -> str:
 
 
 def heading(cell: str) -> str:
-    """A heading as it is compared: lower case, one word."""
+    """A heading in the form for comparison: lower case, one word."""
     return re.sub(r"[\s.-]+", "_", cell.strip().lower())
 
 
 def column_of(headings: Sequence[str], names: Collection[str]) -> int | None:
-    """The place of the first of these names among the headings; None where none is there."""
+    """Index of the first of these names among the headings; None if none is there."""
     plain = [heading(cell) for cell in headings]
     return next((plain.index(name) for name in names if name in plain), None)
 
@@ -142,7 +142,7 @@ def number_of(cell: str) -> float:
 
 
 def encoding_of(head: bytes) -> str:
-    """The encoding of a text, from its byte order mark or from where its zeros stand; UTF-8 of most."""
+    """The encoding of a text, from its byte order mark or the positions of its zeros; default: UTF-8."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     even, odd = head[0::2], head[1::2]
@@ -195,7 +195,7 @@ def _delimited(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], 
 
 
 def _evenness(lines: Sequence[str], delimiter: str) -> tuple[int, int]:
-    """Number of lines with as many cells as the first, and that number of cells; (0, 0) where the first has one."""
+    """Number of lines with as many cells as the first, and that number of cells; (0, 0) if the first has one."""
     try:
         rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
     except csv.Error:  # reported when the table is parsed

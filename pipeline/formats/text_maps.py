@@ -179,7 +179,7 @@ def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
 
 
 def _cells_of_head(line: str, columns: int) -> tuple[str, ...]:
-    """The cells of a line of the head, in lower case; empty where they are not as many as the columns."""
+    """The cells of a line of the head, in lower case; empty if their number is not that of the columns."""
     line = line.strip().lstrip("#%/ ").lower()
     cells = [cell.strip() for cell in re.split(r"[;,\t]", line) if cell.strip()]
     cells = cells if len(cells) == columns else line.split()
@@ -390,7 +390,7 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
 
 
 def _with_first_row(z: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:
-    """The matrix below the numbers that name its columns, such as y\\x, 0.0, 0.1; as it is where words do."""
+    """The matrix below the numbers that name its columns, such as y\\x, 0.0, 0.1; unchanged if words name them."""
     axis = [_number(name) for name in names[1:]]
     return np.vstack([[np.nan, *axis], z]) if axis and np.isfinite(axis).all() else z
 

@@ -43,7 +43,7 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
 def read_part_map(
     path: str | Path, settings: MapSettings | None = None, *, most: int = MAX_PIXELS
 ) -> PartMap:
-    """The height map in a file, with the dirt that it tells of.
+    """Read the height map in a file, with its dirt.
 
     Args:
         path: as in `read_height_map`.
@@ -70,7 +70,7 @@ def read_part_map(
 
 
 def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
-    """The scan in a recording.
+    """Read the scan in a recording.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""Columns of numbers out of the trace files of others: text with delimiters, and TDMS of LabVIEW."""
+"""Columns of numbers from trace files: text with delimiters, and TDMS of LabVIEW."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class TraceTable:
         return next(iter(self.columns.values())).size
 
     def column(self, name: Column | None) -> NDArray[np.float64]:
-        """A column; zeros in place of one that was not asked for."""
+        """A column; zeros for one that was not requested."""
         return np.zeros(self.n_rows) if name is None else self.columns[name]
 
     def at(self, row: int) -> str:

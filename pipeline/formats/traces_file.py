@@ -44,7 +44,7 @@ class Columns(Strict, strict=True):
     number: Column | None = Field(default=None, alias="pass")
 
     def named(self) -> tuple[Column, ...]:
-        """All of them that are given."""
+        """All named columns."""
         others = (self.x, self.y, self.time, self.lifted, self.number)
         return (*self.moment, *(c for c in others if c is not None))
 

@@ -36,7 +36,7 @@ _MAX_FILE_BYTES = 200_000_000
 
 @dataclass
 class Accuracy:
-    """Readings against the truth, counted as their records come.
+    """Running counts of readings compared with the truth.
 
     Attributes:
         truth: text by part.
@@ -103,14 +103,14 @@ class PartLine:
 
 
 class PartTexts(dict[str, str]):
-    """Texts by the names of parts, found however a name is composed (NFC, NFD) and in whatever case."""
+    """Texts by the names of parts, independent of composition (NFC, NFD) and case."""
 
     @cached_property
     def _names(self) -> dict[str, list[str]]:
         return by_spelling(self)
 
     def name_of(self, part: str) -> str | None:
-        """The name of a part in the table: its own, or that without its folder; None where it has none, or several."""
+        """The name of a part in the table, with or without its folder; None if it has none, or several."""
         names = (part, part.rpartition("/")[2])
         found = ([name] if name in self else self._names.get(folded(name), []) for name in names)
         return next((alike[0] for alike in found if len(alike) == 1), None)
@@ -166,7 +166,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 
 
 def part_name(cell: str) -> str:
-    """The part that a cell means: a file's name, as any system writes it, stands for its part."""
+    """The part named in a cell: a file name from any system stands for its part."""
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
     return path.stem if file_kind(path.suffix) else cell
 
@@ -179,7 +179,7 @@ _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 
 
 def read_order(path: Path) -> ProductionOrder:
-    """The production order in a file: one serial a line, the column `serial` of a table, or ranges A001..A099.
+    """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099.
 
     Raises:
         FileError: no such file, not text, no column or several that could hold the serials, a cell that is no

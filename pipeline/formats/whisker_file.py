@@ -1,4 +1,4 @@
-"""Whiskers and test pieces as TOML: what `design` writes, a workshop builds and `scan` feels with.
+"""Whiskers and test pieces as TOML, written by `design` and used by workshops and `scan`.
 
 format_version = 1
 kind = "L"                     or "straight": l_mm instead of l1_mm, l2_mm, l3_mm
@@ -223,7 +223,7 @@ PITCH_MM = 0.02
 
 
 def read_piece(path: Path) -> Piece | HeightMap:
-    """The piece in a file.
+    """Read the test piece in a file.
 
     Raises:
         FileError: the file cannot be used.

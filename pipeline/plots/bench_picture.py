@@ -1,4 +1,4 @@
-"""Pictures of a bench: a dry run's way from above, and signals felt over a test piece beside those predicted."""
+"""Pictures of a bench: the path of a dry run from above, and felt and predicted signals over a test piece."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A picture with the boxes of its characters drawn in, for clients without a page that lays them over it."""
+"""A picture with the boxes of its characters, for clients that cannot overlay them."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def sheet_figure(fonts: Sequence[Font], *, height_mm: float = 5.0) -> Figure:
 def _ink(
     font: Font, die: Die, height_mm: float, *, step: float = 0.02
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-    """x, y and signed distance of A-Z and 0-9 in two lines, a sample every `step`; all in cap heights."""
+    """x, y and signed distance of A-Z and 0-9 in two lines, one sample per `step`; all in cap heights."""
     shapes = [
         [die_glyph(font.glyphs[c], die, height_mm=height_mm) for c in line if c in font.glyphs]
         for line in (SERIAL_CHARACTERS[:26], SERIAL_CHARACTERS[26:] + "-./")

@@ -58,7 +58,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def reading_panels(left: Axes, right: Axes, reading: Reading) -> None:
-    """Draw the height map and the edge map of a reading with what was read there."""
+    """Draw the height map and the edge map of a reading with its characters."""
     heights, edges = reading.trace.height_map, reading.trace.edge_map
     if heights is not None:
         height_panel(left, height_map=heights, reading=reading, colour_bar=False)

@@ -1,4 +1,4 @@
-r"""The paper's experiment: one whisker traces a test piece, and the step F is read off as off a measured trace.
+r"""The paper's experiment: one whisker traces a test piece, and the step F is measured on the trace.
 
 On the slope m / m_land = F (1 + h/d0), a straight line in the height h. A trace is drawn over the *commanded*
 place, though, and in contact the tip is ahead of that or behind by what the whisker yields along x, which changes
@@ -114,7 +114,7 @@ class StepReading:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A trace over a test piece, and the step read off it.
+    """A trace over a test piece, and its measured step.
 
     Attributes:
         k: l2 / l1; 0 is the straight whisker.
@@ -165,7 +165,7 @@ def paper_whisker(k: float) -> LShaped:
 def feel_step(
     k: float, alpha_deg: float, mu: float, fidelity: Fidelity, *, tip_radius_mm: float = TIP_RADIUS_MM
 ) -> Step:
-    """Trace a test piece once, and read the step off.
+    """Trace a test piece once, and measure the step.
 
     Raises:
         StepError: the tip jams or leaves the surface, or no step can be read off.
@@ -199,7 +199,7 @@ def read_step(
     preload_mm: float,
     blur_mm: float = 0.0,
 ) -> StepReading:
-    """Read F off a trace over a test piece, without knowing the whisker, its friction or its fidelity.
+    """Measure F on a trace over a test piece, without knowing the whisker, its friction or its fidelity.
 
     Args:
         place_mm: (samples,) commanded place, evenly spaced, mm after the edge.

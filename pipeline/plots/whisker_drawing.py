@@ -168,7 +168,7 @@ def _text(space: Modelspace, text: str, at: Point, size: float) -> None:
 
 
 def _svg(drawing: Drawing) -> str:
-    """Draw dark lines on white, one millimetre of the whisker a millimetre and a half of the page."""
+    """Draw dark lines on white, at a scale of 1.5 to 1."""
     from ezdxf.addons.drawing import layout
     from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
     from ezdxf.addons.drawing.frontend import Frontend

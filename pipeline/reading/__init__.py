@@ -1,1 +1,1 @@
-"""One part to one reading."""
+"""Read one part."""

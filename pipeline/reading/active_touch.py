@@ -32,7 +32,7 @@ def read_actively(
     part_id: str = "",
     region_mm: Region | None = None,
 ) -> Reading:
-    """Read a height map by passes that are chosen one after the other; a note says what they cost.
+    """Read a height map by passes that are chosen one after the other; a note gives their cost.
 
     The whiskers are those for the character height that is known, or that a first pass finds; where nothing is sure
     with them, and the budget is not spent, those for the next height are tried.

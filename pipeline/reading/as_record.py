@@ -1,4 +1,4 @@
-"""From a reading to the record that is kept and sent of it."""
+"""Convert a reading to the record that is stored and sent."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MOST_RIVALS = 3
 def reading_record(
     reading: Reading, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
 ) -> ReadingRecord:
-    """The record of a reading, with the verdict on the text expected if there was one.
+    """Make the record of a reading, with the verdict on an expected text, if any.
 
     Args:
         reading: the reading.
@@ -111,7 +111,7 @@ def _passes(log: PassLog, usual_preload_mm: float) -> tuple[PassRecord, ...]:
 
 
 def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None) -> tuple[RivalRecord, ...]:
-    """Other serials that the format allows, and belief in them.
+    """Other serials that the format allows, with their probabilities.
 
     Args:
         reading: its candidates stand in where there is no lattice.
@@ -132,7 +132,7 @@ def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None
 
 
 def _of_candidates(reading: Reading) -> Lattice:
-    """The beliefs that a reading names."""
+    """The probabilities in a reading."""
     import numpy as np
 
     from recognition.language.lattice import Lattice
@@ -177,7 +177,7 @@ def _code(code: Code, serial: str, scaled: bool) -> CodeRecord:
 
 
 def _box(box: Hull | None, scaled: bool) -> dict[str, Box | None]:
-    """Fields of a box in mm, or in pixels where the scale is not known."""
+    """Fields of a box in mm, or in pixels if the scale is unknown."""
     if box is None:
         return {}
     corners = (_finite(box.x0_mm), _finite(box.y0_mm), _finite(box.x1_mm), _finite(box.y1_mm))
@@ -189,6 +189,6 @@ def _share(value: float) -> float:
 
 
 def _finite(value: float) -> float:
-    """A number for JSON: six decimals, and 0 in place of what is not finite."""
+    """A number for JSON: six decimals, and 0 if it is not finite."""
     number = float(value)
     return round(number, 6) if math.isfinite(number) else 0.0

@@ -37,7 +37,7 @@ _AGAIN = "make a new one with: tactile-marks certify"
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """Error rate of a reader, shown on labelled parts.
+    """Proven error rate of a reader on labelled parts.
 
     Attributes:
         made_at: time of creation, UTC.

@@ -1,4 +1,4 @@
-"""Learning from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database.
+"""Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database.
 
     reviewed part --text forced--> cuts --+
     exemplars already in the database ----+--learn_font--> font NAME, beside the fonts that were there
@@ -90,7 +90,7 @@ class EnrolReport:
     agreement: float = 1.0
 
     def describe(self) -> str:
-        """A few lines for a person."""
+        """The result in a few lines of text."""
         taken = sum(len(chars) for _, chars in self.enrolled)
         known = f", {len(self.known)} parts were known" if self.known else ""
         lines = [f"{self.font}: {taken} characters of {len(self.enrolled)} parts enrolled{known}"]
@@ -118,7 +118,7 @@ def enrol(
     now: datetime | None = None,
     each: Callable[[Callable[[PartFiles], _Cuts], Sequence[PartFiles]], Iterable[_Cuts]] = map,
 ) -> EnrolReport:
-    """Take the characters of reviewed parts into a database, and make a font of them.
+    """Add the characters of reviewed parts to a database, and make a font of them.
 
     A database that is not there is made, with the fonts that the settings name, or the built-in ones. The file is
     replaced whole at the end, or left alone where nothing changed.
@@ -238,7 +238,7 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
 
 
 def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
-    """The exemplars, of each character of the font the last ones only."""
+    """The exemplars, only the latest ones of each character."""
     kept: list[Exemplar] = []
     count: Counter[str] = Counter()
     for exemplar in reversed(exemplars):

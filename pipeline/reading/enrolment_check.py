@@ -1,4 +1,4 @@
-"""A check of an enrolment: each half of the parts is read with the shapes that the other half taught.
+"""Check an enrolment: each half of the parts is read with the shapes learned from the other half.
 
 parts --> even, odd;   learn(odd) --reads--> even;   learn(even) --reads--> odd
 """
@@ -20,7 +20,7 @@ from pipeline.reading.enrolment import enrol
 
 @dataclass(frozen=True)
 class HeldOutCheck:
-    """Errors on parts that taught nothing to the shapes they were read with.
+    """Errors on parts that were read with shapes learned from other parts.
 
     Attributes:
         parts: parts read.
@@ -40,7 +40,7 @@ class HeldOutCheck:
         return self.edits > self.edits_without
 
     def describe(self) -> str:
-        """A line for a person, and a warning where the font does not help."""
+        """The result in one line, and a warning if the font does not help."""
         line = (
             f"held out: {self.parts} parts read with shapes learned from the others: "
             f"{self.edits} of {self.characters} characters wrong, {self.edits_without} without the font"
@@ -113,7 +113,7 @@ def _compare(parts: Sequence[PartFiles], without: ReadSettings, learned: ReadSet
 
 
 def _read(part: PartFiles, settings: ReadSettings) -> str:
-    """The text read from a part without blanks; empty where it cannot be read."""
+    """The text read from a part, without blanks; empty if it cannot be read."""
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 

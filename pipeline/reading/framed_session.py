@@ -1,4 +1,4 @@
-"""A stage session seen from another frame, as from a photograph's whose middle lies elsewhere than the plate's."""
+"""A stage session in another frame, such as that of a photograph with a shifted middle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from whisker_array.whisker.passes import Pass
 
 
 class FramedSession:
-    """A `StageSession` whose orders and samples lie in a frame of their own.
+    """A `StageSession` with its own frame for orders and samples.
 
     Attributes:
         fitting: as in the inner session, with its field in this frame.

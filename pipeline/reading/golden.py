@@ -1,4 +1,4 @@
-"""A golden part's scan measured, by the contact simulation: gain, zero, tip radius, friction and preload."""
+"""Measure gain, zero, tip radius, friction and preload from a golden part's scan, by contact simulation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.reading.part_orders import sender_names
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
-    """Call `measure_golden`, naming the file in errors as its sender does.
+    """Call `measure_golden`; errors name the file as its sender does.
 
     Raises:
         FileError: the scan, by the sender's name, cannot be used.

@@ -52,7 +52,7 @@ _WIDE = 1.96
 def identify_recording(
     recording: Path, piece: Path, whisker: Path | None
 ) -> tuple[Identified, WhiskerFile | None]:
-    """The bench that has made a recording over a piece, and the whisker as it was drawn.
+    """Identify the bench of a recording over a piece; return it and the drawn whisker.
 
     Raises:
         FileError: a file that cannot be used, or a recording that tells nothing.
@@ -71,7 +71,7 @@ def identify_recording(
 
 
 def table_of(found: Identified) -> list[str]:
-    """Lines for a person: every number with its interval, and what the recording leaves open."""
+    """Every number with its interval, and the numbers that the recording leaves open, in lines of text."""
     with_drawing = found.nominal[Unknown.L1] > 0.0
     lines = [f"{'':15}{'found':>10}{'95 %':>12}{'as drawn':>11}   what it is"]
     names = [name for name in Unknown if with_drawing or name not in DRAWN]
@@ -100,7 +100,7 @@ def table_of(found: Identified) -> list[str]:
 
 
 def undetermined(found: Identified, *, untold: float = 0.7) -> tuple[Unknown, ...]:
-    """Numbers whose standard deviation stays above `untold` of what it was before."""
+    """Numbers whose standard deviation stays above the share `untold` of the prior one."""
     names = [name for k, name in enumerate(Unknown) if found.sd[k] > untold * found.before[k]]
     return tuple(names)
 
@@ -146,7 +146,7 @@ def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
 
 
 def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
-    """Write the whisker as found, for `scan`, `design` and templates; raster and characters as drawn.
+    """Write the identified whisker for `scan`, `design` and templates, with the drawing's raster and characters.
 
     Raises:
         FileError: it cannot be written.
@@ -159,7 +159,7 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
 
 
 def prediction_lines(found: Sequence[Prediction]) -> list[str]:
-    """Lines for a person: figures, and by how much they change within what is known of the whisker."""
+    """Figures of the whisker with their uncertainty, in lines of text."""
     lines = [f"{'as identified':32}{'':>10}{'95 %':>12}"]
     for one in found:
         if math.isnan(one.value):

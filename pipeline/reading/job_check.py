@@ -1,4 +1,4 @@
-"""Check a job before it is used: its settings, and all that they name. A worker process does it.
+"""Check a job before it is used: its settings and all files named in them. This runs in a worker process.
 
 Formats, fonts and glyph databases that come from outside are work without a limit; a worker has one.
 """
@@ -15,7 +15,7 @@ from pipeline.errors import OwnFileError
 
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
-    """The job of a file, once everything that it names is found to be of use.
+    """Read a job, and check that everything named in it can be used.
 
     Args:
         path: path of the file; it need not be there.

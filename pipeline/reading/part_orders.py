@@ -45,7 +45,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PartOrder:
-    """One part to be read.
+    """Order to read one part.
 
     Attributes:
         folder: folder for output files; it exists and belongs to this order alone.
@@ -162,7 +162,7 @@ def read_on_stage(
 
 
 def check_settings(settings: ReadSettings) -> None:
-    """Open the reader of these settings, as the next order will.
+    """Open the reader of these settings, to find errors before the next order.
 
     Raises:
         OwnFileError: a file that they name cannot be used.
@@ -171,7 +171,7 @@ def check_settings(settings: ReadSettings) -> None:
 
 
 def _reader(settings: ReadSettings, folder: Path, *, after_photo: bool = False) -> Reader:
-    """The reader that the settings ask for; of a part that was photographed before, it looks everywhere.
+    """The reader for the settings; for a part that was photographed before, it searches the whole scan.
 
     Raises:
         OwnFileError: whatever keeps it from being opened, for all that it is made of is the service's.
@@ -189,7 +189,7 @@ def _reader(settings: ReadSettings, folder: Path, *, after_photo: bool = False) 
 
 @contextlib.contextmanager
 def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
-    """Turn every problem into the error of a file, under the sender's name of it.
+    """Turn every problem into a file error with the sender's name for the file.
 
     Args:
         folder: kept out of the messages.

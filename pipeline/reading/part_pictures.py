@@ -1,4 +1,4 @@
-"""Pictures for the operator's page, drawn without matplotlib: a part waits for them.
+"""Pictures for the operator's page, drawn without matplotlib because a part waits for them.
 
 Each says where it lies: `x0_mm`, `y0_mm` of the middle of its first pixel and `mm_per_pixel`, so that boxes in mm
 can be drawn over it.
@@ -33,7 +33,7 @@ _BLUE, _WHITE, _RED = (27, 78, 145), (252, 252, 252), (160, 24, 38)
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a part, to be kept as evidence.
+    """A picture of a part, for evidence.
 
     Attributes:
         kind: kind of file.
@@ -90,7 +90,7 @@ def edges_picture(edges: EdgeMap) -> Picture:
 
 
 def _size(shape: tuple[int, int], most: int, least: int = 0) -> tuple[int, int]:
-    """(width, height) of a picture of so many rows and columns, shrunk or grown to what a page shows."""
+    """(width, height) of a picture, scaled to the size of the page."""
     longest = max(shape)
     scale = most / longest if longest > most else 1.0
     if shape[1] * scale < least:
@@ -121,7 +121,7 @@ def _encoded(
     pitch_mm: float,
     least: int = 0,
 ) -> Picture:
-    """Encode a picture, smaller or larger where it must be."""
+    """Encode a picture, rescaled if needed."""
     from glyphs.opencv import cv2
 
     shape = (pixels.shape[0], pixels.shape[1])

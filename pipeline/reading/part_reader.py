@@ -1,4 +1,4 @@
-"""The one part reader: from files to a reading, for command line, service, cluster and `pipeline.read`.
+"""The part reader: from files to a reading, for command line, service, cluster and `pipeline.read`.
 
     files --load, within limits--> HeightMap, Scan, Photo --Reader--> Reading --verify--> Reading with a verdict
 
@@ -85,7 +85,7 @@ class PartReader:
         self.budget_s = self.settings.touch_budget_s
 
     def read(self, part: PartFiles, *, expected: str = "") -> Reading:
-        """Load a part, read it, and verify the text expected of it if there is one.
+        """Load a part, read it, and verify its expected text, if any.
 
         Raises:
             FileError: a file of the part cannot be used.
@@ -101,7 +101,7 @@ class PartReader:
         again: Retake | None = None,
         felt: ActiveReading | None = None,
     ) -> Reading:
-        """As `read`, without the verdict.
+        """Read a part without the verdict.
 
         Args:
             part: its files.
@@ -161,7 +161,7 @@ class PartReader:
         return replace(reading, notes=(*reading.notes, *notes))
 
     def _photo(self, part: PartFiles, *, touches: bool) -> tuple[Photo | None, list[str]]:
-        """The photograph, and notes on what could not be used."""
+        """The photograph, and notes on unusable ones."""
         try:
             photo, problems = load_photos(part, self.limits)
             return photo, [f"read without one of its photographs: {problem}" for problem in problems]
@@ -171,7 +171,7 @@ class PartReader:
             return None, [f"read by touch alone: {problem}"]
 
     def verified(self, reading: Reading, expected: str) -> Reading:
-        """The reading with the verdict on the text expected, if there is one.
+        """The reading with the verdict on the expected text, if any.
 
         Raises:
             VerifyError: a text that cannot be looked for.
@@ -179,7 +179,7 @@ class PartReader:
         return self.reader.verify(reading, expected) if expected else reading
 
     def _scan(self, part: PartFiles, again: Retake | None) -> Reading:
-        """Touch of a recorded scan, which goes before a height map."""
+        """Read a recorded scan, which is used before a height map."""
         from recognition.active.replay import replay
 
         scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
@@ -199,7 +199,7 @@ class PartReader:
 
 
 def _reviewed_if_cut_short(reading: Reading) -> Reading:
-    """The reading, for a person to look at where the stage failed before all was felt that was to be."""
+    """Send a reading to review if the stage failed before it had felt all that was needed."""
     scan = None if reading.touch is None else reading.touch.trace.scan
     if scan is None or scan.log is None or not scan.log.problem:
         return reading
@@ -261,7 +261,7 @@ def read_surface(
 
 
 def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:
-    """The photographs of a part as one, and what is wrong with those that cannot be used.
+    """Load the photographs of a part as one; return it and notes on unusable ones.
 
     Raises:
         FileError: it has none, or none can be used: what is wrong with the first.

@@ -1,4 +1,4 @@
-"""Small changes that should not matter: a part measured again is the same part.
+"""Perturb a part by small changes that should not matter, as if it were measured again.
 
     shift  the traced lines lie half a line pitch beside the original ones
     noise  sensors as from the bench, in place of ideal ones; the camera's sensor a little noisier
@@ -57,7 +57,7 @@ class Perturbation:
     drawn: bool = False
 
     def reaches(self, senses: Sequence[str]) -> bool:
-        """Whether it changes anything for some senses; of none all may be used.
+        """Whether it changes anything for some senses (none given: all senses).
 
         Args:
             senses: "touch" or "felt", "vision" or "lights".
@@ -107,7 +107,7 @@ class Retake:
         return replace(height_map, pitch_mm=height_map.pitch_mm * self.grown)
 
     def photo(self, photo: Photo) -> Photo:
-        """The photograph taken again."""
+        """Take the photograph again."""
         pixels, centre, how = photo.eight_bit, photo.centre_mm, self.how
         if how.scale:
             from glyphs.opencv import cv2
@@ -144,7 +144,7 @@ class Retake:
         return scan
 
     def recorded(self, scan: Scan) -> Scan:
-        """A recording as if it were made again: noisier, larger or smaller, reordered; its lines lie where they lay."""
+        """A recording as if made again: noisier, larger or smaller, reordered; its lines stay in place."""
         sweeps = tuple(self._recorded(k, s) for k, s in enumerate(scan.sweeps))
         again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown, log=None)
         return reordered(again) if self.how.reordered else again
@@ -166,7 +166,7 @@ class Retake:
         return replace(sweep, plan=placed, moment_n_mm=moment)
 
     def _either_way(self, number: int) -> float:
-        """Share of a change, -1 to 1: all of it, one way or the other, unless drawn."""
+        """Share of a change, -1 to 1: drawn, or else the whole change in one direction."""
         if self.how.drawn:
             return float(np.random.default_rng((self.seed, number)).uniform(-1.0, 1.0))
         return 1.0 if self.seed % 2 else -1.0
@@ -180,7 +180,7 @@ class Retake:
 
 
 def reordered(scan: Scan) -> Scan:
-    """The scan with its directions, and the passes of each, stored the other way round."""
+    """The scan with its directions, and the passes of each, in reverse order."""
     return replace(
         scan,
         sweeps=tuple(

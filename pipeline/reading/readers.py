@@ -1,4 +1,4 @@
-"""From settings to the reader that they ask for; a worker keeps readers, whose templates take longer than a part."""
+"""Make readers from settings; a worker keeps them, because templates take longer than a part."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_KEPT = 8
 
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
-    """The reader for these settings and their database, as the file now is.
+    """The reader for these settings and the present content of their database.
 
     Args:
         settings: settings of the readers.
@@ -84,7 +84,7 @@ def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
 
 
 def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
-    """Fonts out of the database, and names still to be loaded."""
+    """Fonts from the database, and names of others to load."""
     if settings.database is None:
         return settings.font
     from pipeline.formats.glyph_database import load_database

@@ -43,7 +43,7 @@ def plan_of(
     field_mm: tuple[float, float] = STAGE_FIELD_MM,
     reason: str = "",
 ) -> ScanPlanRecord:
-    """The scan that would settle what the camera left open.
+    """Plan the scan that resolves the doubts of the camera.
 
     Args:
         vision: reading by camera; None if there is none.
@@ -81,7 +81,7 @@ def plan_of(
 def seen_region(
     vision: Reading, photo: Photo, *, height_mm: float | None
 ) -> tuple[float, float, float, float] | None:
-    """(x0, y0, x1, y1) about the line that the camera sees, in the photograph's frame, mm.
+    """(x0, y0, x1, y1) about the line that the camera found, in the photograph's frame, mm.
 
     Args:
         vision: reading by camera.

@@ -1,4 +1,4 @@
-"""A height map under the virtual array: mounted level, scanned whole, with sensors as from the bench."""
+"""Simulated scan of a height map: mounted level, scanned whole, with realistic sensors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RANGE_LAND_MOMENTS = 3.0
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
-    """The character height that reading the part finds.
+    """Find the character height by reading the part.
 
     Dirt shows bands of its own, so that only a reading finds which of them is the line.
 

@@ -27,7 +27,7 @@ else:  # slow to import; a journal reads them as what they are written as
 
 @dataclass(frozen=True)
 class ReadPart:
-    """A part as a worker has read it.
+    """A part that a worker has read.
 
     Attributes:
         readings: readings in the order they were made, the last one counts; or why there is none.

@@ -1,4 +1,4 @@
-"""Warming up: a worker's first part should take no longer than the next one.
+"""Warm up a worker, so that its first part takes no longer than the next one.
 
 The part that is read is one of those that come, so both senses are soon sure of it. What only unsure parts need,
 a font's prototypes for the camera and rough templates of every font, is made for the first of them.
@@ -49,7 +49,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
 
 
 def _a_text(settings: ReadSettings) -> str:
-    """A serial of the settings' format; four characters where they have none that a built-in font could stamp."""
+    """A serial of the settings' format; four characters if a built-in font cannot stamp one."""
     from glyphs.errors import MarksError
     from glyphs.fonts.outlines import load_font
     from pipeline.common.serial_format import serial_format

@@ -1,1 +1,1 @@
-"""Long runs: many parts into one table or store, taken up again after a break."""
+"""Long runs: many parts into one table or store, resumable after an interruption."""

@@ -1,4 +1,4 @@
-"""Certifying: labelled parts are read as `read` reads them, and show from which confidence their kind may be accepted.
+"""Certify a reader: read labelled parts as `read` does, and find the confidence from which readings may be accepted.
 
 parts --worker--> reading, measures, hash (kept) --truth--> thresholds tested --> Certificate, or what is missing
 
@@ -41,7 +41,7 @@ from recognition.decision.certification import (
 
 
 class CertificationJournal(Journal[ReadPart]):
-    """The parts that a broken-off certification has read."""
+    """The parts read by an interrupted certification."""
 
     kind: ClassVar[str] = "certification"
     version: ClassVar[int] = 4

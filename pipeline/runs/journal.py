@@ -1,4 +1,4 @@
-"""The journal of a run: which parts are done, and what is kept of each, in an SQLite file beside the run's output.
+"""The journal of a run: the parts that are done and the result of each, in an SQLite file beside the output.
 
     parts --those that the journal lacks--> executor --> what is kept --> journal     (`resumable`)
 
@@ -134,7 +134,7 @@ class Journal(Generic[Kept]):
         return {_text(name): self._parsed(kept) for name, kept in rows}
 
     def keep(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
-        """Keep what came of a part, and return it; of two of one part the last counts.
+        """Store the result of a part, and return it; the last one of a part counts.
 
         Args:
             name: name of the part.
@@ -147,7 +147,7 @@ class Journal(Generic[Kept]):
         return self.keep_all({name: kept}, again=again)[name]
 
     def keep_all(self, kept: Mapping[str, Kept], *, again: bool = False) -> Mapping[str, Kept]:
-        """Keep what came of several parts, by name, and return it: all of it, or none where the process is killed.
+        """Store the results of several parts, by name, and return them: all of them, or none if the process is killed.
 
         Args:
             kept: result of each part.
@@ -166,7 +166,7 @@ class Journal(Generic[Kept]):
         return kept
 
     def entries(self, order: Iterable[str] = ()) -> Iterator[tuple[Kept, Kept | None]]:
-        """Stream the stored result of every part, with that of its second time.
+        """Stream the stored result of every part, with that of its second reading.
 
         Args:
             order: names of the parts that come first; names without a stored result are skipped.
@@ -180,7 +180,7 @@ class Journal(Generic[Kept]):
             yield self._parsed(kept), self._parsed(again) if again else None
 
     def close(self) -> None:
-        """Let go of it; what SQLite keeps beside it is gone then."""
+        """Close the journal; SQLite removes its extra files."""
         with contextlib.suppress(sqlite3.Error):
             # a file that is no longer written can be read wherever it is copied to
             self._db.execute("pragma journal_mode = delete")
@@ -223,7 +223,7 @@ class Journal(Generic[Kept]):
         return False
 
     def _held(self) -> dict[str, Any] | None:
-        """Description of the run that broke off; None where none was begun."""
+        """Description of the interrupted run; None without one."""
         if not self._db.execute("select 1 from sqlite_schema where name = 'run'").fetchone():
             return None
         row = self._db.execute("select kind, version, description from run").fetchone()
@@ -281,7 +281,7 @@ def resumable(
     name: str = "name",
     again: bool = False,
 ) -> Iterator[tuple[T, Kept]]:
-    """Do the parts that the journal lacks, store the result of each, and yield it as it is done.
+    """Process the parts that the journal lacks, store each result, and yield it.
 
     Results that come at once are stored together.
 
@@ -312,7 +312,7 @@ def resumable(
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
-    """Rename a file of an earlier run to NAME~ and return that name; a file with a header alone is deleted.
+    """Rename a file of an earlier run to NAME~ and return that name; a file with only a header is deleted.
 
     Raises:
         OSError: the disk refuses.
@@ -327,7 +327,7 @@ def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Name an output in errors of the disk; the same command takes the run up.
+    """Name an output in errors of the disk; the same command resumes the run.
 
     Raises:
         FileError: the disk refuses what the block does.

@@ -30,7 +30,7 @@ class LotCheck:
             self.bearers.setdefault(without_blanks(record.text), record.part)
 
     def checked(self, record: ReadingRecord) -> ReadingRecord:
-        """Return the record, changed to review where its serial fails a check."""
+        """Return the record, sent to review if its serial fails a check."""
         if record.decision != "accept":
             return record
         if not self.order.holds(record.text):

@@ -12,7 +12,7 @@ from pipeline.runs.store_target import is_store
 
 @dataclass(frozen=True)
 class RunOptions:
-    """More inputs, what to check, and where the rows go.
+    """More inputs, checks, and outputs.
 
     Attributes:
         manifest: Table (.csv) of parts, with the columns part, height_map, scan, photo, expected, format,
@@ -42,11 +42,11 @@ class RunOptions:
 
     @property
     def store(self) -> str | None:
-        """URL of the store, where that is the output."""
+        """URL of the store, if that is the output."""
         return self.out if self.out is not None and is_store(self.out) else None
 
     def check(self) -> None:
-        """Refuse, before the work starts, what could not be written.
+        """Check, before the work starts, that the outputs can be written.
 
         Raises:
             FileError: unknown suffix, or a place that cannot be written.

@@ -1,4 +1,4 @@
-"""Progress of a run on standard error: a bar or a clock on a terminal, a line a minute elsewhere."""
+"""Progress of a run on standard error: a bar or a clock on a terminal, otherwise one line per minute."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _READING = "reading"
 
 
 class Progress:
-    """Shows how far a run is, from `start` to the end of its block; nothing before that."""
+    """Show the progress of a run, from `start` to the end of its block."""
 
     _bar: Any = None
     _task: Any = None
@@ -53,13 +53,13 @@ class Progress:
             self._bar.stop()
 
     def more(self, parts: int) -> None:
-        """Add parts that are to be read."""
+        """Add parts to read."""
         self._total += parts
         if self._bar is not None:
             self._bar.update(self._task, total=self._total)
 
     def step(self, what: str) -> None:
-        """Show, on a terminal, what is being done until the next part is done: "drawing the report"."""
+        """Show the current step on a terminal until the next part is done: "drawing the report"."""
         if self._bar is not None:
             self._bar.update(self._task, description=what)
 
@@ -71,7 +71,7 @@ class Progress:
             print(what, file=sys.stderr, flush=True)
 
     def advance(self, *, failed: bool = False) -> None:
-        """One part more is done."""
+        """Count one more finished part."""
         self._done += 1
         self._failed += failed
         if self._bar is not None:

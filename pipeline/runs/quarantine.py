@@ -1,4 +1,4 @@
-"""The list of parts that could not be read: a manifest, so that what was mended is read by naming it as input."""
+"""The list of parts that could not be read: a manifest, so that corrected parts can be read by naming it as input."""
 
 from __future__ import annotations
 

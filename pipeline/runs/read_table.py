@@ -79,7 +79,7 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    """The columns that fit beside names of a usual length; spare ones are left out as need be."""
+    """The columns that fit beside names of a usual length; optional ones are left out if needed."""
     least = {**widths, "part": min(widths["part"], _USUAL_NAME)}
     for count in range(len(_SPARE) + 1):
         kept = [h for h in headings if h not in _SPARE[:count]]
@@ -110,7 +110,7 @@ def _cells(record: ReadingRecord) -> dict[str, str]:
 
 
 def notes(record: ReadingRecord) -> str:
-    """Notes on a reading, for a person."""
+    """Notes on a reading, in words."""
     found = list(record.messages)
     if not record.verdict:  # a verification names its own places
         # do not name a place again that the messages ask about

@@ -1,4 +1,4 @@
-"""A night's production: many parts, read by an executor, every row on the disk before the next one counts.
+"""A run over many parts, read by an executor; every row is on the disk before its part counts as done.
 
     listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine
                                                             --> what was not accepted, read again (SecondPass)
@@ -71,7 +71,7 @@ class Run:
     finished: bool = False
 
     def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
-        """Read every part that the journal does not hold, and put the table in the order of the parts.
+        """Read every part that the journal lacks, and sort the table in the order of the parts.
 
         Without a table the journal stays until the caller that opened the run is done.
 
@@ -140,7 +140,7 @@ class Run:
 
 @contextmanager
 def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = False) -> Iterator[Run]:
-    """Open a run with its table, begun or taken up where it was broken off.
+    """Open a new run with its table, or resume an interrupted one.
 
     Args:
         options: output files and other options.

@@ -1,4 +1,4 @@
-"""A run of `read` on the disk: a journal of records, and beside it the table that the user asked for.
+"""A run of `read` on the disk: a journal of records, and beside it the requested table.
 
 rows.csv                   rows as they come; after `finish` complete and in the order of the parts
 rows.csv.unfinished        the journal: what is run, and the record of every part that is done; gone with `finish`
@@ -91,12 +91,12 @@ class RunJournal(Journal[ReadingRecord]):
         return stored
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
-        """The better record of every part, streamed: those named first, the others as they came."""
+        """Stream the better record of every part: named parts first, the others in the order of reading."""
         for first, second in self.entries(order):
             yield second if second is not None and is_better(second, first) else first
 
     def finish(self, order: Iterable[str], count: Callable[[ReadingRecord], None] = lambda _: None) -> None:
-        """Write the table in order, records of parts not named last, and end the run.
+        """Write the table in order, with unnamed parts last, and end the run.
 
         Args:
             order: names of the parts; names without a record are passed over.
@@ -121,7 +121,7 @@ class RunJournal(Journal[ReadingRecord]):
         self.remove()
 
     def keep_private(self) -> None:
-        """Make the files readable by their owner only; for records that are not a table of the user's.
+        """Make the files readable by their owner only; for records that are not the user's own table.
 
         Raises:
             FileError: the disk refuses.

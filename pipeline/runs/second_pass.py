@@ -1,4 +1,4 @@
-"""A lot teaches itself: characters read with certainty are enrolled, and the rest is read again with their shapes.
+"""Second pass over a lot: enrol characters read with certainty, and read the other parts again with their shapes.
 
 first rows --teachers--> enrol --> glyph database --> parts that were not accepted, read with it --> second readings
 """
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
-    """Whether a lot is to teach itself: as the options say (default: where it may and is large enough).
+    """Whether to run a second pass, by the options (default: if possible and the lot is large enough).
 
     Raises:
         SettingsError: the options ask for it, and the lot cannot.
@@ -42,7 +42,7 @@ def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFile
 
 
 def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | None:
-    """Reason why a lot cannot teach itself, and a hint; None where it can."""
+    """Reason why there can be no second pass, and a hint; None if there can."""
     if settings.font or settings.database is not None:
         return "is for a die whose font is unknown", "leave out --font and --database"
     if settings.certificate is not None:
@@ -58,7 +58,7 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
 
 @dataclass
 class SecondPass:
-    """Teaches a lot the shapes of its own die, with which parts that were not accepted are read again.
+    """Learn the shapes of a lot's own die, with which parts that were not accepted are read again.
 
     Attributes:
         database: glyph database to be made.

@@ -1,4 +1,4 @@
-"""Files that settings name, sent along with a run's order to machines that may not have them.
+"""Send files named in settings with a run's order to machines that may not have them.
 
 files that settings name --files_to_send--> contents --order--> worker --settled--> settings of copies
 """
@@ -19,7 +19,7 @@ _MOST_BYTES = 200_000_000
 
 
 def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
-    """Contents of the files that the settings name, by the name there.
+    """Contents of the files named in the settings, by name.
 
     Raises:
         FileError: one is missing or too large.
@@ -31,7 +31,7 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
 
 
 def settled(settings: ReadSettings, sent: Mapping[str, bytes] | None) -> ReadSettings:
-    """The settings with the names of this machine's copies; as they are where nothing was sent."""
+    """The settings with the names of this machine's copies; unchanged if nothing was sent."""
     if not sent:
         return settings
     own = {name: _copy(Path(name).name, content) for name, content in sent.items()}

@@ -1,4 +1,4 @@
-"""A run's parts put into the service's store, where they are found, and reviewed, with those that came by the line."""
+"""Put a run's parts into the service's store, to be found and reviewed with those of the line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that takes each part of a run once, however often the same run is repeated.
+    """A store that takes each part of a run once, even if the run is repeated.
 
     A part is identified by the run, its name and the content of its files. The store keeps its key as long as the part.
     """

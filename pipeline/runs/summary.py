@@ -1,4 +1,4 @@
-"""Summary of a run: decisions, reasons, rate and slowest parts, counted as the rows come."""
+"""Summary of a run: decisions, reasons, rate and slowest parts, counted row by row."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
 @dataclass
 class Summary:
-    """Counts over rows, whatever their number.
+    """Counts over any number of rows.
 
     Attributes:
         parts: rows counted.
@@ -62,7 +62,7 @@ class Summary:
                 _count(self.reasons, "not sure enough")
 
     def counts(self) -> str:
-        """One line: how many parts of each kind."""
+        """Numbers of parts of each kind in one line."""
         counted = {
             **{word: self.decisions[word] for word in DECISIONS},
             **{word: self.verdicts[word] for word in VERDICTS},
@@ -95,7 +95,7 @@ class Summary:
         return lines
 
     def as_json(self) -> dict[str, Any]:
-        """The same in plain values."""
+        """The summary as plain values."""
         return {
             "parts": self.parts,
             **{d: self.decisions[d] for d in DECISIONS},
@@ -117,7 +117,7 @@ def _words(code: str) -> str:
 
 
 def _kind(error: str) -> str:
-    """An error without what differs from part to part."""
+    """An error without its part-specific details."""
     return _NUMBER.sub("#", _QUOTED.sub("'...'", error))[:160].strip()
 
 

@@ -49,7 +49,7 @@ _NOBODY = {f.name: f.default for f in fields(CandidateRecord)} | {"char": "", "p
 
 @dataclass(frozen=True, slots=True)
 class LineForm:
-    """A kind of table that lines can be appended to.
+    """A kind of table to which lines can be appended.
 
     Attributes:
         head: first line.
@@ -87,7 +87,7 @@ def grows(path: Path) -> bool:
 
 
 def form_of(path: Path) -> LineForm:
-    """The form of the lines that a table is, or is made of."""
+    """Form of the lines of a table, or from which it is made."""
     return LINE_FORMS.get(path.suffix.lower(), LINE_FORMS[".jsonl"])
 
 
@@ -101,7 +101,7 @@ def csv_cells(record: ReadingRecord) -> list[Any]:
 
 
 def _fitting(value: Any, part: str) -> Any:
-    """A value as a table holds it."""
+    """Convert a value for a table."""
     if isinstance(value, str):
         text = _ODD.sub(lambda m: f"\\u{ord(m[0]):04x}", value)
         if len(text) > MOST_TEXT:

@@ -1,4 +1,4 @@
-"""Reading of one part of a run by a worker. Order, part and answer are plain data that any worker can receive."""
+"""Reading of one part of a run by a worker. Order, part and answer are plain data for any worker."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class RunOrder:
 
 
 def check_order(order: RunOrder, _: None) -> None:
-    """Open the reader of a run's settings, which this process keeps for its first part.
+    """Open the reader of a run's settings; this process keeps it for its first part.
 
     Raises:
         FileError: a lexicon or certificate that cannot be used.

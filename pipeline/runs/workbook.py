@@ -39,7 +39,7 @@ _UNSAFE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def check_number(path: Path, parts: int) -> None:
-    """Refuse, before the work starts, a workbook for more parts than it holds.
+    """Refuse, before the work starts, more parts than a workbook can hold.
 
     Raises:
         FileError: there are more.
@@ -51,7 +51,7 @@ def check_number(path: Path, parts: int) -> None:
 
 
 def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[str, Any]) -> None:
-    """Write records as they come; what is made of them waits on the disk, not in memory.
+    """Write records one by one; the sheets wait on the disk, not in memory.
 
     Args:
         records: at most `MOST_PARTS`.
@@ -89,7 +89,7 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
 
 
 class _Sheet:
-    """A sheet that grows by a line at a time, with headings that stay in view."""
+    """A sheet that grows line by line, with headings that stay in view."""
 
     def __init__(self, book: Any, title: str, headings: Sequence[str], *, widths: Sequence[int] = ()) -> None:
         from openpyxl.styles import Font, PatternFill
@@ -109,7 +109,7 @@ class _Sheet:
         self._sheet.append(cells)
 
     def add(self, values: Sequence[Any], *, decision: str = "") -> None:
-        """Append a line; the cell that holds the decision has its colour."""
+        """Append a line; the cell of the decision is coloured."""
         cells = [self._cell(value) for value in values]
         for cell, value in zip(cells, values, strict=True):
             if decision and value == decision:
@@ -118,7 +118,7 @@ class _Sheet:
         self.lines += 1
 
     def close(self) -> None:
-        """Give its headings filters."""
+        """Add filters to the headings."""
         self._sheet.auto_filter.ref = f"A1:{self._last}{self.lines + 1}"
 
     def _cell(self, value: Any) -> Any:

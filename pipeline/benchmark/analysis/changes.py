@@ -54,7 +54,7 @@ class Change:
 
     @property
     def reader(self) -> str:
-        """The mode, and what it was given."""
+        """The mode and the facts given to it."""
         return GroupKey(self.after.mode, ((GIVEN_FACTOR, self.after.given),)).reader
 
 
@@ -105,7 +105,7 @@ def changes(
     after: Sequence[Trial],
     descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
 ) -> Changes:
-    """Compare the trials of two benchmarks, of parts read as they are.
+    """Compare the trials of two benchmarks, for unperturbed parts.
 
     Args:
         before: trials of A.

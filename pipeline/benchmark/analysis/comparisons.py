@@ -107,7 +107,7 @@ def _rivals(readings: Mapping[str, Sequence[Trial]]) -> Iterator[tuple[str, str]
 
 
 def between_givens(trials: Sequence[Trial]) -> Iterator[Comparison]:
-    """Every reader that was given more, against itself given less: what the knowledge brings."""
+    """Compare every reader with itself with fewer facts, to show the benefit of knowledge."""
     groups = group_trials(trials, (GIVEN_FACTOR,))
     for more in groups:
         for less in groups:
@@ -165,12 +165,12 @@ class Stability:
 
 
 def unperturbed(trials: Sequence[Trial]) -> list[Trial]:
-    """The trials of parts read as they are."""
+    """The trials of unperturbed parts."""
     return [t for t in trials if not t.perturbed]
 
 
 def stability_of(trials: Sequence[Trial]) -> tuple[Stability, ...]:
-    """One a reader and perturbation, and before these one a reader under any; none where nothing was perturbed."""
+    """One result per reader over all perturbations, then one per perturbation; empty without perturbations."""
     several = len({t.given for t in trials}) > 1
     found: list[Stability] = []
     for key, members in group_trials(trials, (GIVEN_FACTOR,) if several else ()).items():

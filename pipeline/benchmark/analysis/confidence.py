@@ -99,7 +99,7 @@ class RiskCoverage:
 
 
 def risk_coverage(confidences: Sequence[float], right: Sequence[bool]) -> RiskCoverage:
-    """The curve over readings, the surest first.
+    """Compute the curve over readings, the most certain first.
 
     Raises:
         ValueError: lengths that differ.

@@ -1,4 +1,4 @@
-"""Intervals and paired tests: bootstrap by part, where trials belong together, and exact bounds of rare errors.
+"""Intervals and paired tests: bootstrap by part, as trials of a part belong together, and exact bounds of rare errors.
 
 Clopper and Pearson 1934: the upper bound of k of n is the share at which k or fewer come by chance in 1 of 20. Nothing
 wrong among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1,000" takes 2,995 parts without one.
@@ -25,7 +25,7 @@ _FLIPS_SEED = 20240301
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval, whole parts drawn again.
+    """A number with its 95 % interval from resampling whole parts.
 
     Attributes:
         value: measured value.
@@ -44,7 +44,7 @@ class Estimate:
 
     @classmethod
     def of(cls, value: float, again: NDArray[np.float64]) -> Estimate:
-        """A number with the percentiles of what each draw gives.
+        """A number with the percentiles over all draws.
 
         Args:
             value: measured value.
@@ -58,7 +58,7 @@ class Estimate:
 
 @lru_cache(maxsize=4)
 def draw_parts(parts: int) -> NDArray[np.float64]:
-    """(RESAMPLES, parts) how often each part comes when as many are drawn again, with putting back."""
+    """(RESAMPLES, parts) counts of each part in samples of the same size with replacement."""
     rng = np.random.default_rng(_SEED)
     drawn = rng.multinomial(parts, np.full(parts, 1.0 / parts), size=RESAMPLES).astype(np.float64)
     drawn.flags.writeable = False
@@ -75,7 +75,7 @@ def exact_share(count: int, total: int) -> Share:
 
 
 def bootstrap_share(right: Sequence[int], total: Sequence[int]) -> Estimate:
-    """A share of characters with its 95 % interval, whole parts drawn again (percentile bootstrap).
+    """A share of characters with its 95 % interval, by resampling whole parts (percentile bootstrap).
 
     Characters of one part share its dirt, so that they are not independent. Where every part is alike nothing
     varies and the interval has no width; Wilson's then tells more.
@@ -95,7 +95,7 @@ def bootstrap_share(right: Sequence[int], total: Sequence[int]) -> Estimate:
 
 @dataclass(frozen=True)
 class SerialTest:
-    """McNemar's exact test: of the parts that one mode read and the other did not.
+    """McNemar's exact test on the parts that one mode read and the other did not.
 
     Attributes:
         only_first: right by the first alone.

@@ -1,4 +1,4 @@
-"""Effect of each level of a factor: its share of characters right, less the mean of the other levels'.
+"""Effect of each level of a factor: its share of characters right minus the mean of the other levels.
 
 A part may be read several times, with other things given; its readings hang together, so that whole parts are drawn
 again (cluster bootstrap), never single readings. A thing given is compared on the same parts and beside the same
@@ -58,7 +58,7 @@ class FactorEffect:
 
     @property
     def spread(self) -> float:
-        """Characters right at the best level, less those at the worst."""
+        """Difference in characters right between the best and the worst level."""
         return self.levels[-1].characters.value - self.levels[0].characters.value
 
     @property
@@ -80,7 +80,7 @@ def _unit(factor: str) -> str:
 
 
 def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
-    """Every factor that has several levels, for every mode; of a mode the one that matters most first."""
+    """Effects of every factor with several levels, for every mode; within a mode the greatest first."""
     factors = [name for name, levels in levels_in(trials).items() if len(levels) > 1]
     found = []
     for mode in dict.fromkeys(t.mode for t in trials):
@@ -122,7 +122,7 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
 
 
 def _matched(trials: Sequence[Trial], factor: str) -> Iterator[Trial]:
-    """Readings of a part that was read with and without it, all else that was given being the same."""
+    """Readings of parts that were read with and without a fact, with all other facts equal."""
     others = [name for name in _KNOWLEDGE if name != factor]
 
     def beside(trial: Trial) -> tuple[Level, ...]:
@@ -141,7 +141,7 @@ def _shares(counts: NDArray[np.float64], column: int) -> NDArray[np.float64]:
 
 
 def _less_others(counts: NDArray[np.float64], k: int) -> NDArray[np.float64]:
-    """(draws,) share of characters of a level less the mean of the others'; NaN where one was not drawn."""
+    """(draws,) share of characters of a level minus the mean of the others; NaN where one was not drawn."""
     shares = _shares(counts, 0)
     difference: NDArray[np.float64] = shares[:, k] - np.delete(shares, k, axis=1).mean(axis=1)
     return difference

@@ -1,4 +1,4 @@
-"""The regression gate: small editions of both exams are read, and nothing may be read worse than the floors say.
+"""The regression gate: no mode may read the small editions of both exams worse than the stored floors.
 
     marks-exam-1-48            --read--> trials --count--> counts, against designs/EDITION.floors.json
     marks-exam-2-80, the first
@@ -89,7 +89,7 @@ def save_floors(floors: Floors, path: Path) -> None:
 
 
 def objections(found: Floors, floors: Floors) -> list[str]:
-    """List what is worse than the floors; a mode without a floor is one objection."""
+    """List results below the floors; a mode without a floor is one objection."""
     lines: list[str] = []
     for mode, counts in found.items():
         if (floor := floors.get(mode)) is None:
@@ -106,7 +106,7 @@ def objections(found: Floors, floors: Floors) -> list[str]:
 
 
 def tighten(found: Floors, floors: Floors) -> Floors:
-    """Tighten the floors to what was found, number by number; a mode without a floor gets one."""
+    """Tighten the floors to the results, number by number; a mode without a floor gets one."""
     tight = dict(floors)
     for mode, counts in found.items():
         *most, wrong = zip(counts, floors.get(mode, counts), strict=True)

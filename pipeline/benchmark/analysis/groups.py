@@ -35,17 +35,17 @@ def edits(trial: Trial) -> int:
 
 
 def characters_right(trial: Trial) -> int:
-    """Characters stamped less the edits, not below 0."""
+    """Stamped characters minus the edits, not below 0."""
     return max(0, len(trial.truth) - edits(trial))
 
 
 def confusion(trials: Iterable[Trial]) -> Counter[tuple[str, str]]:
-    """Number of (stamped, read) characters; EXTRA is stamped where too much is read, MISSING read where too little."""
+    """Number of (stamped, read) pairs of characters; EXTRA stands for no stamped one, MISSING for no read one."""
     return Counter((p.true, p.read) for trial in trials for p in align(trial.truth, trial.text))
 
 
 def mistakes(confused: Counter[tuple[str, str]]) -> list[tuple[str, str, int]]:
-    """(stamped, read, how often) of different characters, the most frequent first."""
+    """(stamped, read, count) of confused characters, the most frequent first."""
     found = [(true, read, n) for (true, read), n in confused.items() if true != read]
     return sorted(found, key=lambda m: (-m[2], m[0], m[1]))
 
@@ -74,13 +74,13 @@ class GroupKey:
 
     @property
     def reader(self) -> str:
-        """The mode, and what it was given where that differs between groups."""
+        """The mode, and the facts given to it if these differ between groups."""
         given = self.level(GIVEN_FACTOR)
         return self.mode if given is None else f"{self.mode}, given {str(given).replace(',', ', ')}"
 
 
 def level_of(trial: Trial, factor: str) -> Level:
-    """Level of a factor of a trial; None where it is not known."""
+    """Level of a factor of a trial; None if unknown."""
     return trial.given if factor == GIVEN_FACTOR else trial.levels.get(factor)
 
 
@@ -166,14 +166,14 @@ def _fate(trial: Trial) -> str:
 
 
 def levels_in(trials: Iterable[Trial]) -> dict[str, tuple[Level, ...]]:
-    """The levels of every factor, in order; what is not known comes last."""
+    """The levels of every factor, in order; unknown ones last."""
     rows = list(trials)
     names = dict.fromkeys(name for trial in rows for name in trial.levels)
     return {name: ordered_levels(level_of(t, name) for t in rows) for name in names}
 
 
 def ordered_levels(levels: Iterable[Level]) -> tuple[Level, ...]:
-    """Each once: numbers by size, then words as they come, then what is not known."""
+    """Distinct levels: numbers by size, then words in their order, then unknown ones."""
     found = dict.fromkeys(levels)
 
     def rank(level: Level) -> tuple[int, float]:

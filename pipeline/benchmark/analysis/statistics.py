@@ -42,7 +42,7 @@ from pipeline.common.shares import Share
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """All statistics. If readers were told several sets of facts, each group holds one set; effects mix them.
+    """All statistics. If readers were given several sets of facts, each group has one set; effects mix them.
 
     Attributes:
         levels: levels of every factor that occur in the trials.

@@ -1,4 +1,4 @@
-"""Conditions of a trial: factors of a part, and things given to the reader.
+"""Conditions of a trial: factors of a part, and facts given to the reader.
 
 part      soil  severity  font  format  height_mm  die  plate  ...        what was made
 given     font_given  height_given  format_given                          what the reader knew of it
@@ -19,7 +19,7 @@ PERTURBED = "perturbed"
 
 
 def parse_given(text: str) -> str:
-    """Things that a reader is given with the part: `font,height,format`, some of these in that order, or `nothing`.
+    """Parse the facts given to a reader: `font,height,format`, some of these in that order, or `nothing`.
 
     Raises:
         SettingsError: another word.
@@ -33,12 +33,12 @@ def parse_given(text: str) -> str:
 
 
 def given_levels(given: str) -> dict[str, Level]:
-    """Things given as factors of a trial."""
+    """Given facts as factors of a trial."""
     return {f"{name}_given": name in given.split(",") for name in GIVEN}
 
 
 class Condition(dict[str, Level]):
-    """The levels of all factors of a part, by name; a factor that is not there is not known."""
+    """The levels of all factors of a part, by name; a missing factor is unknown."""
 
     @property
     def severity(self) -> float | None:

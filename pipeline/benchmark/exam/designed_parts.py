@@ -108,7 +108,7 @@ class DesignedParts:
                     self.spec(Condition(**{**first, name: value}))
 
     def items(self) -> list[Item]:
-        """All of them, in the design's order; the first so many have each section's share and all severities."""
+        """All items, in the design's order; any first few have each section's share and all severities."""
         found: list[Item] = []
         sections: list[list[Item]] = []
         for section, number, replicate, condition in self.design.plan_parts():
@@ -130,7 +130,7 @@ class DesignedParts:
         return sorted(found, key=lambda one: shares[one.part])[: self.first]
 
     def make(self, item: Item) -> Specimen:
-        """Stamp it, soil it, and have it ready for the camera."""
+        """Stamp and soil the part, and prepare it for the camera."""
         spec = self.spec(item.condition)
         if item.condition.get("generator") == "sketched":
             part = sketch_part(
@@ -187,14 +187,14 @@ class DesignedParts:
         return SynthSpec(seed=self.design.seed, soiling=Soiling(soils, condition.severity or 0.0), **made)
 
     def description(self) -> dict[str, Any]:
-        """See `Parts`: all of the design but how many parts it has."""
+        """See `Parts`: the whole design except its number of parts."""
         plain = self.design.model_dump(mode="json", exclude={"about", *COUNTS}, by_alias=True)
         plain["font_files"] = [font_mark(font, self.design.fonts) for font in self.design.font_names]
         return plain
 
 
 def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
-    """The items, one of each severity after the other, so that a few of them hold all severities."""
+    """Order items by severity in turn, so that the first few have all severities."""
     seen: Counter[float | None] = Counter()
     turns = []
     for item in items:

@@ -1,4 +1,4 @@
-"""Fonts that installed packages carry: found by package and file, and proved by their hash."""
+"""Fonts in installed packages: found by package and file, and checked by their hash."""
 
 from __future__ import annotations
 
@@ -55,6 +55,6 @@ def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
 
 
 def font_mark(font: str, packaged: Mapping[str, PackagedFont]) -> str:
-    """The font's name, and of a file its contents: another file of that name is another font."""
+    """The font's name, with a hash of its file: another file of the same name is another font."""
     path = Path(font_file(font, packaged))
     return f"{path.name} {file_sha256(path)[:12]}" if path.is_file() else font

@@ -90,7 +90,7 @@ class ListedParts:
         return list(self.known)
 
     def make(self, item: Item) -> Specimen:
-        """Load its height map; the photograph when it is asked for."""
+        """Load the height map of a part; its photograph is loaded on demand."""
         from pipeline.formats.photos import read_photo
         from pipeline.formats.touch_file import read_part_map
 

@@ -28,7 +28,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Item:
-    """One part to be tried, not made yet.
+    """A part of the exam that is not made yet.
 
     Attributes:
         part: its name, unique in the benchmark.
@@ -92,14 +92,14 @@ class Parts(Protocol):
         """Make or load one."""
 
     def font_of(self, condition: Condition) -> str:
-        """The font of that kind of part, as a reader is given it; empty where it is not known."""
+        """The font of a kind of part, as given to readers; empty if unknown."""
 
     def description(self) -> dict[str, Any]:
         """Everything that determines each part, as JSON values; not their number."""
 
 
 def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> Specimen:
-    """The part under a perturbation; the same every time.
+    """Perturb a part, in the same way every time.
 
     Args:
         specimen: the unchanged specimen.

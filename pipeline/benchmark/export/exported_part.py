@@ -1,4 +1,4 @@
-"""One part of an exam as files: its surface, photograph, what touch feels of it, its lines cut out, and its truth.
+"""Export one part of an exam as files: surface, photograph, felt views, cut-out lines and truth.
 
 parts/NAME.npz          surface and soil              photos/NAME.png          photograph
 ideal/NAME.png          heights, 16 bit               lines/NAME-VIEW.png      the line, as peers are shown it
@@ -51,7 +51,7 @@ _MOST = ZERO - 1
 
 
 def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Make a part and all its files, to be written where the order came from.
+    """Make a part and all its files; the caller writes them.
 
     Returns:
         Its truth, see the module, and the contents of the files by path within the folder.
@@ -178,7 +178,7 @@ def polygon_px(box_mm: Box, view: dict[str, Any]) -> list[list[float]]:
 
 
 def step_of(values: NDArray[np.floating]) -> float:
-    """The step that all of a map fits: `FINEST`, or the least doubling of it."""
+    """Step of integers that covers a map's range: `FINEST`, or its least sufficient doubling."""
     most = float(np.nanmax(np.abs(values), initial=0.0))
     return FINEST * 2.0 ** max(0, math.ceil(math.log2(max(most, 1e-12) / (FINEST * _MOST))))
 

@@ -109,7 +109,7 @@ def _design_of(parts: DesignedParts) -> dict[str, Any]:
 
 
 def _prepare(parts: DesignedParts, folder: Path) -> None:
-    """Make the folders, or see that they are of the same export by the same program.
+    """Make the folders, or check that they belong to the same export by the same program.
 
     Raises:
         FileError: they are not.

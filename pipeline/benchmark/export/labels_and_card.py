@@ -1,4 +1,4 @@
-"""What describes an exported exam: its truth in the label formats common in text recognition, and its card.
+"""Labels and card of an exported exam: its truth in common label formats, and its description.
 
     rec_gt.txt     PaddleOCR, recognition: lines/NAME-VIEW.png <TAB> text
     det_gt.txt     PaddleOCR, detection: photos/NAME.png <TAB> [{"transcription": "AB12", "points": [[x, y] * 4]}]

@@ -38,7 +38,7 @@ _KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision",
 
 @dataclass(frozen=True, eq=False)
 class FeltMaps:
-    """A scan by the default plan, or the part's own, and its maps.
+    """A scan, by the default plan or the part's own, with its maps.
 
     Attributes:
         scan: scan of the virtual array, with ideal sensors.
@@ -84,7 +84,7 @@ class ModeUnavailableError(MarksError):
 
 
 class PartReadings:
-    """One part, read by each sense when a mode first asks for it.
+    """Readings of one part, each made when a mode first needs it.
 
     Attributes:
         specimen: the part.
@@ -97,7 +97,7 @@ class PartReadings:
         self._reader = reader
 
     def again(self, how: Perturbation) -> PartReadings:
-        """The part perturbed; what the perturbation does not reach is not read again."""
+        """The readings of the perturbed part; senses that the perturbation does not change are not read again."""
         shown = perturbed(self.specimen, how, fidelity=self._reader.settings.fidelity)
         other = PartReadings(shown, self._reader)
         for sense, kept in _KEPT.items():
@@ -108,7 +108,7 @@ class PartReadings:
 
     @cached_property
     def touch(self) -> Reading:
-        """Scanned and read by touch."""
+        """Reading by touch."""
         from pipeline.formats.grid import PartMap
         from pipeline.reading.part_reader import read_surface
 
@@ -118,7 +118,7 @@ class PartReadings:
 
     @cached_property
     def felt(self) -> FeltMaps:
-        """Scanned, and not read.
+        """The scan with its maps, without reading it.
 
         Raises:
             MapError: a surface that cannot be scanned.
@@ -154,13 +154,13 @@ class PartReadings:
 
     @cached_property
     def vision(self) -> Reading:
-        """The photograph read."""
+        """Reading of the photograph."""
         photo = self.photo
         return self._timed("vision", lambda: self._reader.vision.read_photo(photo))
 
     @cached_property
     def lights(self) -> Reading:
-        """The photographs under several lights read as one.
+        """Reading of photographs under several lights together.
 
         Raises:
             MarksError: there is only one, or none.

@@ -1,4 +1,4 @@
-"""The modes that are compared: each reads the same part with its own senses.
+"""The modes of a benchmark: each reads the same part with its own senses.
 
     tactile, vision, lights, fused     readings of our own
     MODE without RULE                  the same, decided without a contract or a term of the score
@@ -64,7 +64,7 @@ def leave_out(name: str) -> Callable[[Reading], Reading]:
 
 
 def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
-    """A reading as one of its experts would have it.
+    """A reading by one of its experts alone.
 
     Args:
         whole: reading by all experts together.
@@ -85,7 +85,7 @@ def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
 
 
 def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:
-    """The modes of the experts that have a say in these modes."""
+    """The modes of the experts that take part in these modes."""
     senses = {sense for sense in ("tactile", "vision") if {sense, "fused"} & {*modes}}
     return tuple(mode for mode in EXPERTS if mode.split()[0] in senses)
 
@@ -99,7 +99,7 @@ def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading
 
 
 def _changed(whole: str, change: Callable[[Reading], Reading], reader: Reader) -> Mode:
-    """A mode of the project's own whose reading is changed afterwards."""
+    """A built-in mode whose reading is changed afterwards."""
     mode = MODES[whole](reader)
     return Mode.of(mode.uses, lambda senses: change(mode.read(senses)[0]))
 
@@ -138,7 +138,7 @@ def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tu
 
 
 def open_mode(name: str, reader: Reader) -> Mode:
-    """The mode of that name, a plan of touch, or the reader of one's own, `module:function`.
+    """Open a mode by name, a touch plan, or a user's own reader, `module:function`.
 
     Raises:
         ModeUnavailableError: it cannot run here.

@@ -49,7 +49,7 @@ class Answer:
 
 
 class ExamPart:
-    """A part as a reader sees it.
+    """A part, as given to a user's reader.
 
     Attributes:
         name: name of the part.
@@ -73,7 +73,7 @@ class ExamPart:
 
     @property
     def relief(self) -> tuple[NDArray[np.float32], float]:
-        """Heights that touch felt (rows, cols), mm, NaN where not known, and their pitch, mm.
+        """Felt heights (rows, cols), mm, NaN where unknown, and their pitch, mm.
 
         Raises:
             MarksError: touch felt none.
@@ -82,7 +82,7 @@ class ExamPart:
 
     @property
     def edges(self) -> tuple[NDArray[np.float32], float]:
-        """Edge maps (directions, rows, cols), one a direction of travel, and their pitch, mm.
+        """Edge maps (directions, rows, cols), one per direction of travel, and their pitch, mm.
 
         Raises:
             MarksError: touch felt none.
@@ -95,14 +95,14 @@ class ExamPart:
         return self._senses.specimen.height_map.z_mm, self._senses.specimen.height_map.pitch_mm
 
     def line_picture(self, kind: str) -> NDArray[np.uint8]:
-        """The line cut out and drawn, (rows, cols, 3): photo, edges, relief or ideal, as the peers are shown it."""
+        """The line cut out and drawn, (rows, cols, 3): photo, edges, relief or ideal, as for the peers."""
         if kind not in PICTURES:
             raise MarksError(f"there is no picture {kind!r}", hint=f"the pictures are {', '.join(PICTURES)}")
         return PICTURES[kind](self._senses)
 
 
 def own_mode(name: str, settings: ReaderSettings) -> Mode:
-    """A mode that asks a function.
+    """Make a mode of a user's function.
 
     Raises:
         SettingsError: there is no such function.
@@ -125,7 +125,7 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
 
 
 def reading_of_answer(answer: Answer) -> Reading:
-    """An answer as a reading."""
+    """Convert an answer to a reading."""
     text = without_blanks(answer.text)
     # the confidence is in the whole text: each character has its share of it
     each = answer.confidence ** (1.0 / max(1, len(text)))

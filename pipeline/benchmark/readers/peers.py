@@ -107,7 +107,7 @@ class RapidOcr:
 
 @cache
 def _rapid_session() -> tuple[Any, tuple[str, ...]]:
-    """The network that the wheel carries, and its classes."""
+    """The network in the wheel, and its classes."""
     package = _imported("rapidocr", "RapidOCR")
     for path in sorted((Path(package.__file__).parent / "models").glob("*rec*.onnx")):
         session = open_network(path)
@@ -147,7 +147,7 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
-    """The best class of every step, repeats and blanks taken out; of a run of repeats the highest belief.
+    """Decode the best class of every step without repeats and blanks; a run of repeats has its highest probability.
 
     Args:
         beliefs: (steps, classes) probabilities; class 0 is the blank.
@@ -210,7 +210,7 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
 
 
 def peer_reading(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
-    """Make a reading of a peer's line: accepted if it fits the format and the peer is sure, or says so itself."""
+    """Make a reading of a peer's line: accepted if it fits the format and the peer is sure."""
     from recognition.decision.decide import ReadingFlag
     from recognition.decision.reading import Candidate, CharacterReading, Reading
     from recognition.language.box import Box as PlateBox

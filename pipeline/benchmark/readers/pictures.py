@@ -1,4 +1,4 @@
-"""Pictures of one line of text, as another program is shown it.
+"""Pictures of one line of text, for other programs.
 
     photo    the photograph, in colour
     edges    the edge map of touch, the strongest edge of any direction dark on light
@@ -91,7 +91,7 @@ def _cut(
 
 
 def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
-    """The heights that touch felt, drawn in grey and cropped to the line, (rows, cols, 3).
+    """The felt heights, drawn in grey and cropped to the line, (rows, cols, 3).
 
     Raises:
         MarksError: touch felt no heights.
@@ -126,7 +126,7 @@ def _grey(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.uin
 
 
 def draw_heights(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.uint8]:
-    """Heights from black to white, (rows, cols), the plate's form taken out; missing points are grey.
+    """Heights from black to white, (rows, cols), without the plate's form; missing points are grey.
 
     Args:
         heights_mm: (rows, cols), NaN where not known.
@@ -139,7 +139,7 @@ def draw_heights(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray
 
 
 def remove_form(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.float64]:
-    """Heights less their plane and their Gaussian mean, (rows, cols): levelled, unbent; NaN stays NaN."""
+    """Subtract plane and Gaussian mean from heights, (rows, cols); NaN stays NaN."""
     from scipy.ndimage import gaussian_filter
 
     z = np.asarray(heights_mm, dtype=np.float64)

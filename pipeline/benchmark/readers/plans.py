@@ -49,7 +49,7 @@ class TouchPlan:
 
     @property
     def mode(self) -> str:
-        """The mode that reads by this plan."""
+        """Mode that reads with this plan."""
         return f"{self.name} {self.level:g}"
 
     @classmethod

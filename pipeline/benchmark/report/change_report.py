@@ -1,4 +1,4 @@
-"""The report of two benchmarks compared: a page with pictures of what flipped, and a table of every flip."""
+"""Report of two compared benchmarks: a page with pictures of changed readings, and a table of all changes."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def write_comparison(
 def _drawn(
     description: Mapping[str, Any], flips: Sequence[Change], executor: Executor
 ) -> tuple[list[tuple[Change, WorstPart]], str]:
-    """The flips with the picture of their part, and why there is none."""
+    """The changes with a picture of their part, or the reason why there is none."""
     blanks = [WorstPart((c.before, c.after), c.flip.value, c.after.given) for c in flips]
     problem = ""
     if blanks:

@@ -43,7 +43,7 @@ def modes_in(groups: Sequence[Group]) -> list[str]:
 
 
 def leading_mode(modes: Sequence[str]) -> str:
-    """The mode that a page shows first: of the project's own the one with most senses, else the first."""
+    """The mode that a page shows first: the built-in one with most senses, else the first."""
     return next((mode for mode in ("fused", "tactile", "vision") if mode in modes), modes[0])
 
 
@@ -54,7 +54,7 @@ def severities_in(groups: Sequence[Group]) -> list[float | None]:
 
 
 def legend_below(figure: Figure, axes: Axes) -> None:
-    """Say under the panels what the lines of the first mean."""
+    """Draw the legend of the first panel under all panels."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
 
@@ -89,7 +89,7 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
 
 
 def data_uri(figure: Figure, *, kind: str = "svg") -> str:
-    """The figure as a data URI: nothing beside the page is needed to show it.
+    """The figure as a data URI, so that the page is self-contained.
 
     Args:
         figure: figure to be drawn.
@@ -108,7 +108,7 @@ def data_uri(figure: Figure, *, kind: str = "svg") -> str:
 
 @styled
 def risk_figure(groups: Sequence[Group]) -> Figure:
-    """Share of wrong serials among the surest, against how many are let through; a panel for every severity."""
+    """Share of wrong serials among the most certain ones against coverage; one panel per severity."""
     severities = severities_in(groups)
     rows = math.ceil(len(severities) / 2)
     figure = Figure(figsize=(WIDTH_IN, 0.7 + 2.6 * rows))

@@ -72,7 +72,7 @@ def render(template: str, **values: Any) -> str:
 
 
 def command_line() -> str:
-    """The command line as typed; empty where a program of somebody else's asks."""
+    """The command line as typed; empty when another program calls."""
     program = Path(sys.argv[0])
     ours = program.stem == PROGRAM or program.parent.name == "pipeline"  # or by python -m pipeline
     return shlex.join([PROGRAM, *sys.argv[1:]]) if ours else ""

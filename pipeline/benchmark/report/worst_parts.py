@@ -28,7 +28,7 @@ _HELPED = ("fused", "tactile")
 
 @dataclass(frozen=True)
 class WorstPart:
-    """One part to be shown.
+    """One part to show.
 
     Attributes:
         trials: trials of all modes.
@@ -46,12 +46,13 @@ class WorstPart:
 
     @property
     def part(self) -> str:
-        """Its name."""
+        """Name of the part."""
         return self.trials[0].part
 
 
 def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
-    """The worst parts: first those with a wrong serial accepted, then those that touch reads worst, then the camera.
+    """The worst parts: first those accepted with a wrong serial, then those that touch reads worst, then those of the
+    camera.
 
     Programs of others are not asked. Where nothing is wrong, the least sure come.
     """
@@ -86,7 +87,7 @@ def _why(trial: Trial) -> str:
 
 
 def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
-    """Make the part again and draw it; a part that cannot be drawn says why."""
+    """Make the part again and draw it; a part that cannot be drawn has a reason instead."""
     worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)

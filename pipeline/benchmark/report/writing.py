@@ -1,4 +1,4 @@
-"""The report of a benchmark: one page that needs nothing beside it, a table of all trials, and all figures as JSON.
+"""Report of a benchmark: one self-contained page, a table of all trials, and all figures as JSON.
 
 trials --statistics_of--> Statistics --+--> benchmark.json
    |                                   +--> report.html   (pictures inlined)
@@ -125,7 +125,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
 
 
 def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
-    """All figures; what differs from run to run stands under "times" alone."""
+    """All figures; only those under "times" differ from run to run."""
     names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability")
     return {
         "benchmark": benchmark.description(),

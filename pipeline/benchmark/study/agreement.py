@@ -83,7 +83,7 @@ def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
 
 
 def _one_hot(ratings: Sequence[str], labels: Sequence[str]) -> _Floats:
-    """(parts, labels) 1 where a part was rated so."""
+    """(parts, labels) 1 where a part has the label."""
     return np.asarray(np.asarray(ratings)[:, None] == np.asarray(labels), dtype=np.float64)
 
 
@@ -94,7 +94,7 @@ def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
 
 
 def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate | None:
-    """Kappa and its interval; `kappas` takes (draws, parts) how often each part counts and gives (draws,)."""
+    """Kappa and its interval; `kappas` maps weights of the parts (draws, parts) to kappas (draws,)."""
     value = float(kappas(np.ones((1, parts)))[0])
     if np.isnan(value):
         return None

@@ -82,7 +82,7 @@ class GaugeRR:
 
     @property
     def share(self) -> float:
-        """%GRR: the gauge's standard deviation of all; 0 where nothing varies."""
+        """%GRR: the gauge's standard deviation as a share of the total; 0 if nothing varies."""
         return self.of_total(self.gauge_mm)
 
     def of_total(self, deviation_mm: float) -> float:
@@ -91,12 +91,12 @@ class GaugeRR:
 
     @property
     def categories(self) -> int | None:
-        """Distinct categories of parts that the gauge tells apart; None where the gauge does not vary."""
+        """Number of categories of parts that the gauge distinguishes; None if the gauge does not vary."""
         return math.floor(CATEGORIES * self.part_mm / self.gauge_mm) if self.gauge_mm else None
 
     @property
     def verdict(self) -> str:
-        """The manual's word for it."""
+        """The manual's verdict."""
         if self.share > USABLE:
             return "not good"
         few = self.categories is not None and self.categories < LEAST_CATEGORIES
@@ -104,7 +104,7 @@ class GaugeRR:
 
 
 def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
-    """The study of depths.
+    """Compute the study of depths.
 
     Args:
         values_mm: (parts, appraisers, trials), mm, at least 2 parts and 2 trials, all finite.

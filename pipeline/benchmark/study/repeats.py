@@ -89,7 +89,7 @@ def depth_of(trial: Trial) -> float | None:
 
 
 def studied_parts(listed: Sequence[PartFiles]) -> list[StudiedPart]:
-    """The parts, those that only a number after a full stop tells apart put together."""
+    """Group parts whose names differ only in a number after a full stop."""
     numbered = {part.name: found for part in listed if (found := _REPEAT.fullmatch(part.name))}
     times = Counter(found[1] for found in numbered.values())
     parts: dict[str, list[tuple[int, PartFiles]]] = {}
@@ -135,7 +135,7 @@ def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
 
 
 def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Trial]]:
-    """The trials of a part before it is read, each with the number of its array."""
+    """Empty trials of a part, each with the number of its array."""
     several = len(part.recordings) if len(part.recordings) > 1 else 0
     for array in range(plan.arrays):
         for trial in range(1, plan.repeats + 1):

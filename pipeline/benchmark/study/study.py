@@ -59,7 +59,7 @@ class Study:
 
     @property
     def no_depth(self) -> str:
-        """Why there is no gauge study; empty where there is one."""
+        """Reason why there is no gauge study; otherwise empty."""
         if len(self.depths) < 2:
             return "the depth of fewer than two parts is known each time"
         return "every part was measured once" if max(m.number for m in self.measured) < 2 else ""
@@ -71,7 +71,7 @@ class Study:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the parts."""
         return tuple(dict.fromkeys(m.part for m in self.measured))
 
     @property
@@ -81,7 +81,7 @@ class Study:
 
     @property
     def widest_depth(self) -> tuple[str, float]:
-        """The part whose depth varies most, and from the least to the most, mm; ("", 0) where none is known."""
+        """The part whose depth varies most, and the range of its depth, mm; ("", 0) if none is known."""
         spreads = {part: float(np.ptp(depths)) for part, depths in self.depths.items()}
         return max(spreads.items(), key=lambda item: item[1], default=("", 0.0))
 

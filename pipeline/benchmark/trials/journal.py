@@ -1,4 +1,4 @@
-"""Trials of a benchmark in a journal: one for each part, mode and knowledge given."""
+"""Journal of a benchmark's trials: one for each part, mode and set of given facts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array h
 
 @dataclass(frozen=True)
 class ReadCharacter:
-    """One character as read.
+    """One character of a reading.
 
     Attributes:
         char: the first candidate.
@@ -82,7 +82,7 @@ class Trial:
 
     @property
     def perturbed(self) -> str:
-        """The perturbation under which it was read; empty where it was read as it is."""
+        """The perturbation under which it was read; empty for none."""
         return str(self.levels.get(PERTURBED) or "")
 
     @property
@@ -102,7 +102,7 @@ class Trial:
 
 
 def answer_of(reading: Reading) -> dict[str, Any]:
-    """The fields of a trial that a reading fills."""
+    """Fields of a trial from a reading."""
     return {
         "text": without_blanks(reading.text),
         "decision": reading.decision.value,

@@ -1,4 +1,4 @@
-"""The run of a benchmark: every part made once, read by every mode, kept at once, by several workers.
+"""Run a benchmark: several workers make every part once and read it by every mode; results are stored at once.
 
     Parts.items --missing from the book--> workers: make, read by each mode --> trials.db
                                                      \\--perturb, read again--/
@@ -67,7 +67,7 @@ class Benchmark:
             )
 
     def description(self) -> dict[str, Any]:
-        """Everything that the answers depend on, as JSON values; not the number of parts."""
+        """Everything on which the answers depend, as JSON values, without the number of parts."""
         reading = self.reading
         return {
             "parts": self.parts.description(),
@@ -87,11 +87,11 @@ class Benchmark:
 
     @property
     def crossed(self) -> tuple[str, ...]:
-        """Factors of the cells; the severity where the parts do not name any."""
+        """Factors of the cells; the severity if the parts name none."""
         return tuple(self.parts.description().get("cross", ("severity",)))
 
     def settings_for(self, condition: Condition, given: str) -> ReaderSettings:
-        """Settings for a part of that kind and a reader with that knowledge."""
+        """Settings for a kind of part and a reader with given facts."""
         font = self.parts.font_of(condition) if "font" in given else ""
         return replace(
             self.reading,
@@ -144,7 +144,7 @@ def run_benchmark(
 
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
-    """Make one part and read it by every mode, perturbed too.
+    """Make one part and read it by every mode, also perturbed.
 
     A failure is recorded in the trial, and the run goes on.
     """
@@ -217,7 +217,7 @@ def _describe(error: Exception) -> str:
 
 
 def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
-    """The benchmark of that description, and its items of these names; the program that makes them is today's.
+    """Rebuild a benchmark from its description, and its items of these names, with the present program.
 
     Args:
         description: as `pipeline.benchmark.trials.journal.TrialJournal` keeps it.
