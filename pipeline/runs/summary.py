@@ -71,7 +71,7 @@ class Summary:
         return ", ".join((f"{self.parts:,} parts", *(f"{n} {word}" for word, n in counted.items() if n)))
 
     def lines(self, *, elapsed_s: float, read_now: int, workers: int) -> list[str]:
-        """For a person.
+        """The summary in lines of text.
 
         Args:
             elapsed_s: since the run, or its going on, began.

@@ -56,12 +56,12 @@ log = structlog.get_logger("tactile-marks")
 
 
 class Service:
-    """One running service and all that it holds open."""
+    """One running service with its open resources."""
 
     def __init__(
         self, settings: ServiceSettings, reading: ReadSettings, *, started_s: float | None = None
     ) -> None:
-        """Open store and folders, and begin to warm up the workers.
+        """Open store and folders, and start to warm up the workers.
 
         Args:
             settings: settings of the service.
@@ -132,7 +132,7 @@ class Service:
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     def why_not_ready(self) -> str:
-        """Why parts cannot be read, without paths, for it is asked without a token; empty if they can."""
+        """Reason why parts cannot be read, without paths because callers need no token; empty if they can."""
         why = self._why_not_ready()
         if why not in ("", self._said):
             log.warning("not ready", why=why)
@@ -190,11 +190,11 @@ class Service:
         self.intake.on_result()
 
     def drain(self) -> None:
-        """Refuse new parts and report it at /readyz; parts in work are finished."""
+        """Refuse new parts and report it at /readyz; parts in progress are finished."""
         self.intake.draining = True
 
     def sweep(self) -> None:
-        """Remove files that no record names, and those whose time is up; nothing if the clock has leapt."""
+        """Remove files that no record names, and expired ones; nothing if the clock has jumped."""
         latest = self.store.parts(limit=1)
         if not self.sweeps.may_sweep(latest[0].created_at if latest else None):
             return
@@ -240,7 +240,7 @@ class Service:
 
 
 def check_folder(settings: ServiceSettings) -> Path:
-    """Make the service's folder, and in it those for glyph databases and jobs.
+    """Make the service's folder, with subfolders for glyph databases and jobs.
 
     Raises:
         FileError: it cannot be made.

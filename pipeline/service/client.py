@@ -259,7 +259,7 @@ class Client:
         repeatable: bool = True,
         **request: Any,
     ) -> httpx.Response:
-        """Send a request, and retry it where that is safe.
+        """Send a request, and retry it if that is safe.
 
         Args:
             method: HTTP method.
@@ -327,6 +327,6 @@ def _record(kind: type[T], answer: httpx.Response) -> T:
 
 
 def retry_after_s(headers: Mapping[str, str]) -> float:
-    """Wait that an answer asks for, seconds; 0 if it asks for none in seconds."""
+    """Waiting time requested by a response, seconds; 0 without one in seconds."""
     text = headers.get("retry-after", "").strip()
     return float(text[:9]) if text.isascii() and text.isdigit() else 0.0

@@ -1,4 +1,4 @@
-"""The golden part: a part of known relief, scanned once a shift, that shows how the whiskers wear.
+"""The golden part: a part of known relief, scanned once per shift to measure the wear of the whiskers.
 
 recording --worker--> gain, zero, tip radius, friction, preload --store--> against the reference --> alert
 """
@@ -31,7 +31,7 @@ class GoldenPart:
     """
 
     def __init__(self, settings: GoldenSettings, store: Store, calls: WorkerCalls, *, line: str) -> None:
-        """Take what it works with.
+        """Set store, calls and settings.
 
         Args:
             settings: relief of the part, and how often it is scanned.
@@ -43,7 +43,7 @@ class GoldenPart:
         self._every = timedelta(hours=settings.every_h)
 
     async def measure(self, sent: Upload, *, reference: bool) -> GoldenRecord:
-        """Measure a scan, and keep what it shows.
+        """Measure a scan, and store the result.
 
         Raises:
             Problem: 409 where no golden part is set up; 422 of a file that is no scan of it.
@@ -65,7 +65,7 @@ class GoldenPart:
         return wear(scans[0], reference) if reference is not None else ()
 
     def faults(self) -> dict[str, str | None]:
-        """Alerts by name: what is wrong; empty where all is well, None where that is not known."""
+        """Alerts by name: the problem; empty if all is well, None if unknown."""
         if self._relief is None:
             return {}
         scans = self.scans(limit=1)

@@ -398,7 +398,7 @@ class Intake:
         sent: Sequence[Upload],
         part: NewPart | PartRecord,
     ) -> PartRecord:
-        """Keep the files, then write the part as it is decided in one transaction; count and log it.
+        """Store the files, then write the decided part in one transaction; count and log it.
 
         Raises:
             FileError: no room for the files.
@@ -426,7 +426,7 @@ class Intake:
         return kept
 
     def _count(self, part: PartRecord, done: ReadPart) -> None:
-        """Count a part's new readings, and log them with what they show of serials, whiskers and drift."""
+        """Count a part's new readings, and log them with findings about serials, whiskers and drift."""
         for reason in part.reading.reasons if part.reading is not None else ():
             if reason.code in set(SerialAlarm):
                 self.metrics.serial_alarms.inc()
@@ -452,7 +452,7 @@ class Intake:
     # ----------------------------------------------------------------------------------------------------- answer
 
     def review(self, part_id: str, **said: Any) -> PartRecord:
-        """Keep a person's review of a part, and publish the part; arguments as `Store.review`.
+        """Store a person's review of a part, and publish the part; arguments as in `Store.review`.
 
         Raises:
             StoreError: as in `Store.review`.
@@ -464,7 +464,7 @@ class Intake:
         return part
 
     def undo_review(self, part_id: str, person: Person) -> PartRecord:
-        """Take a person's own review back.
+        """Undo a person's own review.
 
         Raises:
             StoreError: as in `Store.undo_review`.

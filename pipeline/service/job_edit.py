@@ -1,4 +1,4 @@
-"""Jobs as people write them: as text without paths of the service's machine, or taught from a part.
+"""Edit jobs: as text without paths of the service's machine, or by teaching from a part.
 
 box, text --> Taught --into the job as it is, or a new one--> settings --JobFolder.save--> housing-left.toml
 """
@@ -25,7 +25,7 @@ _NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}
 
 
 def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
-    """Settings that somebody asks for, as they are to stand in a job's file.
+    """Convert requested settings to those of a job's file.
 
     Raises:
         Problem: invalid settings, or settings that name a file of the service's machine.
@@ -47,7 +47,7 @@ def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
 
 
 def text_to_edit(jobs: JobFolder, name: str) -> str:
-    """The settings of a job, with the names alone of files; empty where its file cannot be used as it is.
+    """The settings of a job, with file names without paths; empty if its file cannot be used.
 
     Raises:
         Problem: 404, there is no such job.
@@ -62,7 +62,7 @@ def text_to_edit(jobs: JobFolder, name: str) -> str:
 
 
 def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
-    """Save the text of a job; files that it names already may stay.
+    """Save the text of a job; files that it already names may stay.
 
     Args:
         jobs: jobs of the service.
@@ -89,7 +89,7 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
 
 @dataclass(frozen=True)
 class Taught:
-    """A line of a part, as a person has shown it.
+    """A line of a part that a person has marked.
 
     Attributes:
         line: name; empty for the serial.
@@ -109,7 +109,7 @@ class Taught:
 
 
 def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
-    """Put a line into a job; a new one begins with the service's own settings of fonts, experts and thresholds.
+    """Add a line to a job; a new job starts with the service's own fonts, experts and thresholds.
 
     Args:
         jobs: jobs in which it is kept.
@@ -151,7 +151,7 @@ def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
 
 
 def name_like(part_name: str) -> str:
-    """A name for the job of parts that are called like this one: housing-left of tray-7/housing-left-0012."""
+    """A name for the job of parts with names like this one: housing-left of tray-7/housing-left-0012."""
     words = re.split(r"[/\\]", part_name)[-1]
     stem = re.sub(r"[^A-Za-z0-9_.-]+", "-", words).rstrip("0123456789").strip("-_.")
     return stem if re.fullmatch(NAME, stem) else ""

@@ -39,7 +39,7 @@ log = structlog.get_logger("tactile-marks")
 
 @dataclass(frozen=True)
 class JobAnswer:
-    """A job as the list shows it.
+    """A job in the list.
 
     Attributes:
         name: name that requests use.
@@ -148,7 +148,7 @@ class JobFolder(RecentFiles):
         ]
 
     def answer(self, name: str) -> JobAnswer:
-        """A job as the list shows it.
+        """A job in the list.
 
         Raises:
             Problem: 404, there is none.
@@ -262,7 +262,7 @@ class JobFolder(RecentFiles):
 
 
 def without_paths(written: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a job, with the names alone of files; a glyph database has the name that requests give it."""
+    """Settings of a job, with file names without paths; a glyph database has its name in requests."""
     named = {key: Path(written[key]).name for key in FILES if written.get(key) is not None}
     if "database" in named:
         named["database"] = Path(named["database"]).stem
@@ -270,7 +270,7 @@ def without_paths(written: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:
-    """Check a file, or the keys that are to be written to it; return its job and drift watch.
+    """Check a file, or keys to be written to it; return its job and drift watch.
 
     Raises:
         FileError: it cannot be used, for any reason: one bad job must not affect the others.

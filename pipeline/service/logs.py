@@ -1,4 +1,4 @@
-"""Logs as lines of JSON, or of text for a person; every line of a request contains its id."""
+"""Logs as lines of JSON or text; every line of a request contains its id."""
 
 from __future__ import annotations
 

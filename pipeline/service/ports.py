@@ -22,19 +22,19 @@ log = structlog.get_logger("tactile-marks")
 
 
 class Input(Protocol):
-    """Brings parts to the intake; `title` is its name in the log."""
+    """Bring parts to the intake; `title` is its name in the log."""
 
     title: str
 
     async def start(self) -> dict[str, object]:
-        """Begin; returns its address or folder, for the log. Raises OSError for an address that cannot be had."""
+        """Start; return its address or folder for the log. Raise OSError for an address that is not available."""
 
     async def stop(self, *, grace_s: float) -> None:
-        """End; what is being read gets `grace_s`."""
+        """Stop; parts being read get `grace_s`."""
 
 
 def senders_of(settings: ServiceSettings) -> dict[str, Sender]:
-    """The targets of results that the settings name.
+    """The targets of results in the settings.
 
     Raises:
         MissingExtraError: a library of an extra is not installed.
@@ -56,7 +56,7 @@ class Ports:
     """Inputs and the dispatcher of one service."""
 
     def __init__(self, settings: ServiceSettings, intake: Intake, senders: Mapping[str, Sender]) -> None:
-        """Make what the settings ask for; nothing is opened or sent yet.
+        """Make inputs and outputs from the settings; nothing is opened or sent yet.
 
         Raises:
             FileError: an unusable folder to watch.
@@ -84,7 +84,7 @@ class Ports:
             )
 
     def connections(self) -> tuple[Connection, ...]:
-        """The connections to others as they are now.
+        """The present connections.
 
         Raises:
             StoreError: the store does not answer.
@@ -96,7 +96,7 @@ class Ports:
 
     @contextlib.asynccontextmanager
     async def opened(self) -> AsyncIterator[None]:
-        """Open the inputs and send what waits; on leaving, what is at work may end first.
+        """Open the inputs and send waiting results; on leaving, running work may finish first.
 
         Raises:
             OSError: an address that cannot be had.

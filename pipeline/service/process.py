@@ -1,4 +1,4 @@
-"""A service in a process of its own, started and ended from here: for the demonstration, load and screenshots."""
+"""A service in its own process, for demonstration, load tests and screenshots."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _END_PATIENCE_S = 30.0
 
 
 class NotServingError(MarksError):
-    """A service that did not come up; the message ends with what it logged last."""
+    """A service did not start; the message ends with its last log lines."""
 
 
 @dataclass(frozen=True)

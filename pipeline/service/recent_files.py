@@ -1,4 +1,4 @@
-"""The files of a folder by name, and which of them were there a moment ago; glyph databases are such files."""
+"""Files of a folder by name, with a memory of recent ones; used for glyph databases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ log = structlog.get_logger("tactile-marks")
 
 
 class RecentFiles:
-    """The files of one folder with one suffix; hidden ones do not count.
+    """The files of one folder with one suffix, without hidden ones.
 
     Attributes:
         folder: folder of the files.
@@ -39,7 +39,7 @@ class RecentFiles:
         self._seen_s: dict[str, float] = {}
 
     def files(self) -> dict[str, Path]:
-        """The files that are there now, by stem; one whose name is no text is left out."""
+        """The present files by stem, without those whose name is not text."""
         found = {}
         try:
             paths = sorted(self.folder.glob(f"[!.]*{self._suffix}"))
@@ -66,7 +66,7 @@ class RecentFiles:
         raise Problem(422, f"there is no {self._what} {name[:100]!r}; there is {there}")
 
     def forget(self, name: str) -> None:
-        """Forget a file that was taken away on purpose."""
+        """Forget a file that was deleted on purpose."""
         self._seen_s.pop(name, None)
 
 
@@ -83,7 +83,7 @@ def stamp_of(status: os.stat_result) -> FileStamp:
 
 
 def is_text(name: str) -> bool:
-    """Whether a file's name can be written down: one that is not UTF-8 holds half surrogates."""
+    """Whether a file's name can be stored: one that is not UTF-8 has half surrogates."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -92,7 +92,7 @@ def is_text(name: str) -> bool:
 
 
 class GlyphDatabases(RecentFiles):
-    """Glyph databases by name; looked for whenever they are asked for, so one may be put there while it runs."""
+    """Glyph databases by name; looked up on every use, so that one may be added while the service runs."""
 
     def __init__(self, folder: Path, *, default: Path | None = None) -> None:
         """Take the folder.

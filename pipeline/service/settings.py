@@ -88,7 +88,7 @@ class TlsSettings(Settings):
 
 
 class LimitSettings(Limits):
-    """Limits of what is sent."""
+    """Limits of requests."""
 
     upload_mb: int = Field(default=100, ge=1, le=100_000)
     """Largest request, in MB."""

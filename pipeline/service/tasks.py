@@ -1,4 +1,4 @@
-"""Tasks of the event loop: work that is repeated for ever, and an end that does not wait for ever."""
+"""Tasks of the event loop: endlessly repeated work, and an end with a time limit."""
 
 from __future__ import annotations
 

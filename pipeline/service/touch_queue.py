@@ -41,7 +41,7 @@ log = structlog.get_logger("tactile-marks")
 
 @dataclass
 class TouchQueue:
-    """Has the stage feel what waits for it.
+    """Let the stage feel waiting parts.
 
     Attributes:
         store: store of the waiting parts.
@@ -64,11 +64,11 @@ class TouchQueue:
     _rest_until: dict[str, float] = field(default_factory=dict, init=False)
 
     def until(self) -> datetime:
-        """Until when a part waits that begins to wait now."""
+        """Time until which a part waits that begins to wait now."""
         return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
     async def attempt(self, part: PartRecord) -> PartRecord:
-        """The part once the attempt at it has ended; one that is under way is waited for.
+        """Attempt to feel a part, or wait for the running attempt; return the part afterwards.
 
         Raises:
             Problem, StageError: it could not be felt; it still waits, and is tried again.
@@ -80,7 +80,7 @@ class TouchQueue:
         return await asyncio.shield(attempt)
 
     async def look(self) -> None:
-        """Look once: give up what has waited for too long, and begin attempts at what is due."""
+        """Check once: give up parts that have waited for too long, and start due attempts."""
         now = time.monotonic()
         waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self.store.waiting_for_touch)}
         self._deadlines = {
@@ -97,7 +97,7 @@ class TouchQueue:
                 attempt.add_done_callback(_looked_at)
 
     async def stop(self) -> None:
-        """End the attempts; what was not felt waits in the store for the next start."""
+        """End the attempts; parts not felt wait in the store for the next start."""
         await end_tasks(self._attempts.values())
 
     async def _attempt(self, part_id: str) -> PartRecord:
@@ -115,7 +115,7 @@ class TouchQueue:
             del self._attempts[part_id]
 
     def _left_s(self, one: Waiting) -> float:
-        """Seconds that a part may still wait; never more than it was given, whatever the clock says."""
+        """Seconds that a part may still wait; never more than its limit, even if the clock is wrong."""
         since, until = one.changed_at, one.until
         if until is None:
             until = since + timedelta(seconds=self.wait_s)

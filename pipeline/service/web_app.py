@@ -1,4 +1,4 @@
-"""The web application of a service: routes, pages, answers to failures, and what lies before them."""
+"""The web application of a service: routes, pages, answers to failures, and middleware."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def create_app(service: Service) -> FastAPI:
 
 
 def _names(settings: ServiceSettings) -> tuple[str, ...]:
-    """Names that the service answers to; any if tokens are asked for and no list is given."""
+    """Host names that the service accepts; any if tokens are required and no list is given."""
     if settings.tokens_asked and not settings.hosts:
         return ("*",)
     names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")

@@ -1,4 +1,4 @@
-"""Calls of worker processes: refused while the queue is full, repeated where a worker is lost.
+"""Calls of worker processes: refused while the queue is full, repeated if a worker is lost.
 
 A job or glyph database that turns out to be unusable is remembered until `recheck` finds it usable again.
 """
@@ -64,7 +64,7 @@ class WorkerCalls:
         return {job or database: why for (job, database), why in self._troubles.items() if job or database}
 
     def trouble(self, job: str) -> str:
-        """Why parts of a job cannot be read now, without paths; empty if nothing is known."""
+        """Reason why parts of a job cannot be read now, without paths; empty if none is known."""
         if known := self._troubles.get((job, "")):
             return known
         if len(self._lost) >= MOST_LOST:
@@ -76,7 +76,7 @@ class WorkerCalls:
         return f"{missing[0]} is not there; put it back" if missing else ""
 
     async def recheck(self) -> None:
-        """Check again what was unusable; after lost workers, read a clean part that the program makes."""
+        """Check unusable jobs and files again; after lost workers, read a generated clean part."""
         if len(self._lost) >= MOST_LOST:
             with contextlib.suppress(Problem, WorkerLostError):
                 await self._call_once(warm_up, self.jobs.settings(""), self.limits)
@@ -94,7 +94,7 @@ class WorkerCalls:
         return settings.model_copy(update={"database": self.jobs.databases.find(database)})
 
     def outside_format(self, text: str, job: str) -> str:
-        """Why a text does not fit the format of a job; empty if it fits, or the job is gone."""
+        """Reason why a text does not fit the format of a job; empty if it fits, or the job is gone."""
         try:
             return outside_format(text, self.jobs.settings(job))
         except (Problem, FileError):
@@ -197,7 +197,7 @@ class WorkerCalls:
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
-    """The answer after lost workers; no verdict on the part, for a limit or this program may be to blame."""
+    """The answer after lost workers; it does not blame the part, because a limit or this program may be the cause."""
     later = {"Retry-After": "60"}
     if error.timed_out:
         return Problem(503, f"{error}; send it again later, or a smaller file", headers=later)

@@ -1,4 +1,4 @@
-"""Tokens of callers, and sessions of browsers that are signed in: of their secrets the store keeps the hashes alone.
+"""Tokens of callers, and sessions of signed-in browsers; the store keeps only hashes of their secrets.
 
 A session belongs to one token, not to its name; it ends with the token, by signing out, or after a shift.
 """
@@ -85,7 +85,7 @@ def all_tokens(tx: Transaction) -> tuple[TokenRecord, ...]:
 
 
 def revoke(tx: Transaction, name: str) -> None:
-    """Refuse a token from now on; nothing happens where it was revoked before."""
+    """Revoke a token; nothing happens if it was revoked before."""
     known = tokens.c.name == fit(name, "the token's name")
     if not tx.count(tokens, known):
         raise NotFoundError(f"there is no token {name[:40]!r}", hint="`tactile-marks tokens list` names them")
@@ -93,7 +93,7 @@ def revoke(tx: Transaction, name: str) -> None:
 
 
 def open_session(tx: Transaction, secret: str) -> str | None:
-    """The cookie of a new session; None where no token with that secret holds."""
+    """The cookie of a new session; None without a valid token of that secret."""
     if token(tx, secret) is None:
         return None
     tx.execute(sa.delete(sessions).where(sessions.c.created_at <= tx.now - timedelta(seconds=SIGNED_IN_S)))

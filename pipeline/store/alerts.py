@@ -1,4 +1,4 @@
-"""Alerts, and the scans of golden parts that some of them come from.
+"""Alerts, and the scans of golden parts from which some of them come.
 
 An alert is raised once when something goes wrong, and cleared once when it has gone right again, across restarts.
 
@@ -105,14 +105,14 @@ def look_for_alerts(
 
 
 def clear_at(limit: float, window: int) -> float:
-    """The rate at which an alert of that limit is cleared."""
+    """The rate at which an alert with a limit is cleared."""
     return max(0.0, limit - _SIGMAS * math.sqrt(limit * (1.0 - limit) / window))
 
 
 def add_golden(
     tx: Transaction, measures: Mapping[GoldenMeasure, Measured], *, line: str, reference: bool
 ) -> GoldenRecord:
-    """Keep what a scan of a golden part has shown; the first of a line is its reference."""
+    """Store the result of a scan of a golden part; the first of a line is its reference."""
     first = tx.count(golden, golden.c.line == line) == 0
     record = GoldenRecord(tx.now, line, reference or first, dict(measures))
     row = {"line": line, "reference": record.reference, "record": to_json(record)}
@@ -121,7 +121,7 @@ def add_golden(
 
 
 def golden_scans(tx: Transaction, line: str, *, limit: int = MOST_SCANS) -> tuple[GoldenRecord, ...]:
-    """The latest of a line, the newest first, and behind them the reference that they are compared with."""
+    """The latest scans of a line, the newest first, and after them their reference."""
     of_line = sa.select(golden).where(golden.c.line == line).order_by(golden.c.id.desc())
     rows = list(tx.execute(of_line.limit(limit)))
     if not any(row.reference for row in rows):

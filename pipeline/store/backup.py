@@ -1,4 +1,4 @@
-"""A store and its files, copied while the service runs, and brought back: elsewhere, or into another database.
+"""Back up a store and its files while the service runs, and restore them elsewhere or into another database.
 
     backups/2026-11-23/
         manifest.json       what it is: version, counts, the hash of store.db
@@ -111,7 +111,7 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
 
 
 def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
-    """Bring a backup back into an empty store, in whatever database, and its files into a folder.
+    """Restore a backup into an empty store, in any database, and its files into a folder.
 
     Raises:
         FileError: it is no backup, or damaged; a file cannot be written.
@@ -133,7 +133,7 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
 
 @contextlib.contextmanager
 def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
-    """A backup's manifest and its store, brought up to date in a copy; the backup itself stays as it is.
+    """A backup's manifest and an upgraded copy of its store; the backup itself stays unchanged.
 
     Raises:
         FileError: it is no backup, or damaged.
@@ -170,7 +170,7 @@ def read_manifest(backup: Path) -> Backup:
 
 
 def copy_rows(source: Transaction, target: Transaction) -> None:
-    """Copy all rows but sessions; row numbers stay, and the target goes on counting behind them."""
+    """Copy all rows except sessions; row numbers stay, and the target continues counting after them."""
     for table in _TABLES:
         rows = source.connection.execution_options(yield_per=_CHUNK).execute(sa.select(table))
         for chunk in rows.mappings().partitions():
@@ -180,7 +180,7 @@ def copy_rows(source: Transaction, target: Transaction) -> None:
 
 
 def last_delivery(tx: Transaction) -> int:
-    """The highest number that any delivery has had, also one that is gone."""
+    """The highest number of any delivery, also of deleted ones."""
     counted = (
         "SELECT last_value FROM pg_sequences WHERE schemaname = current_schema()"
         " AND format('%I.%I', schemaname, sequencename) = pg_get_serial_sequence('outbox', 'id')"
@@ -195,7 +195,7 @@ def _highest(tx: Transaction, table: sa.Table) -> int:
 
 
 def _count_on(tx: Transaction, table: sa.Table, number: int) -> None:
-    """Have the next row of a table get a number behind this one."""
+    """Let the next row of a table get a number after this one."""
     if tx.postgresql:
         sequence = sa.func.pg_get_serial_sequence(table.name, "id")
         tx.execute(sa.select(sa.func.setval(sequence, max(1, number), number > 0)))
@@ -213,7 +213,7 @@ def _take_all(
     linked: EvidenceFolder | None = None,
     live: Store | None = None,
 ) -> tuple[int, int, list[str]]:
-    """Every file that a store names; how many, their bytes, and the hashes of those that could not be had."""
+    """Copy every file that a store names; return their number, bytes, and the hashes of unavailable ones."""
     n_files, n_bytes, lost = 0, 0, list[str]()
     for sha256 in copied.every_needed_hash():
         whole = linked is not None and files.take(sha256, linked, link=True) is FileState.WHOLE

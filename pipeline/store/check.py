@@ -1,4 +1,4 @@
-"""A store and its files looked through: what is damaged, missing, changed since it was written, or stuck.
+"""Check a store and its files for damaged, missing, changed or stuck items.
 
 It only looks, and the service may run meanwhile: parts are taken by the page, each page as it was at one moment.
 """
@@ -47,7 +47,7 @@ class Fault(StrEnum):
     todo: str
 
     def __new__(cls, name: str, todo: str) -> Self:
-        """Make a kind of its name and what to do."""
+        """Make a kind of fault from its name and remedy."""
         made = str.__new__(cls, name)
         made._value_, made.todo = name, todo
         return made
@@ -67,7 +67,7 @@ class Fault(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong.
+    """One problem.
 
     Attributes:
         fault: its kind.
@@ -97,7 +97,7 @@ class CheckReport:
     counts: Counter[Fault] = field(default_factory=Counter)
 
     def add(self, fault: Fault, subject: str, what: str, *, n: int = 1) -> None:
-        """Note that something is wrong."""
+        """Add a finding."""
         if self.counts[fault] < _MOST_TOLD:
             self.findings.append(Finding(fault, subject, what))
         self.counts[fault] += n
@@ -111,7 +111,7 @@ class CheckReport:
 def check(
     store: Store, files: EvidenceFolder, *, read_files: bool = True, against: Path | None = None
 ) -> CheckReport:
-    """Look through a store and its files.
+    """Check a store and its files.
 
     Args:
         store: store to be looked through.
@@ -163,7 +163,7 @@ def _check_parts(store: Store, report: CheckReport) -> None:
 
 
 def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
-    """Rows of parts, some hundreds at once, each time as they are at one moment."""
+    """Rows of parts, some hundreds at once, each batch from one moment."""
     after = ""
     asked = sa.select(parts).order_by(parts.c.id).limit(_PAGE)
     while True:
@@ -176,7 +176,7 @@ def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
 
 
 def _by_part(tx: Transaction, found: Sequence[AnyRow], *tables: sa.Table) -> dict[str, list[AnyRow]]:
-    """The rows that belong to parts, without what may change."""
+    """The rows that belong to parts, without changing columns."""
     of_part: dict[str, list[AnyRow]] = {}
     for table in tables:
         columns = [column for column in table.c if column.name != "gone"]

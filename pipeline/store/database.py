@@ -1,4 +1,4 @@
-"""The store's database: opened, brought up to date, and its transactions.
+"""The store's database: opening, upgrade and transactions.
 
 SQLite: one writer at a time, taken at the beginning of a transaction, so that none fails half way; every commit is on
 the disk before it returns (WAL, synchronous FULL). PostgreSQL: rows are locked where they are read to be changed.
@@ -48,7 +48,7 @@ _migrating = threading.Lock()
 
 
 class JsonText(str):
-    """A value as JSON that every database can hold; it is stored as it is."""
+    """A value as JSON text that every database can hold, stored unchanged."""
 
 
 def json_text(value: Any) -> JsonText:
@@ -83,7 +83,7 @@ class Transaction:
     def execute(
         self, statement: sa.Executable, rows: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None
     ) -> sa.CursorResult[*tuple[Any, ...]]:
-        """Execute one statement; rows that are given beside it, and not in it, need no new look at the statement."""
+        """Execute one statement; with rows as separate arguments the compiled statement is reused."""
         return self.connection.execute(statement, rows)
 
     def count(self, table: sa.Table, *where: sa.ColumnElement[bool]) -> int:
@@ -170,7 +170,7 @@ class Database:
 
     @contextlib.contextmanager
     def write_transaction(self) -> Iterator[Transaction]:
-        """Begin a transaction that is durable when the block has ended, and undone where it raises.
+        """Begin a transaction that is committed at the end of the block, and rolled back if it raises.
 
         Raises:
             StoreError: the database cannot be reached, or is busy for too long.
@@ -187,7 +187,7 @@ class Database:
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[Connection]:
-        """A connection to a database that answers."""
+        """Open a connection and check that the database answers."""
         with contextlib.ExitStack() as asking:
             if self._silent:
                 if not self._asking.acquire(timeout=_TURN_S):

@@ -19,7 +19,7 @@ _UNFIT = re.compile("[\x00\ud800-\udfff]")
 
 
 class StoreError(MarksError):
-    """The store cannot do it."""
+    """The store cannot carry out the operation."""
 
 
 class NotFoundError(StoreError):
@@ -27,11 +27,11 @@ class NotFoundError(StoreError):
 
 
 class ConflictError(StoreError):
-    """The store has moved on since the caller last looked."""
+    """The store has changed since the caller last read it."""
 
 
 class ClaimedError(ConflictError):
-    """Another person is at the part."""
+    """Another person has claimed the part."""
 
 
 class AlreadyDoneError(ConflictError):

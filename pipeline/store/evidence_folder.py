@@ -1,4 +1,4 @@
-"""Files kept for parts, each under the hash of what it holds.
+"""Files kept for parts, each under the hash of its content.
 
     root/files/3f/3f9a...  kept for good, until retention takes it
     root/incoming/         uploads and work files on the same disk; nothing there outlives a crash
@@ -59,7 +59,7 @@ class FileState(StrEnum):
 
 
 class EvidenceFolder:
-    """A folder of files named by what they hold.
+    """A folder of files named by the hash of their content.
 
     Attributes:
         root: the folder.
@@ -67,7 +67,7 @@ class EvidenceFolder:
     """
 
     def __init__(self, root: Path) -> None:
-        """Make the folder, if it is not there.
+        """Make the folder if it is missing.
 
         Raises:
             FileError: it cannot be made.
@@ -84,7 +84,7 @@ class EvidenceFolder:
         self._synced: set[Path] = set()
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
-        """Move a file in; the same content twice is one file. When this returns it survives a power cut.
+        """Move a file into the folder; the same content is stored once. After the return it survives a power cut.
 
         Args:
             path: the file, no link, in `incoming`.
@@ -119,14 +119,14 @@ class EvidenceFolder:
         return sha256, n_bytes
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
-        """Write content to a file and keep it, as `keep`."""
+        """Write content to a file and keep it, as `keep` does."""
         with file_errors(self.incoming), tempfile.TemporaryDirectory(dir=self.incoming) as folder:
             made = Path(folder, "made")
             made.write_bytes(content)
             return self.keep(made, sha256=hashlib.sha256(content).hexdigest())
 
     def path(self, sha256: str) -> Path:
-        """Path at which the file with that hash is kept, whether it is there or not.
+        """Path for the file with that hash, whether it exists or not.
 
         Raises:
             ValueError: no hash.
@@ -136,7 +136,7 @@ class EvidenceFolder:
         return self._files / sha256[:2] / sha256
 
     def state(self, sha256: str, *, read: bool = True) -> FileState:
-        """State of the file with that hash; only if it is read, its content is checked against the hash."""
+        """State of the file with that hash; if it is read, its content is compared with the hash."""
         try:
             with self.path(sha256).open("rb") as stream:
                 whole = not read or hashlib.file_digest(stream, "sha256").hexdigest() == sha256
@@ -214,7 +214,7 @@ class EvidenceFolder:
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
-        """Remove what a crash has left: files that no part needs, and whatever is in `incoming`.
+        """Remove leftovers of a crash: files that no part needs, and everything in `incoming`.
 
         Args:
             store: store that knows which files parts need; it is queried for some of them at a time.
@@ -237,7 +237,7 @@ class EvidenceFolder:
         return n_removed
 
     def kept(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
-        """Hashes of the files kept before a time, some hundreds at once, however many there are."""
+        """Hashes of the files kept before a time, in batches of some hundreds."""
         for folder in sorted(self._files.iterdir()):
             names = []
             with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
@@ -275,7 +275,7 @@ def _remove_if_older(path: Path, latest_s: float) -> int:
 
 @contextlib.contextmanager
 def file_errors(path: Path) -> Iterator[None]:
-    """Report what the disk refuses as a FileError about a path."""
+    """Report errors of the disk as a FileError about a path."""
     try:
         yield
     except OSError as error:
@@ -285,7 +285,7 @@ def file_errors(path: Path) -> Iterator[None]:
 
 @dataclass
 class SweepClock:
-    """Plausibility check of the clock before every sweep: a clock that leaps ahead must not make files look old.
+    """Plausibility check of the clock before every sweep: a clock that jumps ahead must not make files look old.
 
     Attributes:
         file: its own time is that of the last sweep; it need not be there.
@@ -300,7 +300,7 @@ class SweepClock:
     _before: tuple[float, float] | None = field(default=None, init=False)
 
     def may_sweep(self, newest: datetime | None) -> bool:
-        """Whether to sweep now; if so, this is the last sweep from now on.
+        """Whether to sweep now; if so, the time is recorded as that of the last sweep.
 
         Args:
             newest: time of the latest part, by which the clock is judged before the first sweep.

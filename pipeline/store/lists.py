@@ -1,4 +1,4 @@
-"""Lists of parts: searched, to be reviewed or audited, compared with the line's own reader."""
+"""Lists of parts: search, review and audit queues, comparison with the line's own reader."""
 
 from __future__ import annotations
 
@@ -69,19 +69,19 @@ def find_parts(
 
 
 def queue(tx: Transaction, *, audits: bool = False, limit: int = 50) -> tuple[PartRecord, ...]:
-    """Parts that a person is to look at, or to audit, oldest first."""
+    """Parts that a person should review or audit, oldest first."""
     return select_parts(tx, _IDS.where(_awaits(audits)).order_by(parts.c.id).limit(limit))
 
 
 def queue_length(tx: Transaction, *, audits: bool = False) -> int:
-    """Number of parts that a person is to look at, or to audit."""
+    """Number of parts that a person should review or audit."""
     return tx.count(parts, _awaits(audits))
 
 
 def next_in_queue(
     tx: Transaction, after: str | None = None, *, person: Person | None = None, audits: bool = False
 ) -> PartRecord | None:
-    """The oldest part to look at after that one, else the oldest, else None.
+    """The oldest part to review after that one, otherwise the oldest, otherwise None.
 
     Args:
         tx: the transaction.

@@ -32,7 +32,7 @@ _FREE = {"owner": None, "leased_until": None}
 def put_in_outbox(
     tx: Transaction, part_id: str, targets: Sequence[str], payload: Mapping[str, Any] | JsonText
 ) -> None:
-    """Have a part's record, or something else about it, sent to every target."""
+    """Queue a part's record, or another message about it, for every target."""
     row: dict[str, Any] = {"part_id": part_id, "payload": payload, "attempts": 0, "error": ""}
     row |= {"created_at": tx.now, "due_at": AT_ONCE}
     for target in targets:
@@ -42,7 +42,7 @@ def put_in_outbox(
 def lease(
     tx: Transaction, owner: str, target: str, *, lease_s: float, limit: int = 100
 ) -> tuple[Delivery, ...]:
-    """Take what is to be sent now, first what was never tried: until the lease ends it is the owner's to send.
+    """Lease the deliveries to send now, untried ones first; until the lease ends only the owner sends them.
 
     Of a part and a target only the eldest is given, so that order is kept, also among services that share the store.
     What the owner itself has leased is given again; what another has, once its lease is over.
@@ -79,17 +79,17 @@ def lease(
 
 
 def release(tx: Transaction, owner: str) -> None:
-    """Give up all leases of an owner that sends no more."""
+    """Release all leases of an owner that stops sending."""
     tx.execute(sa.update(outbox).where(outbox.c.owner == owner).values(**_FREE))
 
 
 def delivered(tx: Transaction, delivery_id: int) -> None:
-    """Forget a result that has arrived; nothing happens where it was forgotten before."""
+    """Remove a result that has arrived; nothing happens if it was removed before."""
     tx.execute(sa.delete(outbox).where(outbox.c.id == delivery_id))
 
 
 def postpone(tx: Transaction, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
-    """Note that a result has not arrived, and is to be sent again after so long, `LONGEST_WAIT_S` at most.
+    """Record that a result has not arrived, and when to send it again, after at most `LONGEST_WAIT_S`.
 
     Nothing happens where its lease is another's by now.
     """

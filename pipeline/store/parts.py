@@ -58,7 +58,7 @@ _READ, _DECISION = (parts.c.record["reading", name].as_string() for name in ("te
 
 
 class Added(TypedDict, total=False):
-    """Data that are added to a part in one transaction.
+    """Data added to a part in one transaction.
 
     Attributes:
         state: state of the part after them.
@@ -98,7 +98,7 @@ def add_part(
     line: str = "",
     **added: Unpack[Added],
 ) -> PartRecord:
-    """Receive a part with what was read of it.
+    """Add a part with its readings.
 
     Args:
         tx: the transaction.
@@ -138,7 +138,7 @@ def add_part(
 
 
 def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
-    """Add what was read of a part later; arguments as `Added`.
+    """Add later readings of a part; arguments as in `Added`.
 
     Raises:
         AlreadyDoneError: the key is taken.
@@ -158,13 +158,13 @@ def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartR
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
-    """Note that something has happened to a part."""
+    """Add an event to a part."""
     part = part_by_id(tx, part_id, lock=True)
     write_part(tx, part, [(fit(kind, "the kind of the event", limit=32), data)])
 
 
 def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, list[Event], dict[str, Any]]:
-    """A part in the state that readings bring it to, as it stands then; what has happened; figures that change."""
+    """A part after readings: its new record, the events, and the figures that change."""
     plan, shadow, rules = added.get("plan"), added.get("shadow"), added.get("rules", ANY_SERIAL)
     readings = [replace(reading, at=tx.now) for reading in added.get("readings", ())]
     alarms: list[Event] = []
@@ -299,7 +299,7 @@ class IdempotencyKey:
 
     @classmethod
     def of_files(cls, files: Iterable[str]) -> IdempotencyKey:
-        """The key of a part that is read from files, by the key of each, and never again from them."""
+        """The key of a part that is read from files, from their keys, so that it is read from them only once."""
         files = tuple(files)
         return cls("|".join(files), f"{_KEPT}files", files)
 
@@ -312,7 +312,7 @@ def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
 
 
 def known_keys(tx: Transaction, asked: Iterable[str]) -> frozenset[str]:
-    """Those of the keys that stand for a part already."""
+    """Those of the keys that already belong to a part."""
     hashes = {_hash(key): key for key in asked}
     wanted, found = list(hashes), list[str]()
     for k in range(0, len(wanted), MAX_ROWS):
@@ -322,13 +322,13 @@ def known_keys(tx: Transaction, asked: Iterable[str]) -> frozenset[str]:
 
 
 def forget_keys(tx: Transaction, before: datetime) -> int:
-    """Forget idempotency keys of requests of before a time, and say how many."""
+    """Delete idempotency keys of requests before a time; return their number."""
     of_request = keys.c.fingerprint.not_like(f"{_KEPT}%")
     return tx.execute(sa.delete(keys).where(keys.c.at < before, of_request)).rowcount
 
 
 def _claim_key(tx: Transaction, asked: IdempotencyKey | None, part_id: str) -> None:
-    """Take the key for a part; waits for a racing request with that key until it is known whether it is done."""
+    """Claim a key for a part; wait for a racing request with that key until its outcome is known."""
     if asked is None:
         return
     fingerprint = fit(asked.fingerprint, "the fingerprint")
@@ -381,7 +381,7 @@ def _read_before(tx: Transaction, part: PartRecord) -> Objection | None:
 
 
 def _before(tx: Transaction, part: PartRecord) -> list[tuple[int, str]]:
-    """(how many parts before, serial) of the latest parts of a line and job that were read surely."""
+    """(how many parts before, serial) of the latest parts of a line and job that were read with certainty."""
     query = (
         sa.select(parts.c.state, _TEXT.label("text"), _READ.label("read"), _DECISION.label("decision"))
         .where(parts.c.id < part.id, parts.c.state != PartState.SHADOW)

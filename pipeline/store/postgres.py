@@ -1,4 +1,4 @@
-"""Connections to PostgreSQL that wait for a limited time, also for a server that is frozen and keeps its sockets open.
+"""Connections to PostgreSQL with a time limit, also for a frozen server that keeps its sockets open.
 
 statement --sent--> answered                     as without a limit
                     silent for SILENT_S          the connection is closed: OperationalError

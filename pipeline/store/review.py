@@ -81,13 +81,13 @@ def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool
 
 
 def release_part(tx: Transaction, part_id: str, person: Person) -> None:
-    """Let go of a part; nothing happens where it is not the person's."""
+    """Release a part; nothing happens if the person has not claimed it."""
     mine = sa.and_(parts.c.id == part_id, parts.c.claim_holder == person.holder)
     tx.execute(sa.update(parts).where(mine).values(**_NOT_CLAIMED))
 
 
 def claims(tx: Transaction) -> Mapping[str, ClaimRecord]:
-    """The claims that hold now, by part."""
+    """The present claims, by part."""
     return _claims(tx, ~_free(tx))
 
 
@@ -97,7 +97,7 @@ def claimed_by_another(tx: Transaction, person: Person) -> sa.ColumnElement[bool
 
 
 def _free(tx: Transaction) -> sa.ColumnElement[bool]:
-    """Whether a part is unclaimed; a claim that ends too far ahead is void: the clock was set back since."""
+    """Whether a part is unclaimed; a claim that ends too far ahead is void, because the clock was set back."""
     until = parts.c.claim_until
     return sa.or_(until.is_(None), until <= tx.now, until > tx.now + timedelta(seconds=2.0 * CLAIM_S))
 
@@ -181,7 +181,7 @@ def review(
 
 
 def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
-    """Take a person's own review back: the part waits for review again, with the text that it had before.
+    """Undo a person's own review: the part waits for review again, with the text that it had before.
 
     The review stays in the part's history.
 
@@ -208,7 +208,7 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
 
 
 def story(tx: Transaction, part_id: str) -> PartStory:
-    """A part and all that has happened to it.
+    """A part and all its events.
 
     Raises:
         NotFoundError: there is no such part.
@@ -231,7 +231,7 @@ def story(tx: Transaction, part_id: str) -> PartStory:
 
 
 def _records(of: type[T], rows: Sequence[AnyRow], *kinds: str) -> tuple[T, ...]:
-    """The records that events of these kinds keep."""
+    """The records in events of these kinds."""
     return tuple(from_json(of, row.data) for row in rows if row.kind in kinds)
 
 
@@ -277,7 +277,7 @@ IS_AUDITED = sa.and_(parts.c.audit == AUDIT_WAITS, parts.c.state == PartState.AC
 
 
 def audit_figures(tx: Transaction, since: datetime) -> AuditFigures:
-    """Figures of the parts received since a time that were drawn; one reviewed before its audit counts by that."""
+    """Figures of the audited parts received since a time; a review before the audit counts as the audit."""
     drawn = sa.select(parts.c.audit, sa.func.count()).where(parts.c.audit.is_not(None))
     counted = tx.execute(drawn.where(parts.c.created_at >= since).group_by(parts.c.audit))
     n: dict[str, int] = {row[0]: row[1] for row in counted}

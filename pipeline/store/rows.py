@@ -1,4 +1,4 @@
-"""A part's row and what belongs to it: read, locked, written, with the files that parts need."""
+"""Read, lock and write a part's row with its events and files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ READ, REVIEWED, HALF_REVIEWED, AUDITED = "read", "reviewed", "read_by_person", "
 
 
 def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartRecord:
-    """A part as it stands.
+    """Read a part.
 
     Args:
         tx: the transaction.
@@ -46,7 +46,7 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
 def select_parts(
     tx: Transaction, ids: sa.Select[Any], *, newest_first: bool = False
 ) -> tuple[PartRecord, ...]:
-    """The parts whose ids a query gives, by their ids."""
+    """The parts whose ids a query returns, by id."""
     found = tx.execute(sa.select(parts.c.record).where(parts.c.id.in_(ids))).scalars()
     records = (from_json(PartRecord, record) for record in found)
     return tuple(sorted(records, key=lambda part: part.id, reverse=newest_first))
@@ -74,7 +74,7 @@ def search_columns(part: PartRecord) -> dict[str, Any]:
 
 
 def _how_right(part: PartRecord) -> dict[str, Any]:
-    """After review: whether the reading was right, of how many characters, and how many of them."""
+    """After review: whether the reading was right, the number of characters, and of right ones."""
     said = part.review if part.state is PartState.REVIEWED else None
     if said is None:
         return {"was_right": None, "characters": None, "characters_right": None}
@@ -98,7 +98,7 @@ def write_part(
     new: bool = False,
     figures: Mapping[str, Any] = MappingProxyType({}),
 ) -> PartRecord:
-    """Write a part as it stands and what has happened to it, and have it sent.
+    """Write a part and its new events, and queue it for sending.
 
     Args:
         tx: the transaction; it has the part locked unless it is new.
@@ -127,7 +127,7 @@ def write_part(
 
 
 def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None:
-    """Write down what has happened to a part, in order."""
+    """Write events of a part, in order."""
     rows = [
         {
             "part_id": part_id,
@@ -144,7 +144,7 @@ def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None
 
 
 def signature(*, who: str, token: str, **_: Any) -> str:
-    """Identity of a person: the token, without one the name."""
+    """Identity of a person: the token, or else the name."""
     return f"token {token}" if token else f"name {who}"
 
 
@@ -162,7 +162,7 @@ def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:
 
 
 def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
-    """A part's files, the first one first, also those that are gone."""
+    """A part's files in order, also deleted ones."""
     asked = sa.select(evidence).where(evidence.c.part_id == part_id).order_by(evidence.c.id)
     rows = tx.execute(asked).all() if is_part_id(part_id) else ()
     if not rows:
@@ -178,7 +178,7 @@ def evidence_before(tx: Transaction, when: datetime, limit: int = 200) -> tuple[
 
 
 def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> None:
-    """Note that a part's file is no longer kept; nothing happens where it was noted before."""
+    """Record that a part's file is no longer kept; nothing happens if it was recorded before."""
     part = part_by_id(tx, part_id, lock=True)
     mine = sa.and_(evidence.c.part_id == part_id, evidence.c.sha256 == sha256, evidence.c.gone.is_(False))
     if kinds := sorted(set(tx.execute(sa.select(evidence.c.kind).where(mine)).scalars())):

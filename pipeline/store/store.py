@@ -1,4 +1,4 @@
-"""The store: everything the service remembers, in SQLite or PostgreSQL.
+"""The store: all data of the service, in SQLite or PostgreSQL.
 
 An operation is a function of a transaction, written and described where its tables are; here each becomes a method of
 `Store`, with the same arguments but the transaction's. Threads and processes may use a store at once.
@@ -36,7 +36,7 @@ def _method(
     operation: Callable[Concatenate[Transaction, P], R],
     begin: Callable[[Database], AbstractContextManager[Transaction]],
 ) -> Callable[Concatenate[Store, P], R]:
-    """The operation as a method that begins its transaction itself."""
+    """Turn an operation into a method that opens its own transaction."""
 
     @functools.wraps(operation)
     def method(store: Store, /, *args: P.args, **options: P.kwargs) -> R:
@@ -119,7 +119,7 @@ class Store(Database):
     needed_after = _reads(rows.needed_after)
 
     def expire_evidence(self, before: datetime) -> int:
-        """Note that files from before a time are no longer kept, of every part, whatever its state; how many.
+        """Record that files from before a time are no longer kept, for parts in any state; return their number.
 
         The next `EvidenceFolder.sweep` removes those that no part needs.
         """

@@ -31,7 +31,7 @@ METADATA = sa.MetaData(
 
 
 class UtcTime(sa.TypeDecorator[datetime]):
-    """An aware time, kept and given in UTC; SQLite itself keeps no zone."""
+    """A time with zone, stored and returned in UTC; SQLite itself stores no zone."""
 
     impl = sa.DateTime(timezone=True)
     cache_ok = True

@@ -41,7 +41,7 @@ class ClusterExecutor(Executor):
     remote = True
 
     def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
-        """Take the address; the connection is made with the block.
+        """Set the address; the block makes the connection.
 
         Args:
             address: address of the scheduler, such as tcp://scheduler:8786.
@@ -51,7 +51,7 @@ class ClusterExecutor(Executor):
         self.workers = 0
 
     def __enter__(self) -> ClusterExecutor:
-        """Connect, wait for a worker, and see that all run this program.
+        """Connect, wait for a worker, and check that all run this program.
 
         Raises:
             ClusterError: no scheduler, no worker, or one with another version of the program.
@@ -77,7 +77,7 @@ class ClusterExecutor(Executor):
             self._client.close(timeout=5)
 
     def count(self) -> int:
-        """Count the tasks that the workers can be at, all together; 0 where the scheduler does not answer."""
+        """Number of tasks that all workers can run at once; 0 if the scheduler does not answer."""
         with contextlib.suppress(Exception):
             self.workers = sum(self._client.nthreads().values())
             return self.workers
@@ -92,7 +92,7 @@ class ClusterExecutor(Executor):
         return self._client.submit(_same, order, pure=False)
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Begin a call of the function in a worker, and return its future."""
+        """Submit a call of the function to a worker, and return its future."""
         return self._client.submit(_called, self._mark, function, *args, pure=False)
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
@@ -107,7 +107,7 @@ class ClusterExecutor(Executor):
                 future.add_done_callback(done.put)
 
     def _look(self, *, at_once: bool) -> None:
-        """See whether scheduler and workers are there, now and then.
+        """Check from time to time that scheduler and workers are alive.
 
         Raises:
             ClusterError: the scheduler is lost, or no worker has been left for too long.
@@ -142,7 +142,7 @@ class ClusterExecutor(Executor):
         return Outcome(task, error=fault)
 
     def _connected(self) -> Any:
-        """Connect: the client's thread has ten seconds to start, too few where all cores are busy."""
+        """Connect: the client's thread has ten seconds to start, too few if all cores are busy."""
         import distributed
 
         until = time.monotonic() + _START_S
@@ -182,7 +182,7 @@ def _same(order: Any) -> Any:
 
 
 def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
-    """Call the function in a worker, which may have come later than the others, and may have several threads."""
+    """Call the function in a worker, which may have joined later than the others, and may have several threads."""
     if _own_mark() != mark:
         raise ClusterError(_other_program(socket.gethostname()))
     with _ONE_AT_A_TIME:
@@ -191,7 +191,7 @@ def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
 
 
 def _keep_to_one_core() -> None:
-    """Leave the other cores to the other workers; numba has it set thread by thread."""
+    """Use one core and leave the others to other workers; numba needs this for every thread."""
     import numba
 
     from glyphs.opencv import cv2
@@ -206,7 +206,7 @@ def _other_program(worker: str) -> str:
 
 
 def require_distributed() -> None:
-    """See that the library is there.
+    """Check that the library is installed.
 
     Raises:
         MissingExtraError: the extra `cluster` is not installed.

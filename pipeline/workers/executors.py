@@ -52,7 +52,7 @@ class WorkerLostError(MarksError):
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[T, R]):
-    """Result of a task, or why there is none.
+    """Result of a task, or its error.
 
     Attributes:
         task: the task.
@@ -68,7 +68,7 @@ class Outcome(Generic[T, R]):
 
 
 class Executor:
-    """Calls a function for many tasks; this process works unless a pool or a cluster does instead.
+    """Call a function for many tasks, in this process; subclasses use a pool or a cluster.
 
     Attributes:
         workers: tasks that are at work at once, about.
@@ -79,7 +79,7 @@ class Executor:
     remote = False
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """Yield the outcome of function(order, task) of every task, as it is done, in any order.
+        """Yield the outcome of function(order, task) for every task as it finishes, in any order.
 
         Raises:
             ClusterError: the cluster is lost.
@@ -121,7 +121,7 @@ class Executor:
             yield next_outcome()
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Begin a call of the function, and return its future."""
+        """Submit a call of the function, and return its future."""
         future: Future[Any] = Future()
         try:
             future.set_result(function(*args))
@@ -131,11 +131,11 @@ class Executor:
         return future
 
     def _ahead(self) -> int:
-        """Tasks that are handed over at a time, at work or waiting."""
+        """Number of tasks submitted at a time, running or waiting."""
         return 1
 
     def _shared(self, order: Any) -> Any:
-        """The order, to be submitted with every task."""
+        """The order in the form that is submitted with every task."""
         return order
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:

@@ -18,7 +18,7 @@ _SEEN = threading.Event()
 
 @contextmanager
 def interrupts_noted() -> Iterator[None]:
-    """Note interrupts within the block; in another thread than the main one there is nothing to note."""
+    """Record interrupts within the block; only the main thread receives them."""
     _SEEN.clear()
     ours = threading.current_thread() is threading.main_thread()
     ours = ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -36,7 +36,7 @@ def interrupts_noted() -> Iterator[None]:
 
 
 def raise_interrupt() -> None:
-    """Go no further after an interrupt.
+    """Raise a recorded interrupt.
 
     Raises:
         KeyboardInterrupt: there was one.

@@ -53,7 +53,7 @@ class WorkerSettings(Settings):
 
 
 def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call a function that opens somebody's files in a process, which may crash over them.
+    """Call a function that opens a user's files in a separate process, which they may crash.
 
     Raises:
         MarksError: it has crashed.

@@ -70,7 +70,7 @@ class _Job:
 
 @dataclass(eq=False)
 class _Slot:
-    """A worker, whichever process it is at the time, the job that it has, and the thread that feeds it."""
+    """A worker with its present process, its job, and the thread that feeds it."""
 
     number: int
     worker: Worker | None = None
@@ -80,7 +80,7 @@ class _Slot:
 
 
 class WorkPool(Executor):
-    """Runs functions in worker processes of this machine.
+    """Run functions in worker processes of this machine.
 
     The functions are of modules that a worker can import; arguments, results and exceptions can be pickled.
     """
@@ -95,7 +95,7 @@ class WorkPool(Executor):
         warm_up: Callable[[], object] = bool,
         at_once: bool = True,
     ) -> None:
-        """Start the workers; they warm up by themselves, see `ready`.
+        """Start the workers; they warm up in the background, see `ready`.
 
         Args:
             workers: processes.
@@ -167,7 +167,7 @@ class WorkPool(Executor):
         return future
 
     def retry_after_s(self) -> float | None:
-        """Estimate when a place may be free; None while there is one."""
+        """Estimate the seconds until the queue has room; None while it has."""
         over = self.waiting + self.running - self.workers - self.queue
         if over < 0:
             return None
@@ -176,17 +176,17 @@ class WorkPool(Executor):
 
     @property
     def waiting(self) -> int:
-        """Jobs that no worker has begun."""
+        """Number of jobs that no worker has started."""
         return len(self._waiting)
 
     @property
     def running(self) -> int:
-        """Jobs that workers are at."""
+        """Number of jobs in progress."""
         return sum(slot.job is not None for slot in self._slots)
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """Process ids of the workers that live."""
+        """Process ids of the live workers."""
         workers = [slot.worker for slot in self._slots]
         return tuple(w.process.pid for w in workers if w is not None and w.is_alive and w.process.pid)
 
@@ -200,12 +200,12 @@ class WorkPool(Executor):
 
     @property
     def trouble(self) -> str:
-        """Reason why no worker is ready, where one has failed to start; empty otherwise."""
+        """Reason why no worker is ready, if one has failed to start; otherwise empty."""
         failed = self._failed > 0 and not any(slot.warm for slot in self._slots)
         return f"no worker can start: {self._why_failed}" if failed else ""
 
     def close(self, grace_s: float) -> None:
-        """Refuse new jobs, wait for those at work, and stop the workers; jobs that are not done then are lost."""
+        """Refuse new jobs, wait for running ones, and stop the workers; jobs not done by then are lost."""
         with self._changed:
             if self._closing.is_set():
                 return
@@ -237,7 +237,7 @@ class WorkPool(Executor):
         slot.thread.start()
 
     def _feed(self, slot: _Slot) -> None:
-        """Keep a worker, and give it one job after the other, to the end of the pool."""
+        """Run a worker, and give it one job after the other until the pool closes."""
         pause_s = _PAUSE_S
         while not self._not_wanted():
             if not slot.warm:
@@ -256,7 +256,7 @@ class WorkPool(Executor):
             slot.worker.end(0.2)
 
     def _take_job(self, slot: _Slot) -> bool:
-        """Give a slot the job that has waited longest; whether there came one within a while."""
+        """Give a slot the job that has waited longest; return whether one came in time."""
         with self._changed:
             if not self._waiting:
                 self._changed.wait(LOOK_S)
@@ -284,7 +284,7 @@ class WorkPool(Executor):
             job.future.set_exception(outcome)
 
     def _start(self, slot: _Slot) -> bool:
-        """Start a worker and wait until it is warm; whether it is."""
+        """Start a worker and wait until it is warm; return whether it is."""
         answer: Answer | Exception
         try:
             slot.worker = worker_of(slot.number, self.memory_mb)
@@ -338,7 +338,7 @@ def _cause(error: Exception) -> str:
 
 
 def _share_mb(workers: int) -> int:
-    """A worker's share of the machine's memory, in MB; 0, no limit, where that is not known."""
+    """A worker's share of the machine's memory, in MB; 0 (no limit) if unknown."""
     try:
         total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):

@@ -1,4 +1,4 @@
-"""A worker process: it keeps to its memory and its core, and calls what it is sent until its parent is gone."""
+"""A worker process with limits of memory and cores: it makes the calls it receives until its parent ends."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Answer:
 
 
 class Shared:
-    """An argument of many calls: pickled once, and unpickled once by each worker, which then has it itself."""
+    """An argument of many calls: pickled once, and unpickled once by each worker, which caches it."""
 
     def __init__(self, value: Any) -> None:
         self._data = pickle.dumps(value)
@@ -60,7 +60,7 @@ def _unpickled(data: bytes) -> Any:
 
 
 class Worker:
-    """A worker process, as its parent sees it."""
+    """A worker process, from the parent's side."""
 
     def __init__(self, number: int, modules: Sequence[str] = ()) -> None:
         """Start the process; it waits for `limit` before its first call.
@@ -87,7 +87,7 @@ class Worker:
             theirs.close()
 
     def limit(self, memory_mb: int) -> None:
-        """Say how much memory the process may use, in MB; 0: no limit."""
+        """Set the memory limit of the process, MB; 0: no limit."""
         with contextlib.suppress(OSError):  # the process has died; the first call finds it
             self._pipe.send(memory_mb)
 
@@ -99,7 +99,7 @@ class Worker:
     def ask(
         self, call: bytes, timeout_s: float, late: str, stopped: Callable[[], bool] = lambda: False
     ) -> Answer | Exception:
-        """Have the process make a call, and return what comes of it: a WorkerLostError if the worker was lost over it.
+        """Let the process make a call, and return the result: a WorkerLostError if the worker was lost meanwhile.
 
         Args:
             call: as `called` makes it.
@@ -147,7 +147,7 @@ _EARLY: list[Worker] = []
 
 @contextlib.contextmanager
 def started_early(modules: Sequence[str]) -> Iterator[None]:
-    """Have a worker import modules while this process imports its own; a pool within the block takes that worker."""
+    """Let a worker import modules while this process imports its own; a pool within the block uses that worker."""
     with contextlib.suppress(OSError):  # the pool tries again, and says why
         _EARLY.append(Worker(0, modules))
     try:
@@ -159,7 +159,7 @@ def started_early(modules: Sequence[str]) -> Iterator[None]:
 
 
 def worker_of(number: int, memory_mb: int) -> Worker:
-    """Start a worker with a limit of memory; the one of number 0 may have been started early.
+    """Start a worker with a memory limit; number 0 may have been started early.
 
     Raises:
         OSError: it cannot be started.
@@ -170,7 +170,7 @@ def worker_of(number: int, memory_mb: int) -> Worker:
 
 
 def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
-    """Call the functions that come through the pipe, and send back `Answer` or the exception."""
+    """Call functions received through the pipe, and send back `Answer` or the exception."""
     gc.set_threshold(10_000)  # modules make many objects that stay
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if sys.platform == "linux":
@@ -193,7 +193,7 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
 
 
 def _keep_to(memory_mb: int) -> None:
-    """Limit the memory that this process writes to: libraries reserve far more addresses than they use."""
+    """Limit the memory that this process uses, not the addresses: libraries reserve far more of those."""
     if memory_mb > 0:
         with contextlib.suppress(ImportError):  # not on Windows
             import resource
@@ -206,7 +206,7 @@ def _say(line: str) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent does, even by `kill -9`."""
+    """End this process when its parent ends, even by `kill -9`."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -238,7 +238,7 @@ def _answered(call: bytes) -> bytes:
 
 
 def _sendable(error: Exception) -> Exception:
-    """The exception, or its words where it cannot be pickled there and back."""
+    """The exception, or its message if it cannot be pickled."""
     with contextlib.suppress(Exception):
         if type(pickle.loads(pickle.dumps(error))) is type(error):
             return error

@@ -1,1 +1,1 @@
-"""The service over HTTP: parts sent in and looked up."""
+"""The service over HTTP: sending and looking up parts."""

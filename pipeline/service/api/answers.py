@@ -26,7 +26,7 @@ PictureName = Literal["photo", "edges", "boxes"]
 
 @dataclass(frozen=True)
 class PartAnswer(PartRecord):
-    """A part as it stands, and where more of it is to be had.
+    """A part in its present state, with links to more.
 
     Attributes:
         links: addresses of the part, its history, and of its pictures by name.
@@ -36,7 +36,7 @@ class PartAnswer(PartRecord):
 
 
 def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
-    """The part with its links, behind the prefix of a proxy where there is one."""
+    """The part with its links, with the prefix of a proxy, if any."""
     here = f"{root_path}/v1/parts/{part.id}"
     pictures = {name: f"{here}/pictures/{name}" for name in (*PICTURES, "boxes")}
     return PartAnswer(**part.__dict__, links={"self": here, "history": f"{here}/history", **pictures})

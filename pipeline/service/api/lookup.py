@@ -1,4 +1,4 @@
-"""Parts over HTTP, looked up: lists, tables for a spreadsheet, a part as it stands, its history, pictures and files."""
+"""Look up parts over HTTP: lists, tables for a spreadsheet, one part, its history, pictures and files."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _file(files: EvidenceFolder, record: EvidenceRecord, *, download: bool = Fal
 
 
 def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
-    """Path of a file that holds what was kept; never one that has changed since."""
+    """Path of a kept file whose content is unchanged."""
     what = record.kind.value
     if record.gone:
         raise Problem(404, f"the {what} is no longer kept; its time was up")
@@ -145,7 +145,7 @@ def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
 
 
 class _Echo:
-    """A file that gives back what is written to it, so that a row of a table is the answer of its writer."""
+    """A file whose `write` returns the text, so that a CSV writer returns its row."""
 
     def write(self, text: str) -> str:
         return text

@@ -1,4 +1,4 @@
-"""Parts over HTTP, sent in: read, scanned, reviewed."""
+"""Send parts over HTTP: read, scan, review."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def parts_router(service: Service) -> APIRouter:
 def _idempotency(
     request: Request, caller: Caller, key: str | None, sent: Sequence[Upload], *fields: str
 ) -> IdempotencyKey | None:
-    """The key with its owner, and a digest of all that was asked."""
+    """The key with its owner, and a digest of the whole request."""
     if key is None:
         return None
     digest = hashlib.sha256(request.url.path.encode())

@@ -141,7 +141,7 @@ class OpcUaPort:
             self._server = None
 
     async def show(self, part: PartRecord) -> None:
-        """Show a part that was read, whatever triggered it, and send it as an event unless Scan answers with it.
+        """Show a part that was read, for any trigger, and send it as an event unless Scan returns it.
 
         The same one again is not shown twice, and none in shadow mode.
         """
@@ -218,7 +218,7 @@ class OpcUaPort:
     def _begin(
         self, name: str, status: int, *, job: str = "", answered: bool = False
     ) -> asyncio.Task[PartRecord]:
-        """Begin the one scan that there may be."""
+        """Begin a scan; only one may run at a time."""
         self._scanning = task = asyncio.create_task(self._cycle(name, job, status, answered))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task
@@ -240,7 +240,7 @@ class OpcUaPort:
             await self._write("DeviceStatus", IDLE)
 
     async def _wait(self, scan: asyncio.Task[PartRecord], wait_s: float) -> tuple[PartRecord | None, int]:
-        """The part and its status; the scan goes on though the time is up or the caller has gone."""
+        """Wait for the part and its status; the scan continues after the time limit or when the caller has left."""
         await asyncio.wait({scan}, timeout=wait_s)
         if not scan.done() or scan.cancelled():
             return None, DEVICE_NOT_READY
@@ -266,7 +266,7 @@ def status_of(part: PartRecord) -> int:
 
 
 def ocr_scan_result(part: PartRecord) -> Any:
-    """Convert a part to an OcrScanResult, whose type is there once a server has loaded the model.
+    """Convert a part to an OcrScanResult; its type exists once a server has loaded the model.
 
     CodeType   RAW:STRING           ScanData  the serial as a string
     Quality    confidence in whole percent, rounded down: only full confidence gives 100

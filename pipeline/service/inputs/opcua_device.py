@@ -45,7 +45,7 @@ _EMPTY = (
 
 
 async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) -> tuple[dict[str, Any], Any]:
-    """Load the model, and make its device ready to be called.
+    """Load the model, and set up its device.
 
     Args:
         server: an initialised server.
@@ -105,7 +105,7 @@ class Users(UserManager):
 
 
 def settings_fit(arguments: tuple[Any, ...], *, endless: bool) -> bool:
-    """Whether ScanSettings ask for what there is: one cycle, ended by it, by time, or not at all where allowed."""
+    """Whether ScanSettings are supported: one cycle, ended by itself, by time, or not at all where allowed."""
     settings = arguments[0].Value if len(arguments) == 1 else None
     duration, cycles = getattr(settings, "Duration", None), getattr(settings, "Cycles", None)
     if not isinstance(duration, float | int) or not 0.0 <= duration < math.inf or cycles not in (0, 1):

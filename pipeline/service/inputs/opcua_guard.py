@@ -86,7 +86,7 @@ class GuardedServer(Server):
 
 
 class _Listener(BinaryServer):
-    """Hands connections to the guarded protocol."""
+    """Pass connections to the guarded protocol."""
 
     def __init__(self, server: GuardedServer) -> None:
         endpoint: Any = server.endpoint
@@ -127,7 +127,7 @@ class _Connection(OPCUAProtocol):
         super().connection_lost(ex)
 
     def data_received(self, data: bytes) -> None:
-        """Take bytes, as long as they look like OPC UA."""
+        """Process bytes, as long as they look like OPC UA."""
         begin = self._buffer[:3] + data[: max(0, 3 - len(self._buffer))]
         if len(begin) == 3 and begin not in _KINDS:
             self.let_go("it does not speak OPC UA")
@@ -176,7 +176,7 @@ class _Processor(UaProcessor):
         self.connection = connection
 
     def send_response(self, handle: Any, sequence: Any, response: Any, *more: Any) -> None:
-        """Answer; a stranger whose requests keep being bad is let go."""
+        """Answer; disconnect an unknown caller after repeated bad requests."""
         if self.connection.gone:
             return
         super().send_response(handle, sequence, response, *more)  # type: ignore[no-untyped-call]
@@ -186,7 +186,7 @@ class _Processor(UaProcessor):
                 self.connection.let_go("it sends bad requests without having signed in")
 
     async def process_message(self, sequence: Any, body: Any) -> Any:
-        """Process a message; a call in a task of its own."""
+        """Process a message; each call runs in its own task."""
         processing = super().process_message(sequence, body)  # type: ignore[no-untyped-call]
         if not self.connection.signed_in or nodeid_from_binary(body.copy()) != _CALL:
             return await processing

@@ -1,4 +1,4 @@
-"""The result string: one line of text for a controller, by a format that names its fields.
+"""The result string: one line of text for a controller, from a format with named fields.
 
 {name};{decision};{text};{confidence:.3f};{source};{id}      P17;ACCEPT;KX407251;0.998;fused;01JD...
 

@@ -1,4 +1,4 @@
-"""A raw TCP port as line controllers use: a line in, a line out.
+"""A raw TCP port for line controllers: one line in, one line out.
 
 TRIGGER P17<CR><LF>                -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<CR><LF>
 TRIGGER:housing-left P17<CR><LF>   -->  the same, read by the job housing-left
@@ -68,7 +68,7 @@ _WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
 
 
 class _LineError(Exception):
-    """A connection that cannot go on."""
+    """A connection that must be closed."""
 
 
 class TcpPort:
@@ -277,7 +277,7 @@ def _error(message: str) -> bytes:
 
 
 async def _linger(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Take what still comes for a moment: a connection closed with bytes unread is reset, the last answer too."""
+    """Read remaining bytes for a moment: closing with unread bytes would lose the last answer."""
     writer.write_eof()
     async with asyncio.timeout(_LINGER_S):
         while await reader.read(4096):

@@ -25,10 +25,10 @@ T = TypeVar("T")
 
 
 class Trigger(Protocol):
-    """Takes the picture of a part and reads it."""
+    """Photograph a part and read it."""
 
     async def __call__(self, name: str, job: str = "", /) -> PartRecord:
-        """The part of that name (it may be empty), read by the job of that name, once it is durable."""
+        """Read the part with a name (may be empty) by a job; return it once it is stored."""
 
 
 class SparingLog(logging.Handler):
@@ -40,7 +40,7 @@ class SparingLog(logging.Handler):
         self._last_s: dict[str, float] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take a record of a library."""
+        """Log a record of a library."""
         error = record.exc_info[1] if record.exc_info else None
         why = f": {type(error).__name__}: {error}" if error is not None else ""
         self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}")
@@ -93,6 +93,6 @@ def in_words(error: BaseException) -> str:
 
 
 def one_of_the_busiest(callers: Sequence[T], address: Callable[[T], str]) -> T:
-    """The first caller of the address that has the most: it is dropped where another one needs room."""
+    """The first caller of the address with the most callers; it is dropped to make room."""
     counts = Counter(map(address, callers))
     return max(callers, key=lambda caller: counts[address(caller)])

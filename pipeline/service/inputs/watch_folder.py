@@ -1,4 +1,4 @@
-"""A folder that is watched is a camera: every photograph that is put into it is read as a part, once.
+"""A watched folder as a camera: every photograph put into it is read once as a part.
 
     look --> new or changed --> next look --> unchanged: complete --> read, the oldest part first
                                          \\-> changed: looked at again
@@ -69,17 +69,17 @@ class WatchedPart:
 
     @property
     def key(self) -> IdempotencyKey:
-        """The key of the part, with those of its files as they stand."""
+        """The key of the part, with those of its present files."""
         return IdempotencyKey.of_files(_key(path, state) for path, state in self.files.items())
 
 
 class WatchedFolder:
-    """Watches a folder and submits its photographs, named by their stems."""
+    """Watch a folder and submit its photographs, named by their stems."""
 
     title = "watched folder"
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Take the folder; nothing is looked at yet.
+        """Set the folder; nothing is read yet.
 
         Args:
             settings: folder to watch; folders in it are not looked into.
@@ -109,13 +109,13 @@ class WatchedFolder:
         self._failures: dict[str, tuple[str, float]] = {}
 
     async def start(self) -> dict[str, object]:
-        """Begin to look; returns where, and how often."""
+        """Start to watch; return the folder and the interval."""
         every_s = self._settings.every_s
         self._task = asyncio.create_task(repeat("look at the watched folder", self._round, every_s=every_s))
         return {"folder": str(self.folder), "every_s": every_s}
 
     async def stop(self, *, grace_s: float) -> None:
-        """Stop taking files; files in work get `grace_s`, then they are read after the next start."""
+        """Stop taking files; files in progress get `grace_s`, or are read after the next start."""
         self._stopping = True
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._looking.acquire(), grace_s)
@@ -149,7 +149,7 @@ class WatchedFolder:
         await asyncio.sleep(REST * await self.look())
 
     def _complete(self) -> list[WatchedPart]:
-        """Parts whose files are new and stand as at the last look, the oldest first."""
+        """Parts whose files are new and unchanged since the last look, the oldest first."""
         began_s, groups = time.monotonic(), dict[str, dict[str, FileStamp]]()
         if (now := self._files()) is None:
             return []
@@ -171,7 +171,7 @@ class WatchedFolder:
         return sorted(new, key=lambda one: (min(ns for _, ns in one.files.values()), one.name))
 
     def _files(self) -> dict[str, FileStamp] | None:
-        """The files that lie there; None if the folder is away.
+        """The files in the folder; None if the folder is missing.
 
         Hidden ones, which programs write before they rename them, do not count.
         """
@@ -216,7 +216,7 @@ class WatchedFolder:
         self._known |= set(key.files)
 
     def _is_final(self, part: WatchedPart, error: Exception, began_s: float) -> bool:
-        """Give a part up if its files are what is wrong; else leave it for a later attempt."""
+        """Give up a part if its files are wrong; otherwise leave it for a later attempt."""
         why, key = str(error), part.key.key
         if error.is_final if isinstance(error, Problem) else isinstance(error, UnfitError):
             log.warning("watched file left", file=visible(part.name), why=why)
@@ -252,7 +252,7 @@ class WatchedFolder:
         return photos
 
     def _copy(self, path: Path, state: FileStamp, folder: Path, number: int) -> Path:
-        """A copy under a name that says what it holds.
+        """Copy a file under a name with the suffix of its content.
 
         Raises:
             Problem: no picture, or too large a one.

@@ -1,4 +1,4 @@
-"""Send the deliveries of the store's outbox, with retries until they have arrived.
+"""Send the deliveries of the store's outbox, with retries until they are confirmed.
 
 outbox --lease--> sender (webhook, MQTT) --arrived--> delivered
                                          \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
@@ -111,10 +111,10 @@ class DeliveryError(MarksError):
 
 
 class Sender(Protocol):
-    """Brings deliveries to one target."""
+    """Send deliveries to one target."""
 
     async def ping(self) -> bool:
-        """Whether the target is known to be there while there is nothing to send.
+        """Whether the target is reachable, checked while there is nothing to send.
 
         Raises:
             DeliveryError: it is away.
@@ -128,7 +128,7 @@ class Sender(Protocol):
         """
 
     async def close(self) -> None:
-        """Take leave of the target."""
+        """Disconnect from the target."""
 
 
 @dataclass(frozen=True)
@@ -154,12 +154,12 @@ class Pace:
     lease_s: float = 120.0
 
     def wait_s(self, attempts: int) -> float:
-        """Before the next attempt, after `attempts` in vain."""
+        """Waiting time before the next attempt, after `attempts` failed ones."""
         return min(self.longest_wait_s, self.first_wait_s * 2.0 ** min(attempts - 1, 60))
 
 
 class Dispatcher:
-    """Sends what waits in the outbox, a task for each target.
+    """Send the deliveries in the outbox, with one task for each target.
 
     Attributes:
         states: states of the targets, by their keys.
@@ -182,18 +182,18 @@ class Dispatcher:
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        """Begin, in tasks of the running loop."""
+        """Start, in tasks of the running loop."""
         for target, sender in self._senders.items():
             self._tasks.append(asyncio.create_task(self._run(target, sender), name=f"dispatcher {target}"))
         self._tasks.append(asyncio.create_task(self._warn_of_unknown_targets()))
 
     def wake(self) -> None:
-        """Look at the outbox now; call it after something was put there, from the loop's own thread."""
+        """Check the outbox now; call this after adding to it, from the loop's own thread."""
         for woken in self._woken.values():
             woken.set()
 
     async def stop(self, *, grace_s: float = 10.0) -> None:
-        """End: what is being sent gets `grace_s`; what has not arrived waits in the outbox for the next start."""
+        """Stop: deliveries in progress get `grace_s`; unconfirmed ones stay in the outbox for the next start."""
         self._stopping.set()
         self.wake()
         await end_tasks(self._tasks, grace_s=grace_s)
@@ -257,7 +257,7 @@ class Dispatcher:
             self._report(target, str(error))
 
     async def _send(self, sender: Sender, delivery: Delivery, failures: int) -> float:
-        """Send one delivery; seconds to rest if the target is away."""
+        """Send one delivery; return the seconds to wait if the target is unreachable."""
         target, state = delivery.target, self.states[delivery.target]
         try:
             async with asyncio.timeout(self._pace.send_s):

@@ -83,7 +83,7 @@ class MqttSender:
         self._closed, self._online_s = False, 0.0
 
     async def ping(self) -> bool:
-        """Connect and stay so, that the status says online though there is nothing to publish.
+        """Connect and stay connected, so that the status is online although there is nothing to publish.
 
         Raises:
             DeliveryError: no broker.
@@ -108,7 +108,7 @@ class MqttSender:
             raise
 
     async def close(self) -> None:
-        """Say goodbye, so that the status is offline at once, and disconnect."""
+        """Publish the status offline, and disconnect."""
         self._closed = True
         async with self._connecting:
             connection, self._connection = self._connection, None
@@ -247,7 +247,7 @@ class MqttConnection:
             raise DeliveryError(f"the broker refuses it: {code}", hint=hints.get(code.value, ""))
 
     async def end(self) -> None:
-        """Disconnect; a broker that does not answer is left, and counts as lost."""
+        """Disconnect; do not wait for a broker that does not answer."""
         if self._accepted.done() and not self.lost.done():
             self._client.disconnect()
             await asyncio.wait({self.lost}, timeout=LEAVE_S)
@@ -257,7 +257,7 @@ class MqttConnection:
         await asyncio.to_thread(self._client.loop_stop)
 
     async def _first(self, answer: asyncio.Future[Any]) -> Any:
-        """The answer; an error once the connection is lost or patience ends."""
+        """Wait for the answer; raise an error if the connection is lost or the time is over."""
         await asyncio.wait({answer, self.lost}, timeout=self._timeout_s, return_when=asyncio.FIRST_COMPLETED)
         if answer.done():
             return answer.result()

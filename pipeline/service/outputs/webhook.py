@@ -1,4 +1,4 @@
-"""Results posted to a web address, signed as Standard Webhooks have it (https://www.standardwebhooks.com).
+"""Post results to a web address, signed by Standard Webhooks (https://www.standardwebhooks.com).
 
 POST <url>
 webhook-id: 01JD...-17            the same for every attempt: by it a receiver knows what it has already
@@ -57,10 +57,10 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
 
 
 class WebhookSender:
-    """Posts deliveries to a web address."""
+    """Post deliveries to a web address."""
 
     def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
-        """Make ready; nothing is sent yet.
+        """Prepare the sender; nothing is sent yet.
 
         Args:
             settings: http:// or https://, with a user and password as basic authentication; secret of the signature.
@@ -78,7 +78,7 @@ class WebhookSender:
         self._http = httpx.AsyncClient(follow_redirects=False, timeout=timeout_s, trust_env=False)
 
     async def ping(self) -> bool:
-        """Nothing is known without something to post."""
+        """Do nothing: a webhook can only be checked by a post."""
         return False
 
     async def send(self, delivery: Delivery) -> None:

@@ -102,7 +102,7 @@ class Chart:
 
 
 def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
-    """Parts, those accepted, and those that were trouble; none where there are fewer than two steps to compare.
+    """Charts of parts, accepted ones and problems; none with fewer than two steps.
 
     Args:
         trend: hours or days, in order.
@@ -148,5 +148,5 @@ def who_was_right(part: PartRecord) -> str:
 
 
 def _said(part: PartRecord) -> tuple[Cell, ...]:
-    """The serial of the line's own reader, marked where something else was read here."""
+    """The serial of the line's own reader, marked if the service has read another one."""
     return expected_cells(replace(part, text=part.reading.text if part.reading is not None else ""))

@@ -79,7 +79,7 @@ class Frame:
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
-        """The view of a caller with the right to review; raises as `reader_view`."""
+        """The view of a caller with the right to review; errors as in `reader_view`."""
         return View(self, request, self.access.caller(request, Scope.REVIEW))
 
     def render(
@@ -91,7 +91,7 @@ class Frame:
         caller: Caller | None = None,
         **values: Any,
     ) -> Response:
-        """A page; a browser without a seat is given one."""
+        """Render a page; a new browser gets an id."""
         text = self.environment.get_template(template).render(
             caller=caller,
             signed_in=self.access.asked(request) and caller is not None,
@@ -106,7 +106,7 @@ class Frame:
         return answer
 
     def refusal(self, request: Request, status: int, message: str) -> Response:
-        """A page that says why there is no other."""
+        """A page with the reason of a refusal."""
         return self.render(request, "message.html.j2", status=status, message=message, shown_status=status)
 
 
@@ -134,11 +134,11 @@ class View:
         return Person(unquote(self.request.cookies.get(WHO_COOKIE, ""))[:MOST_WHO], seat=seat)
 
     def named(self, name: str) -> Person:
-        """The person at the page with the name typed; a token's name stands."""
+        """The person at the page with the typed name; a token's name has priority."""
         return self.person if self.caller.token else replace(self.person, name=name)
 
     def page(self, template: str, *, problem: Problem | None = None, **values: Any) -> Response:
-        """A page for this caller; with a problem it says what was wrong with the form that was sent."""
+        """A page for this caller; with a problem it shows the error of the sent form."""
         status, fault = (problem.status, problem.detail) if problem else (200, "")
         values |= {"fault": fault, "may_review": self.may_review}
         return self.frame.render(self.request, template, status=status, caller=self.caller, **values)
@@ -178,7 +178,7 @@ def redirect(request: Request, address: str) -> Response:
 def set_cookie(
     request: Request, answer: Response, name: str, value: str, *, max_age_s: int | None = None
 ) -> None:
-    """Set a cookie that only this service's own pages send back, and no script reads."""
+    """Set a cookie that only this service's own pages send back, and that no script can read."""
     secure = request.url.scheme == "https"
     answer.set_cookie(
         name, value, max_age=max_age_s, path="/", httponly=True, samesite="strict", secure=secure
@@ -187,12 +187,12 @@ def set_cookie(
 
 @jinja2.pass_context
 def _here(context: jinja2.runtime.Context, address: str) -> str:
-    """An address of the service, such as /parts, as the page made now has to write it."""
+    """An address of the service, such as /parts, relative to the present page."""
     return f"{context['up']}{address.removeprefix('/')}"
 
 
 def _stop_words(reason: str) -> str:
-    """Why feeling stopped, in words."""
+    """Reason why touch stopped, in words."""
     return StopReason(reason).message if reason in set(StopReason) else reason
 
 

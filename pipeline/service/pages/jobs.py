@@ -51,7 +51,7 @@ class Lesson(BaseModel):
     by: str = ""
 
     def taught(self) -> Taught:
-        """The line taught.
+        """The taught line.
 
         Raises:
             Problem: something that is not a number, no box, no text.
@@ -79,7 +79,7 @@ class Edit(BaseModel):
 
 
 def add_job_pages(router: APIRouter, frame: Frame) -> None:
-    """The routes of the list, of the text of a job, and of a job to be taught."""
+    """The routes of the list, of the text of a job, and of teaching a job."""
     looks, reviews = Depends(frame.reader_view), Depends(frame.reviewer_view)
     jobs = frame.service.jobs
 
@@ -154,7 +154,7 @@ def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | 
 def _edit_page(
     view: View, jobs: JobFolder, name: str, edit: Edit | None = None, problem: Problem | None = None
 ) -> Response:
-    """The text of a job, to be saved or deleted.
+    """Page with the text of a job, to save or delete it.
 
     Raises:
         Problem: there is no such job.
@@ -165,7 +165,7 @@ def _edit_page(
 
 
 def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
-    """The pictures of a part that a box can be drawn on, the one asked for first.
+    """The pictures of a part on which a box can be drawn, the requested one first.
 
     Raises:
         Problem: there is none.
@@ -182,7 +182,7 @@ def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
 def _proposed(
     part: PartRecord, reading: ReadingRecord | None, frame: PictureFrame | None, *, job: str
 ) -> Lesson:
-    """The line that was read; of a job that has it, one beside the serial that has no name yet, if there is any."""
+    """The line that was read; if the job has it, an unnamed line beside the serial, if any."""
     text, height, boxes = part.text, "", [] if reading is None else [c.box for c in reading.characters]
     if job:
         others = (line for line in (reading.lines if reading is not None else ()) if not line.name)
@@ -195,7 +195,7 @@ def _proposed(
 
 
 def _box(boxes: Sequence[Box], frame: PictureFrame | None) -> dict[str, str]:
-    """Sides of a box about all boxes, with room, in per cent of the picture; of all of it where there are none."""
+    """Sides of a box about all boxes, with a margin, in per cent of the picture; the whole picture without boxes."""
     region = _WHOLE
     if boxes and frame is not None:
         room = _ROOM_HEIGHTS * max(b[3] - b[1] for b in boxes)

@@ -1,4 +1,4 @@
-"""Pages of all parts: the list to search in, and everything kept of one."""
+"""Pages of all parts: the searchable list, and everything stored about one part."""
 
 from __future__ import annotations
 

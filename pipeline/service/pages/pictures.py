@@ -56,7 +56,7 @@ class PictureFrame:
 
     @classmethod
     def of(cls, meta: Mapping[str, float]) -> PictureFrame | None:
-        """The frame of a picture's record; None where something of it is unknown or cannot be."""
+        """The frame of a picture's record; None if a value is missing or invalid."""
         values = [meta.get(name, math.nan) for name in cls.__dataclass_fields__]
         return cls(*values) if all(map(math.isfinite, values)) and min(values[2:]) > 0.0 else None
 
@@ -69,18 +69,18 @@ class PictureFrame:
         )  # fmt: skip
 
     def shows(self, box: Rectangle) -> bool:
-        """Whether a box has an area and something of it is on the picture."""
+        """Whether a box has an area and overlaps the picture."""
         x, y, width, height = box
         if not all(map(math.isfinite, box)) or min(width, height) <= 0.0:
             return False
         return x < self.width and y < self.height and x + width > 0.0 and y + height > 0.0
 
     def whole(self, turns: int) -> Rectangle:
-        """All of the picture after so many quarters counterclockwise."""
+        """Box of the whole picture after a number of quarter turns counterclockwise."""
         return self.turned((0.0, 0.0, self.width, self.height), turns)
 
     def turned(self, box: Rectangle, turns: int) -> Rectangle:
-        """A box after so many quarters counterclockwise about the middle of the picture."""
+        """A box after a number of quarter turns counterclockwise about the middle of the picture."""
         x, y, width, height = box
         cx, cy = 0.5 * self.width, 0.5 * self.height
         for _ in range(turns):
@@ -109,7 +109,7 @@ class PictureBox:
 
 @dataclass(frozen=True)
 class PictureView:
-    """A picture as the page shows it.
+    """A picture on the page.
 
     Attributes:
         which: photo or edges.
@@ -156,7 +156,7 @@ def picture_pair(story: PartStory, folder: EvidenceFolder) -> tuple[PictureView,
 
 
 def without_reading(view: PictureView) -> PictureView:
-    """The picture for a blind reader: upright, but whole and without boxes, for the line may be found wrong too."""
+    """The picture for a blind reader: upright, but whole and without boxes, as the line may be wrong, too."""
     note = "" if view.href else view.note
     if view.frame is None:
         return replace(view, note=note)
@@ -175,7 +175,7 @@ def last_felt(readings: Sequence[ReadingRecord]) -> ReadingRecord | None:
 
 
 def _same_line(by_camera: ReadingRecord, stands: ReadingRecord | None) -> bool:
-    """Whether two readings are of the same line: as many places, and most of them alike."""
+    """Whether two readings are of the same line: equally many places, most of them alike."""
     if stands is None or stands.source == by_camera.source:
         return True
     here, there = ([c.char for c in r.characters] for r in (by_camera, stands))

@@ -1,4 +1,4 @@
-"""A reading as the operator's page shows it: places, what is doubtful about them, and the text laid over them.
+"""A reading for the operator's page: places, their doubts, and the text over them.
 
 text      K  X     4  0  7     (as it stands; a person may have changed it, a space has no place)
            \\  \\     \\  \\  \\
@@ -107,19 +107,19 @@ def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateReco
 
 
 def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
-    """The characters of a text, each with the place it answers to."""
+    """The characters of a text, each with its place."""
     answered = _answered([p.char for p in places], text)
     return tuple(Cell(char, at, "" if at is None else places[at].doubt) for char, at in answered)
 
 
 def _answered(chars: Sequence[str], text: str) -> list[tuple[str, int | None]]:
-    """The characters of a text, each with the place among the chars that it answers to; a space has none."""
+    """The characters of a text, each with its place among the chars; a space has none."""
     answers = iter(align_places(chars, [char for char in text if not char.isspace()]))
     return [(char, None if char.isspace() else next(answers)) for char in text]
 
 
 def align_places(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ...]:
-    """For each of the others the place among the chars that it answers to; None where there is none."""
+    """For each of the others its place among the chars; None without one."""
     place, answers = 0, list[int | None]()
     for pair in align("".join(chars), "".join(others)):
         if pair.place is not None:

@@ -30,7 +30,7 @@ _NAMES = {"text": "serial", "who": "name", "note": "note"}
 
 
 class ReviewForm(BaseModel):
-    """Text that a person has typed for a part; `mode` is that of the page."""
+    """Text that a person has typed for a part; `mode` is the mode of the page."""
 
     action: str = "save"
     text: str = ""
@@ -41,12 +41,12 @@ class ReviewForm(BaseModel):
     mode: ReviewMode = ReviewMode.OPEN
 
     def clean(self, token: str) -> ReviewForm:
-        """Without blanks that mean nothing, and signed by the token if there is one."""
+        """Remove surrounding blanks, and sign by the token, if any."""
         who, note = (" ".join(value.split()) for value in (token or self.who, self.note))
         return self.model_copy(update={"text": self.text.strip(), "who": who, "note": note})
 
     def fault(self) -> str:
-        """Why it cannot be kept, in words; empty if it can."""
+        """Reason why it cannot be stored, in words; empty if it can."""
         if self.action not in ("save", "unreadable"):
             return "Choose what to do: confirm, or unreadable."
         if not self.who:
@@ -138,7 +138,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         release: Annotated[str, Form()] = "",
         view: View = reviews,
     ) -> Response:
-        """Keep a part for the person whose page is open, or let it go."""
+        """Claim a part for the person whose page is open, or release it."""
         name = " ".join(who.split())[:MOST_WHO]
         if release:
             store.release_part(part_id, view.person)
@@ -147,7 +147,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
 
 def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:
-    """Open the part found; the queue where there is none but the part left."""
+    """Open the found part, or the queue if only the present part is left."""
     return view.redirect("/review" if found is None or found.id == after else f"/review/{found.id}")
 
 
@@ -177,7 +177,7 @@ def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
 
 
 def _claim(view: View, part_id: str, name: str | None = None) -> str:
-    """Take a part for the person; where another has it, say who."""
+    """Claim a part for the person; if another person has it, return the name."""
     person = view.person if name is None else view.named(name)
     if not person.holder:
         return ""
@@ -194,7 +194,7 @@ def _describe_change(part: PartRecord) -> str:
 
 
 def _outcome(frame: Frame, part_id: str) -> dict[str, Any]:
-    """The part just reviewed, and its audit if that was made; neither where the address names no part."""
+    """The part just reviewed, and its audit, if any; neither if the address names no part."""
     with contextlib.suppress(StoreError):
         story = frame.store.story(part_id)
         reviewed = story.part.review is not None or bool(story.opinions)

@@ -49,7 +49,7 @@ def pages_router(frame: Frame) -> APIRouter:
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:
-    """The routes of signing in and out."""
+    """The routes to sign in and out."""
     access = frame.access
 
     @router.get("/login")
@@ -79,13 +79,13 @@ def add_login(router: APIRouter, frame: Frame) -> None:
 
 
 def own_address(to: str) -> str:
-    """An address of this service to go to, or the queue's: never another host's."""
+    """An address of this service to open, otherwise that of the queue: never another host."""
     own = to.startswith("/") and not to.startswith("//") and "\\" not in to and to.isprintable()
     return to if own else "/review"
 
 
 def add_interface_page(router: APIRouter, frame: Frame) -> None:
-    """The route of the page of the programs' interface: every address, what it takes and answers.
+    """The route of the page about the HTTP interface: every address with its inputs and answers.
 
     It loads nothing from elsewhere, so it works without internet.
     """
@@ -102,7 +102,7 @@ def add_interface_page(router: APIRouter, frame: Frame) -> None:
 
 
 def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, str, bool, str]]:
-    """Name, place, kind, whether it is needed, and description of everything that an operation takes."""
+    """Name, place, kind, necessity and description of every input of an operation."""
     for one in operation.get("parameters", ()):
         words = one.get("description") or one["schema"].get("description", "")
         yield one["name"], one["in"], _kind(one["schema"], made), one.get("required", False), words
@@ -114,7 +114,7 @@ def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, s
 
 
 def _resolved(schema: Described, made: Described) -> Described:
-    """A schema, looked up where it is named."""
+    """A schema, resolved if it is a reference."""
     for one in (schema, *schema.get("allOf", ())):
         if "$ref" in one:
             found: Described = made["components"]["schemas"][one["$ref"].rpartition("/")[2]]

@@ -1,4 +1,4 @@
-"""The stage and the camera: what drives them, and how passes reach them.
+"""The stage and the camera: drivers and their calls.
 
 A driver of an integrator's own is a `Stage`, a `SessionStage` or a `Camera`; all it is given is a `ScanOrder`.
 """

@@ -1,4 +1,4 @@
-"""The whisker stage and the camera as the service drives them: an integrator's, a bench, or simulated ones to try it.
+"""The whisker stage and the camera of the service: an integrator's, a bench, or simulated ones.
 
     open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass until the serial is sure
     feel(order, into) -> recording                             `Stage`: one scan of the whole plan
@@ -80,7 +80,7 @@ class ScanOrder:
 
 
 class Stage(Protocol):
-    """Moves the whiskers over a part."""
+    """Move the whiskers over a part."""
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
         """Feel the part that lies under the whiskers, and write a recording.
@@ -103,7 +103,7 @@ def has_sessions(stage: Stage | SessionStage[ScanOrder]) -> TypeGuard[SessionSta
 
 
 class Camera(Protocol):
-    """Takes photographs of parts."""
+    """Take photographs of parts."""
 
     def take(self, part_name: str) -> Path | Sequence[Path]:
         """Photograph the part that lies under the camera, once or under several lights.
@@ -115,7 +115,7 @@ class Camera(Protocol):
 
 @dataclass(frozen=True)
 class FolderCamera:
-    """Finds the photograph of a part in a folder, where a camera's own program saves it.
+    """Find the photograph of a part in a folder in which a camera's own program saves it.
 
     Attributes:
         folder: folder of the photographs, named as the parts, or as `part.light-1.png` and so on.
@@ -135,7 +135,7 @@ class FolderCamera:
 
 @dataclass(frozen=True)
 class SimulatedStage:
-    """Feels height maps of a folder with the virtual array, in place of parts.
+    """Feel height maps of a folder with the virtual array, in place of parts.
 
     Attributes:
         folder: folder of the height maps, named as the parts; .npz with its soil.
@@ -183,7 +183,7 @@ class SimulatedStage:
 
 
 class BenchStage:
-    """A bench of iron: opened with the first part, homed when it must be, lifted after each."""
+    """A real bench: opened with the first part, homed if needed, lifted after each part."""
 
     def __init__(self, settings: BenchSettings) -> None:
         """Take the settings; nothing is opened before there is a part."""
@@ -242,7 +242,7 @@ def camera_of(settings: CameraSettings) -> Camera | None:
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
-    """Call the callable of that name for a driver.
+    """Make a driver by calling the callable of a name.
 
     Args:
         named: module and callable, "module:callable"; called without arguments.
@@ -265,7 +265,7 @@ def _there(folder: Path, what: str) -> Path:
 
 
 def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Sequence[Path]:
-    """The part's file in the folder, else those of its set, and never one elsewhere.
+    """The part's file in the folder, otherwise those of its set; never a file elsewhere.
 
     Raises:
         StageError: a name that cannot be a file's, or no such file.

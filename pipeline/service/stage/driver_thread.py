@@ -1,4 +1,4 @@
-"""A thread of its own for a driver: if the driver hangs, it blocks neither other work nor the end of the service.
+"""A separate thread for a driver: if the driver hangs, it blocks neither other work nor the end of the service.
 
     call(work) --> waiting (bounded) --> the driver's thread --> driver
          \\------ timeout_s ------> StageDownError, and `trouble` says so until the driver comes back
@@ -31,13 +31,13 @@ log = structlog.get_logger("tactile-marks")
 
 
 class StageDownError(StageError):
-    """The driver does not answer, or has too much to do: not now, but perhaps later."""
+    """The driver does not answer, or is too busy; a later call may succeed."""
 
     later = True
 
 
 class DriverThread:
-    """Calls one driver.
+    """Call one driver.
 
     Attributes:
         what: camera or stage, for messages.

@@ -1,4 +1,4 @@
-"""A real stage and the worker that reads: the driver stays in the service's process, passes go through a connection.
+"""Link a real stage to a worker: the driver stays in the service's process, passes go through a connection.
 
     worker: reader --pass--> LinkedStage <== connection ==> StageLink: the driver's session --> whiskers
 
@@ -32,7 +32,7 @@ _LOOK_S = 0.02
 
 
 class LinkedStage:
-    """The stage as a worker has it, and the one session that it opens.
+    """The stage in a worker, with the one session that it opens.
 
     Attributes:
         address: address of the connection.
@@ -43,7 +43,7 @@ class LinkedStage:
     _connection: Connection
 
     def __init__(self, address: Any, key: bytes) -> None:
-        """Take the address, and the key that the service knows its worker by."""
+        """Set the address, and the key by which the service recognises its worker."""
         self.address, self._key = address, key
 
     def open(self, order: ScanOrder) -> StageSession:
@@ -85,7 +85,7 @@ class LinkedStage:
 
 
 class StageLink:
-    """The service's end: serves one session of a driver to one worker.
+    """The service's end: serve one session of a driver to one worker.
 
     Attributes:
         stage: stage for the worker.

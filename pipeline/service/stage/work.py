@@ -1,4 +1,4 @@
-"""The stage and the camera of the service, each driven in a thread of its own.
+"""The stage and the camera of the service, each with its own thread.
 
 * A real stage feels one part at a time; a simulated one works in the workers, as many at once as there are.
 * A driver that hangs is refused from then on, until it answers again; `trouble` says so.
@@ -98,7 +98,7 @@ class StageWork:
 
 
 class CameraWork:
-    """The camera at work; `thread`: that its driver is called in."""
+    """The camera at work; `thread`: the thread of its driver."""
 
     def __init__(self, camera: Camera | None, *, timeout_s: float = 30.0) -> None:
         """Take the driver; None: photographs are sent to the service. `timeout_s`: for one call."""

@@ -37,7 +37,7 @@ Networks = tuple[ipaddress.IPv4Network | ipaddress.IPv6Network, ...]
 
 
 class DeniedError(Problem):
-    """A request that is not allowed: 401 where a token is missing or no good, 403 where it does not allow this."""
+    """A request that is not allowed: 401 if a token is missing or invalid, 403 if it lacks the scope."""
 
     def __init__(self, status: int, detail: str) -> None:
         super().__init__(status, detail, headers={"WWW-Authenticate": "Bearer"} if status == 401 else None)
@@ -56,7 +56,7 @@ class Caller:
     token: str = ""
 
     def person(self, who: str = "") -> Person:
-        """The person who calls: by the token, without one by the name given."""
+        """The calling person: by the token, or else by the given name."""
         return Person(self.token or who, token=self.token)
 
 
@@ -117,7 +117,7 @@ class Access:
 
 
 def is_in(address: str, networks: Networks) -> bool:
-    """Whether an address is in one of the networks; never where it is no address."""
+    """Whether an address is in one of the networks; False if it is not an address."""
     try:
         found = ipaddress.ip_address(address)
     except ValueError:
@@ -158,7 +158,7 @@ def user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
 
 
 def _in_hex(host: str, port: int) -> str:
-    """An address as the table has it: words of 32 bits in the machine's byte order."""
+    """An address in the form of the table: words of 32 bits in the machine's byte order."""
     packed = ipaddress.ip_address(host).packed
     words = (packed[k : k + 4] for k in range(0, len(packed), 4))
     shown = "".join(f"{int.from_bytes(word, sys.byteorder):08X}" for word in words)

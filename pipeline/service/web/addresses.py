@@ -1,4 +1,4 @@
-"""Addresses relative to the page that holds them: they hold under any path that a proxy puts in front.
+"""Addresses relative to their page, which work under any path prefix of a proxy.
 
 https://plant.example/marks/review/01JD...   -->   ../parts/01JD...   instead of /parts/01JD...
 """
@@ -12,18 +12,18 @@ if TYPE_CHECKING:
 
 
 def to_root(scope: Scope) -> str:
-    """The way from the address asked for up to the service's first page: "./", "../", "../../" ..."""
+    """The relative path from the requested address to the service's first page: "./", "../", "../../" ..."""
     path = scope.get("raw_path") or scope["path"].encode("utf-8", "surrogateescape")
     return "../" * (path.partition(b"?")[0].count(b"/") - 1) or "./"
 
 
 def relative(scope: Scope, address: str) -> str:
-    """An address of the service, such as /parts, seen from the one asked for."""
+    """An address of the service, such as /parts, relative to the requested one."""
     return to_root(scope) + address.removeprefix("/")
 
 
 def without_prefix(scope: Scope, root_path: str) -> Scope:
-    """The request as the service's routes know it, where a proxy passes its prefix on.
+    """The request without a prefix that a proxy passes on.
 
     Args:
         scope: scope of the request.

@@ -53,7 +53,7 @@ log = structlog.get_logger("tactile-marks")
 
 
 class Door:
-    """Give each request an id, a log line and its place in the metrics, and reject what needs no look at its body.
+    """Give each request an id, a log line and its place in the metrics, and reject requests before reading the body.
 
     A page of another site that the operator has open must not reach the service through the operator's browser: not by
     a form or script, which is caught here, nor by a name of its own that it lets point here, which Starlette's
@@ -122,7 +122,7 @@ class Door:
         return None
 
     async def _check_head(self, scope: Scope) -> None:
-        """Let a request in.
+        """Check the head of a request.
 
         Raises:
             Problem: it is rejected.
@@ -140,7 +140,7 @@ class Door:
             self._check_room(headers.get("content-length", "0"))
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
-        """Refuse what a page of another site sends (cross-site request forgery), by what browsers say of it.
+        """Refuse requests from pages of other sites (cross-site request forgery), by the headers of browsers.
 
         Programs that are no browsers send neither header. Browsers send Sec-Fetch-Site over TLS and to this machine,
         and Origin with every request that may change something.
@@ -199,7 +199,7 @@ class Door:
 
 
 def _with_timeouts(receive: Receive) -> Receive:
-    """Limit the wait for each chunk of a body and for all of it; after the last chunk there is no limit."""
+    """Limit the wait for each chunk of a body and for the whole body; after the last chunk there is no limit."""
     whole, until_s = False, time.monotonic() + BODY_MOST_S
 
     async def next_message() -> Message:

@@ -1,4 +1,4 @@
-"""Problems of requests, by RFC 9457: application/problem+json, with what is wrong and what to do.
+"""Problems of requests, by RFC 9457: application/problem+json, with problem and remedy.
 
 Whatever fails becomes a problem in one place, `problem_of`: for HTTP, trigger ports and the watched folder alike.
 """
@@ -46,7 +46,7 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
 
     @property
     def is_final(self) -> bool:
-        """Whether only the sender can mend it; else the same request may succeed later."""
+        """Whether only the sender can correct it; otherwise the same request may succeed later."""
         return self.status < 500 and self.status not in (408, 429)
 
 
@@ -67,13 +67,13 @@ def without_folders(text: str) -> str:
 
 
 def stopping() -> Problem:
-    """The answer to a request that comes while the service stops, or that its end cuts short."""
+    """The answer to a request that comes while the service stops, or that is interrupted by it."""
     detail = "the service is stopping; send it again in a moment"
     return Problem(503, detail, headers={"Retry-After": "5", "Connection": "close"})
 
 
 class OwnProblem(Problem):
-    """Something of the service's own that cannot be used now: a file, a job, a glyph database.
+    """One of the service's own files, jobs or glyph databases cannot be used now.
 
     What was sent may be sent again later.
     """
@@ -112,7 +112,7 @@ def problem_of(error: BaseException) -> Problem:
 
 
 def add_problem_handlers(app: FastAPI) -> None:
-    """Have the application answer what it and the store raise."""
+    """Register answers for errors of the application and the store."""
 
     async def answer(request: Request, error: Exception) -> Response:
         return problem_answer(_problem(error, request.scope), request.scope)

@@ -1,4 +1,4 @@
-"""Uploads: saved under a name of our own, and sorted by content or name."""
+"""Uploads: saved under a generated name, and classified by content or name."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _NOT_QUOTED = {ord(char): "_" for char in '"\\\r\n'}
 
 @dataclass(frozen=True)
 class Upload:
-    """A file that was sent.
+    """An uploaded file.
 
     Attributes:
         path: path of the saved file, under a name of our own.
@@ -54,14 +54,14 @@ class Upload:
 
     @property
     def media_type(self) -> str:
-        """For the browser."""
+        """Media type for browsers."""
         types = {one.suffix: one.media_type for one in READ}
         usual = "application/x-hdf5" if self.kind is EvidenceKind.SCAN else "application/octet-stream"
         return types.get(self.path.suffix, usual)
 
 
 def check_count(photos: int) -> None:
-    """Refuse more photographs of a part than are read.
+    """Refuse too many photographs of a part.
 
     Raises:
         Problem: 422.
@@ -71,13 +71,13 @@ def check_count(photos: int) -> None:
 
 
 def sent_name(name: str | None) -> str:
-    """A file's name as its sender gave it: the last part of any path, printable, of bounded length."""
+    """The sender's name for a file: the last part of any path, printable, of bounded length."""
     last = re.split(r"[/\\]", name or "")[-1]
     return _UNPRINTABLE.sub("_", last)[:MOST_NAME] or "unnamed"
 
 
 async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1) -> Upload:
-    """Write what was sent into the folder.
+    """Write an upload into the folder.
 
     Args:
         sent: the part of the form.
@@ -110,7 +110,7 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
 
 
 def suffix_of(role: str, name: str, head: bytes) -> str:
-    """The suffix that says what a file is: of a photograph by its first bytes, of a scan by its name.
+    """The suffix for the kind of a file: from its first bytes for a photograph, from its name for a scan.
 
     Args:
         role: photo or scan.
@@ -138,7 +138,7 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
 
 
 def with_plain_name(disposition: bytes) -> bytes:
-    """The header Content-Disposition, with the name of `filename*` as `filename` where it has none."""
+    """The header Content-Disposition, with the name of `filename*` as `filename` if it has none."""
     if b"filename*" not in disposition.lower() or _PLAIN_NAME.search(disposition):
         return disposition
     header = Message()
@@ -156,7 +156,7 @@ class _Parser(MultiPartParser):
 
 
 class FormRoute(APIRoute):
-    """A route that takes files, also those whose name is given as `filename*` alone (RFC 5987).
+    """A route for uploads, also those with only `filename*` (RFC 5987).
 
     Older HTTP libraries send it so; the form parser then treats the file as text.
     """

@@ -34,10 +34,10 @@ LINGER_S = 5.0
 
 
 class DrainingServer(uvicorn.Server):
-    """A web server that says for a while that it is stopping before it stops; a second signal stops it at once."""
+    """A web server that announces for a while that it is stopping; a second signal stops it at once."""
 
     def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
-        """Take what it says.
+        """Set the server's messages.
 
         Args:
             config: config of the server.
@@ -59,7 +59,7 @@ class DrainingServer(uvicorn.Server):
             yield
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Begin to drain."""
+        """Start to drain."""
         super().handle_exit(sig, frame)
         if self._stop_at_s is None and self.started and not self.force_exit:
             self._stop_at_s = time.monotonic() + self._drain_s
@@ -67,7 +67,7 @@ class DrainingServer(uvicorn.Server):
         self._drain()
 
     async def on_tick(self, counter: int) -> bool:
-        """Whether to stop."""
+        """Return whether to stop."""
         if self._stop_at_s is not None and time.monotonic() >= self._stop_at_s:
             self.should_exit = True
         return await super().on_tick(counter)
@@ -76,7 +76,7 @@ class DrainingServer(uvicorn.Server):
 def patient_protocol(
     *, an_address: int, proxies: Sequence[str] = (), head_s: float = HEAD_S
 ) -> type[H11Protocol]:
-    """The protocol of connections that may not say nothing for ever, nor be too many.
+    """Make the protocol of connections, with limits of silence and number.
 
     Args:
         an_address: connections that one address may have.
@@ -93,7 +93,7 @@ def patient_protocol(
         _address = ""
 
         def connection_made(self, transport: Any) -> None:
-            """Count it; one too many is closed."""
+            """Count the connection; close it if there are too many."""
             super().connection_made(transport)
             self.app_state = {**self.app_state, "connection": {}}  # in the state of all its requests
             self.transport = _Lingering(transport, self)  # type: ignore[assignment]
@@ -105,7 +105,7 @@ def patient_protocol(
                 self._wait_for_head()
 
         def data_received(self, data: bytes) -> None:
-            """Wait no longer once the head is whole."""
+            """End the time limit once the head is complete."""
             if self.transport.is_closing():
                 return
             if self._head_timer is None and (self.cycle is None or self.cycle.response_complete):
@@ -116,7 +116,7 @@ def patient_protocol(
                 self._wait_for_head(ends=True)
 
         def connection_lost(self, exc: Exception | None) -> None:
-            """Count it no longer."""
+            """Remove the connection from the count."""
             self._wait_for_head(ends=True)
             open_now[self._address] -= 1
             if not open_now[self._address]:
