@@ -34,7 +34,7 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
     """Take a picture of a part.
 
     Light of the surface, blurred and bent by the lens, exposed, with noise, clipped, in 8 bit (sRGB's curve as
-    a plain power of 1/2.2). Beyond its map the plate goes on as in a mirror.
+    a plain power of 1/2.2). Beyond its map the plate is mirrored.
 
     Args:
         soiled: the part.

@@ -107,7 +107,7 @@ class StampingVariation(OneLine, Validated, error=StampError):
         guessed.
 
         Gaps, tilts and turns of each are some two to three times those of a holder's, blows are of unlike force, and
-        where the hand is set down anew the baseline goes on elsewhere.
+        where the hand is set down again the baseline continues elsewhere.
         """
         return cls(
             depth_fraction=0.2,

@@ -20,7 +20,7 @@ def smooth_noise(
         shape: (rows, cols).
         pitch_mm: pitch of the grid.
         length_mm: the correlation length; 0 gives white noise.
-        rng: one draw a sample.
+        rng: one draw per sample.
 
     Returns:
         (rows, cols) float32.

@@ -3,7 +3,7 @@
 GRBL: character counting, status reports, feed hold and soft reset::
 
     host  G53G1Z-31.000F300\\nM8\\n... --127 bytes in flight--> firmware
-          <-- ok | error:N                                     one a line, in order
+          <-- ok | error:N                                     one per line, in order
       ?   <-- <Run|MPos:1.000,2.000,-3.000|FS:500,0>           at any time
       !   feed hold;  0x18  soft reset --> Grbl 1.1h ['$' for help]
           <-- ALARM:N                                          locked until $X or $H
@@ -11,7 +11,7 @@ GRBL: character counting, status reports, feed hold and soft reset::
 Marlin: numbered lines with a checksum, `busy` while it works, and lines that it wants again::
 
     host  N7 G1X10.000F3000*81 --> firmware
-          <-- ok                                    one a line, in order
+          <-- ok                                    one per line, in order
           <-- echo:busy: processing                 every 2 s, while a line waits for moves
           <-- Error:checksum mismatch, Last Line: 6
               Resend: 7

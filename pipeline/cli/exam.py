@@ -50,7 +50,7 @@ def run(
 ) -> None:
     """Make dirty parts, read each in every mode, and write report.html, benchmark.csv, benchmark.json and benchmark.md.
 
-    Start an interrupted run again with the same command; with more --parts it goes on where it ended. With --inputs
+    Start an interrupted run again with the same command; with more --parts it continues. With --inputs
     and --truth the parts of a folder are read instead.
 
     Parameters
@@ -219,7 +219,7 @@ def export(
     folder
         For the files; made if it is not there.
     parts
-        The first so many parts (default: all). The first of a design are balanced, too.
+        Number of parts, from the first (default: all). The first parts of a design are balanced, too.
     jobs
         Worker processes.
     cluster
@@ -269,7 +269,7 @@ def score(
     truth
         a CSV with the columns part and text, and a column for each factor, as truth.csv of an export.
     parts
-        The first so many parts of the design (default: all). A part without an answer counts as read empty.
+        Number of parts of the design, from the first (default: all). A part without an answer counts as read empty.
     name
         Names of the readers, separated by commas (default: those of their files).
     give

@@ -15,7 +15,7 @@ from pipeline.workers.options import WorkerSettings
 if TYPE_CHECKING:
     from pipeline.runs.certification import Certification
 
-_GO_ON = "start the same command again to go on"
+_GO_ON = "start the same command again to continue"
 
 
 def certify(
@@ -35,7 +35,7 @@ def certify(
     Parts are read as read does, with the same settings. The certificate names the confidence from which at most RISK
     of what is accepted is wrong, by a guarantee that allows for the number of parts; a page of it stands beside it, in
     .html. Give it to read, serve and benchmark as --certificate. Where no confidence can be shown, it says about how
-    many parts are missing, and the exit status is 1. What was broken off, the same command goes on with.
+    many parts are missing, and the exit status is 1. The same command continues an interrupted run.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def study(
 
     Height maps are scanned anew for every trial; files NAME.1, NAME.2 ... are trials of one part; of a single scan or
     photograph every trial is perturbed. Writes study.html, study.md, study.json and readings.csv. The exit status is 1
-    if any trial has no reading. What was broken off, the same command goes on with.
+    if any trial has no reading. The same command continues an interrupted run.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
 
-_PAGE = 500  # reviewed parts that are asked of a store at once
+_PAGE = 500  # reviewed parts that are fetched from a store at once
 
 
 def enroll(

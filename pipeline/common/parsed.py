@@ -23,7 +23,7 @@ MOST_BYTES = 1_000_000
 """Size limit of a file that a person has written."""
 _MOST_SHOWN = 200
 _TOO_DEEP = re.compile(r"""(?<!["'\w-])(?:["'\w-]++[ \t]*+\.[ \t]*+){201}""")
-"""A key of so many dots that the parser, whose time and memory grow with their square, would not come to an end."""
+"""A key with too many dots: the parser's time and memory grow with their square."""
 
 Model = TypeVar("Model")
 Finite = Annotated[float, Field(allow_inf_nan=False)]

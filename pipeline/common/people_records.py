@@ -40,7 +40,7 @@ class ClaimRecord:
     Attributes:
         part_id: which.
         holder: as in `Person.holder`.
-        who: the person's name; empty where it is not known yet.
+        who: the person's name; empty if unknown yet.
         until: time at which it becomes free by itself.
     """
 

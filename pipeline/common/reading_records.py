@@ -1,7 +1,7 @@
 """Records of a reading by camera, touch or both, and of the scan to make if the camera is unsure.
 
 Boxes are in mm of the frame of what was read: the plate's for touch, the photograph's for the camera; of a photograph
-whose scale is not known they are in its pixels.
+whose scale is unknown they are in its pixels.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ class CharacterRecord:
 
     Attributes:
         candidates: best first.
-        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown.
         state: read, confused, not read or mismatch; empty where it was not judged.
         grade: grade of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
         box_px: as box_mm, in the photograph's own pixels where that is None.
         state_chars: with "confused" the two characters; with "mismatch" the one that stands there and the one expected.
         action: action for the mark; empty if none is needed, or it was not graded.
-        depth_min_mm: depth of the mark where it is least, height of a raised one; None where it is not known.
+        depth_min_mm: depth of the mark where it is least, height of a raised one; None if unknown.
         depth_mean_mm: likewise, on average.
         depth_sd_mm: standard deviation of that average.
-        burr_mm: height of the rim beside its strokes above the land; None where it is not known.
+        burr_mm: height of the rim beside its strokes above the land; None if unknown.
     """
 
     candidates: tuple[CandidateRecord, ...]
@@ -107,8 +107,8 @@ class LineRecord:
         name: its name in the settings; empty for a line that the settings do not name.
         text: text of the line.
         confidence: probability that all of it is right, 0 to 1.
-        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
-        box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown, and where its place is not.
+        box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
     """
 
     name: str
@@ -139,8 +139,8 @@ class CodeRecord:
         kind: Data Matrix, QR Code or Micro QR Code.
         text: its text; GS1 codes with identifiers in brackets, control characters as their pictures (␝).
         same: whether it holds the serial that was read; None if it has no serial, or none was read.
-        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
-        box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown, and where its place is not.
+        box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
     """
 
     kind: str
@@ -161,7 +161,7 @@ class PassRecord:
         speed_mm_s: speed of the stage.
         preload_mm: depth below the land at which the free tip ran.
         stage_s: stage seconds spent up to its end, from the first pass on.
-        why: the reason for choosing it, in words; empty where none is known.
+        why: the reason for choosing it, in words; empty if none is known.
         text: most probable text after it.
         confidence: probability that the whole text is right, 0 to 1.
     """
@@ -199,9 +199,9 @@ class ReadingRecord:
         at: time of the reading; the store puts its own time.
         part: name of the part.
         error: why there is no reading; empty where there is one.
-        height_px: character height in pixels of a photograph whose scale is not known; else None.
+        height_px: character height in pixels of a photograph whose scale is unknown; else None.
         raised: raised marks.
-        expected: text that the part should read; empty where none is known.
+        expected: text that the part should read; empty if none is known.
         verify_probability: probability that the part has the expected text; None where no text was expected.
         rivals: other serials with some belief, most first.
         lines: the part's other lines: those that the settings name first, then the rest.

@@ -101,7 +101,7 @@ class ReviewRecord:
         before: the text as it stood.
         after: the text as it is.
         who: name of the person, as given.
-        token: name of the token that was used; empty where none is asked for.
+        token: name of the token that was used; empty if none is asked for.
         note: anything the person wants to say.
         at: when; set by the store.
     """
@@ -192,7 +192,7 @@ class PartRecord:
         created_at: time of its receipt.
         changed_at: time of the last change.
         reading: the last one; None before any.
-        expected: text it should read; empty where none is.
+        expected: text it should read; empty if none is.
         database: glyph database asked for; empty for the built-in fonts.
         job: job that it was read by; empty for the service's own settings.
         line: line that it came from; empty where lines have no names.

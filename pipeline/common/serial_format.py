@@ -61,9 +61,9 @@ def read_lexicon(path: Path) -> frozenset[str]:
             raise DataError("is not UTF-8 text", "save it as text (UTF-8), one serial a line") from error
         words = frozenset(without_blanks(_COMMENT.sub("", line)) for line in lines) - {""}
         if not words:
-            raise DataError("holds no serial", "write one a line")
+            raise DataError("holds no serial", "write one per line")
         if odd := next((word for word in sorted(words) if not word.isprintable()), ""):
-            raise DataError(f"holds {odd!r}", "write printable serials, one a line")
+            raise DataError(f"holds {odd!r}", "write printable serials, one per line")
     return words
 
 

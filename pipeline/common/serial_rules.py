@@ -5,8 +5,8 @@
     in its place?         KX407299 is 48 ahead of the parts before it
 
 A misread serial must not raise an alarm for the next hundred. The expected number is therefore the median over the
-last `WINDOW` parts that were read surely, not the last one plus 1. It is used only while most of these parts form a
-series. Their serials count whether or not they were in sequence: a lot that begins with another number raises
+last `WINDOW` parts that were read with certainty, not the last one plus 1. It is used only while most of these parts
+form a series. Their serials count whether or not they were in sequence: a lot that begins with another number raises
 `WINDOW // 2 + 1` alarms, then it is the series.
 """
 
@@ -124,7 +124,7 @@ class SerialRules:
 
         Args:
             text: text of the part now.
-            before: (how many parts before it, serial) of those that were read surely, the latest first.
+            before: (how many parts before it, serial) of those that were read with certainty, the latest first.
         """
         place = split_serial(text)
         known = [(back, found) for back, one in before if (found := split_serial(one)) is not None][:WINDOW]

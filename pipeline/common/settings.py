@@ -181,7 +181,7 @@ class NamedLine:
             raise ValueError(f"{text!r} is no line; write NAME=FORMAT, such as lot=AAA99")
         name, at, region = place.partition("@")
         if not _LINE_NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no name of a line; write letters, digits, _ and -")
+            raise ValueError(f"{name!r} is not a name for a line; write letters, digits, _ and -")
         return cls(name, written, _region(_by_commas(region)) if at else None)
 
     def __str__(self) -> str:
@@ -337,7 +337,7 @@ class ReadSettings(MapSettings):
     sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin, or
     check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
     lexicon: Path | None = None
-    """File of all serials that exist, one a line; # starts a comment."""
+    """File of all serials that exist, one per line; # starts a comment."""
     check: Annotated[Names, AfterValidator(_few), _where_given(_check_digits)] = ()
     """Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at places 3 to 8. May
     be repeated."""

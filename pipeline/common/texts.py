@@ -61,7 +61,7 @@ class Pair:
     Attributes:
         true: character stamped, or EXTRA.
         read: character read, or MISSING.
-        place: index of the character read, from 0; None where none was.
+        place: index of the character read, from 0; None if none was.
     """
 
     true: str

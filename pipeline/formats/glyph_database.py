@@ -39,7 +39,7 @@ MOST_FONTS = 200
 MOST_GLYPH_POINTS = 5_000
 """Most points of one character: the work of drawing it grows with their square."""
 _LEAST_UNPACKED_BYTES, _MOST_RATIO = 64_000_000, 20
-"""Data may always unpack to so much, beyond that to so many times the file's length; exemplars pack to a half."""
+"""Limits of unpacked data: a size that is always allowed, and a multiple of the file's length; exemplars halve."""
 _NUMBERS = ("<f4", "<f8")
 
 
@@ -51,7 +51,7 @@ class Exemplar(OneLine):
         char: the character.
         font_name: the font it was stamped with, may be empty if unknown.
         relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
-            NaN where not known.
+            NaN where unknown.
         note: anything the enroller wants to say.
         enrolled_at: ISO 8601 time, given by the caller.
         height_mm: character height; 0 where unknown.

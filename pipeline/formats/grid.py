@@ -111,7 +111,7 @@ class _Shape:
         pitch: smaller distance of samples.
         relief: range of heights, without the outer 0.2 percents.
         depth: range of heights less tilt and dome, without the outer percents.
-        rise: mean steepness over a fiftieth of the shorter side, a sample.
+        rise: mean steepness over a fiftieth of the shorter side, per sample.
     """
 
     def __init__(self, raw: RawMap, pitch: float) -> None:

@@ -154,7 +154,7 @@ class PartFiles:
         height_map: file of its height map.
         scan: file of its recorded scan.
         photos: files of its photographs, the others under other lights or at other exposures.
-        expected: text that it should read; empty where none is known.
+        expected: text that it should read; empty if none is known.
         format: format of its serial; empty for that of the run.
         font: font of its mark; empty where the run's are meant.
         problem: why it cannot be read, found before any file was opened.

@@ -202,7 +202,7 @@ def read_order(path: Path) -> ProductionOrder:
             else:
                 ranges.append(_range(line, *match.groups()))
         if not serials and not ranges:
-            raise DataError("holds no serial", "write one a line, or ranges such as KX400000..KX409999")
+            raise DataError("holds no serial", "write one per line, or ranges such as KX400000..KX409999")
     return ProductionOrder(path.name, frozenset(serials), tuple(ranges))
 
 

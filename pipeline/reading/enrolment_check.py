@@ -67,7 +67,7 @@ def check_held_out(
         font: name of the learned font in it.
         settings: settings with which the parts are read.
         fewest_parts: with fewer, half of them teach too little to judge by.
-        most_parts: the first so many are read; more would only take longer.
+        most_parts: number of parts that are read; more would only take longer.
 
     Returns:
         The check; None with too few parts, or where a half teaches nothing.

@@ -228,7 +228,7 @@ def read_surface(
             line says far less so.
         part_id: name of the part.
         feel: scans it in place of the default plan.
-        budget_s: feel it pass by pass instead, for so many stage seconds at most.
+        budget_s: greatest stage time; if given, the part is felt pass by pass instead.
         region_mm: region of the line on the map, if known; felt pass by pass.
     """
 

@@ -2,7 +2,7 @@
 
 parts --worker--> reading, measures, hash (kept) --truth--> thresholds tested --> Certificate, or what is missing
 
-What is read is kept beside the certificate until it is written: the same command goes on where it was broken off.
+Readings are kept beside the certificate until it is written: the same command continues where it stopped.
 """
 
 from __future__ import annotations

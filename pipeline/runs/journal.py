@@ -2,7 +2,7 @@
 
     parts --those that the journal lacks--> executor --> what is kept --> journal     (`resumable`)
 
-Whatever ends the run, the same command goes on where it ended.
+Whatever ends the run, the same command continues where it stopped.
 """
 
 from __future__ import annotations

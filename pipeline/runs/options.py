@@ -19,15 +19,15 @@ class RunOptions:
             font; any of them may be missing; may be repeated. File names are relative to the table.
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
-        order: Production order: a file of serials one a line, or ranges such as KX400000..KX409999. A part that is
+        order: Production order: a file of serials one per line, or ranges such as KX400000..KX409999. A part that is
             read with certainty and is not in it, or has the serial of another part of the run, goes to review.
         truth: CSV with the columns part and text, to print the accuracy.
         out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
         evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
-        learn_die: Learn the shapes of the lot's own die from the parts that were read surely, read the others again
-            with them, and write them beside the table, as NAME.die.glyphs. Unless given, this is done for a dozen or
-            more height maps and scans where no font and no database is named; not with a store.
+        learn_die: Learn the shapes of the lot's own die from the parts that were read with certainty, read the others
+            again with them, and write them beside the table, as NAME.die.glyphs. Unless given, this is done for a dozen
+            or more height maps and scans where no font and no database is named; not with a store.
         summary: JSON file for the counts, reasons, rate and slowest parts that are printed.
     """
 

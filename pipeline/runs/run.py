@@ -4,8 +4,8 @@
                                                             --> what was not accepted, read again (SecondPass)
                                                             --> summary
 
-Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
-that the store has and the table has not is read again, and the store takes it once, also after the run's end.
+Whatever ends the run, the same command continues where it stopped: a part whose row is in the table is not read again.
+One that the store has and the table has not is read again, and the store takes it once, also after the run's end.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class Run:
         if self.store is not None:
             try:
                 self.known += not self.store.add(part, replace(read, readings=(record,)))
-            # what no store holds may not end the run, now and whenever it goes on
+            # a value that the store cannot hold must not end the run, now or when it is resumed
             except UnfitError as error:
                 problem = f"{record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
                 record = ReadingRecord.failed(record.part, problem)

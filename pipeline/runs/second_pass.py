@@ -111,7 +111,7 @@ class SecondPass:
                 each=partial(ordered_map, executor),
             )
             if not report.exemplars:
-                raise MarksError("too few of its parts were read surely")
+                raise MarksError("too few of its parts were read with certainty")
             if report.agreement < LEAST_AGREEMENT:
                 agree = f"only {report.agreement:.0%} of their characters agree"
                 raise MarksError(f"its parts do not look like one die's ({agree})")
@@ -121,7 +121,7 @@ class SecondPass:
             return (), order
         self.learned = report
         say(
-            f"learned {name} from {len(report.enrolled) + len(report.known)} parts that were read surely:"
+            f"learned {name} from {len(report.enrolled) + len(report.known)} parts that were read with certainty:"
             f" {report.exemplars} exemplars of {report.felt}"
         )
         settings = order.settings.model_copy(update={"database": self.database, "font": (name,)})

@@ -28,7 +28,7 @@ class Metrics:
         self.serial_alarms = self._counter(
             "serial_alarms", "Serials read with certainty that others contradict."
         )
-        self.lost_workers = self._counter("workers_lost", "Workers that died or took too long over a part.")
+        self.lost_workers = self._counter("workers_lost", "Workers that died or took too long for a part.")
 
     def gauge(self, name: str, text: str, value: Callable[[], float]) -> None:
         """Publish a value that is computed on every request."""

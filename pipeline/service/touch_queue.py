@@ -49,7 +49,7 @@ class TouchQueue:
         give_up: leaves a part to a person, and says why.
         line: line whose parts the stage feels.
         wait_s: time that a part waits.
-        retry_s: between two attempts at a part.
+        retry_s: time between two attempts at a part.
     """
 
     store: Store

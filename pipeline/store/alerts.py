@@ -27,7 +27,7 @@ from pipeline.store.tables import alerts, golden, parts
 REJECT_RATE, REVIEW_RATE, DRIFT = "reject_rate", "review_rate", "drift"
 _DECIDED = (PartState.ACCEPTED, PartState.REVIEW, PartState.REVIEWED)
 _WORDS = {REJECT_RATE: "rejected", REVIEW_RATE: "sent to a person"}
-# a rate is right again so many standard deviations of the window below its limit: less would be chance
+# standard deviations of the window by which a rate must fall below its limit to count as right again
 _SIGMAS = 2.0
 MOST_SCANS = 500
 

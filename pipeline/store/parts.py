@@ -50,7 +50,7 @@ _SHA256 = re.compile("[0-9a-f]{64}")
 # begins the fingerprint of a key that is kept for ever; those of requests are hexadecimal
 _KEPT = "kept "
 _LOCK = 0x5E81A1
-# parts among which those are looked for that were read surely
+# number of parts among which those read with certainty are searched
 _LOOKED_BACK = 4 * WINDOW
 _BEARS = (PartState.ACCEPTED, PartState.REVIEWED)
 _NAME, _TEXT = parts.c.record["name"].as_string(), parts.c.record["text"].as_string()

@@ -3,7 +3,7 @@
 statement --sent--> answered                     as without a limit
                     silent for SILENT_S          the connection is closed: OperationalError
 
-A server that goes on finds the connection closed and rolls its transaction back. Only a commit that had been sent may
+A server that recovers finds the connection closed and rolls its transaction back. Only a commit that had been sent may
 still be carried out: as with any lost connection the caller does not know, and asks again with its idempotency key.
 """
 

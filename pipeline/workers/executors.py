@@ -34,7 +34,7 @@ class WorkerLostError(MarksError):
         timed_out: whether the task took longer than it may; another try will hardly do better.
         crashed: whether a fault of what it ran ended the worker, and not a kill from outside.
         unstarted: whether no worker has begun the task, since none can start.
-        tried: whether the task was tried again already; another try is of use only where others were lost with it.
+        tried: whether the task was retried already; another try is useful only if others were lost with it.
     """
 
     def __init__(

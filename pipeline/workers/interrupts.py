@@ -1,8 +1,8 @@
 """An interrupt that is not lost.
 
 Python raises KeyboardInterrupt wherever the main thread happens to be. Where that is a destructor, or a callback of the
-garbage collector, it is printed and forgotten, and the run goes on to its end. So it is noted, too, and raised again at
-the next outcome of a task.
+garbage collector, it is printed and forgotten, and the run continues to its end. So it is recorded, too, and raised
+again at the next outcome of a task.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ class WorkPool(Executor):
         queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
             raise SettingsError(
-                f"{workers} jobs, {queue} waiting, {timeout_s} s a part: give at least 1, 0 and above 0"
+                f"{workers} jobs, {queue} waiting, {timeout_s} s per part: give at least 1, 0 and above 0"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
         self.memory_mb = _share_mb(workers) if memory_mb is None else memory_mb

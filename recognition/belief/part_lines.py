@@ -117,7 +117,7 @@ class PartLines:
     """Lines read on a view.
 
     Attributes:
-        main: the line that the format means; None where there is none.
+        main: the line that the format means; None if there is none.
         named: other lines that were asked for, by name, as far as they were found.
         others: unassigned lines that can be read as well.
         candidates: places that look like the serial's line, the most promising first; they lie apart.

@@ -1,6 +1,6 @@
 """Statistics of a certificate: the risk of accepted readings, and whether parts are like those that were certified.
 
-    surest ----------------------------> least sure
+    most certain ----------------------> least certain
     0.9999   0.999   0.99   0.98   0.97  ...
     too few  shown   shown  not shown          the last one shown is certified: 0.99
 

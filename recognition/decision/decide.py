@@ -63,7 +63,7 @@ class Kind(Enum):
         MARK: a rule of the user's for the mark is broken; the part goes to review.
         SCAN: samples are missing or wrong.
         BENCH: a fault of whiskers or bench.
-        STAGE: the stage has not felt all that was asked of it; the part goes to review.
+        STAGE: the stage has not felt all that was requested; the part goes to review.
     """
 
     CONTRACT = auto()

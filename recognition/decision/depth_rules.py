@@ -33,7 +33,7 @@ class DepthWindow:
     """Allowed depths of characters of some height.
 
     Attributes:
-        least_mm: everywhere along every character, below the flat surface; 0 where none is asked.
+        least_mm: everywhere along every character, below the flat surface; 0 if none is asked.
         most_mm: nowhere deeper; infinite where none is asked.
         heights_mm: least and greatest height of the characters that it is for.
 

@@ -134,7 +134,7 @@ def fused_lattice(
     Args:
         touch: reading by touch.
         vision: reading by camera.
-        before_format: the beliefs before the format has its say.
+        before_format: the posteriors before the format is applied.
     """
     felt, seen = (r.trace.open_lattice if before_format else r.trace.lattice for r in (touch, vision))
     if felt is None or seen is None or felt.n_places != seen.n_places:

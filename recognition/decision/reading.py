@@ -124,7 +124,7 @@ class ReadingTrace:
         line: the line.
         by_expert: the lattice of each by itself.
         laid: text of touch as it lies on the line, in a font; None without heights, or without such a font.
-        strokes: felt strokes, place by place, of the characters read and their rivals; empty where it is not known.
+        strokes: felt strokes, place by place, of the characters read and their rivals; empty if unknown.
         touch: the reading of touch that was fused.
         vision: the reading of vision that was fused.
         verification: verification of the text expected.
@@ -174,11 +174,11 @@ class Reading:
         seconds: seconds of each step.
         findings: meaning of its flags on this part, with places and numbers.
         notes: further notes, such as "read by touch alone".
-        unit: unit of height and boxes: "px", of the photograph as taken, where its scale is not known.
+        unit: unit of height and boxes: "px", of the photograph as taken, if its scale is unknown.
         others: the part's other lines.
         photos: photographs that it is of; 0 of touch alone.
         codes: Data Matrix and QR codes in them.
-        threshold: least confidence for acceptance; None where none is asked for.
+        threshold: least confidence for acceptance; None if none is asked for.
         trace: data from which it was made.
     """
 

@@ -35,8 +35,8 @@ alphabet, 22 were accepted without this rule and 12 with it: an Θ for a 0 or a 
 
 
 LEAST_READ = 0.52
-"""Least probability of the surest character of a text, with the format and without it. Pictures of other things reach
-0.51."""
+"""Least probability of the most certain character of a text, with the format and without it. Pictures of other things
+reach 0.51."""
 
 
 def is_text(lattice: Lattice, openly: Lattice, *, least_mean: float = 0.35) -> bool:

@@ -148,7 +148,7 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
     The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
 
     Args:
-        surface: (rows, cols), NaN where not known.
+        surface: (rows, cols), NaN where unknown.
         step: samples between the three.
         enough_samples: samples of a surface that are used; their median is off by half a per cent.
     """

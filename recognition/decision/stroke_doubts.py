@@ -52,7 +52,7 @@ def add_stroke_findings(reading: Reading, *, text_felt: float = 0.35) -> Reading
 def no_text(reading: Reading, *, least_open: float = 0.5) -> Reading:
     """The reading of a part without text: it has no characters, and no doubts about them.
 
-    Text that is surely read but does not fit the format is named.
+    Text that was read with certainty but does not fit the format is named.
 
     Args:
         reading: reading of the part.

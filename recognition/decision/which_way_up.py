@@ -24,8 +24,8 @@ from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
 LEAST_LEAD_NATS = 4.0
-"""Log probability by which a text must lead the one of another way. Of plates shown the wrong way and read surely, the
-true text is at most 1.5 behind (python tests/benchmarks/orientation.py plates)."""
+"""Least lead of a text over that of another orientation, log probability. Of plates shown the wrong way and read with
+certainty, the true text is at most 1.5 behind (python tests/benchmarks/orientation.py plates)."""
 _SET = {
     Way.UPSIDE_DOWN: "set orientation = upright if parts lie so",
     Way.ROWS_REVERSED: "set rows if their order is known",

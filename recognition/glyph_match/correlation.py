@@ -51,7 +51,7 @@ class GlyphImages:
     pixels: int
 
     def every(self, step: int) -> GlyphImages:
-        """One of so many of them."""
+        """Every n-th pixel."""
         return replace(
             self, chars=self.chars[::step], images=self.images[::step], half_cols=self.half_cols[::step]
         )
@@ -184,7 +184,7 @@ def chain_of(
 ) -> tuple[float, tuple[Placed, ...]]:
     """The chain of characters that explains most of a line, and its length times the explained share.
 
-    Where their number is known, once more with the spacing that the surest of them have.
+    If their number is known, search again with the spacing of the most certain ones.
 
     Args:
         response: (T, columns) best correlation of every template about the line's middle.
@@ -232,7 +232,7 @@ def beside(
         glyphs: the templates.
         font: whose they are.
         placed: characters of a format.
-        surely: correlation from which a character stands beside those that a format has.
+        surely: least correlation of a character beside those of the format.
     """
     free = np.where(response > surely, response, 0.0)
     columns = np.arange(response.shape[1])

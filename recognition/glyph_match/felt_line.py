@@ -1,6 +1,6 @@
 """A felt line, and the pose of each character on it.
 
-    relief --less the land--> depths along the line --correlation--> side, height, font; where each fit starts
+    relief --minus the land--> depths along the line --correlation--> side, height, font; where each fit starts
                                                     --least squares, place by place--> poses
 
 Strokes, depths and grades of marks are measured in these poses, and doubtful places are judged by them. Nobody needs to

@@ -38,7 +38,7 @@ def with_depths(
         together: lattice of all experts.
         felt: the line.
         font: whose depths.
-        doubtful: probability of the surest character below which a place is doubtful.
+        doubtful: probability of the best character below which a place is doubtful.
         likely: probability from which a character is laid over a doubtful place. Of 178 lines with the font named, at
             dirt 0.3 to 0.9, depths raise the serials right from 135 to 140 and those surer than 0.97 from 110 (1 wrong)
             to 113 (1). One half set the numbers of this module, except the next two; the other half gained as much.

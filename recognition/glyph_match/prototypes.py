@@ -159,7 +159,7 @@ def belief_of(
 
 
 def _suits(cosine: Floats) -> float:
-    """Return how well a font suits a line: the mean over places of its best cosine."""
+    """Fit of a font to a line: the mean over places of its best cosine."""
     return float(cosine.max(axis=1).mean())
 
 

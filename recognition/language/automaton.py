@@ -50,7 +50,7 @@ class Automaton:
 
     Attributes:
         chars: (C,) characters.
-        steps: one a place, (states before, C) int64: the state after it, -1 where there is none. The first has
+        steps: one per place, (states before, C) int64: the state after it, -1 where there is none. The first has
             one state before it, or none if no string is allowed; at the end every state is good.
     """
 

@@ -38,7 +38,7 @@ class Element:
     Attributes:
         pattern: regular expression of its value.
         meaning: in words.
-        check: check digit of the value; empty where there is none.
+        check: check digit of the value; empty if there is none.
     """
 
     pattern: str

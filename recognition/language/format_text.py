@@ -5,7 +5,7 @@ More than one may be given, and all must hold:
     AA999999, mask:AA 9999   A letter, a small one, 9 digit, * A or 9, others themselves, a blank is a word gap;
                              \\ takes the next one as it is
     re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
-    sets:AB,0-9,0-9          characters a place; \\ takes the next one as it is
+    sets:AB,0-9,0-9          characters per place; \\ takes the next one as it is
     fields:MFR/SER AA9999    text elements and GS1 identifiers by name, see `recognition.language.elements`
     vin                      17 characters with the check digit of 49 CFR 565.15
     check:luhn               nothing but a check digit

@@ -19,7 +19,7 @@ class Lattice:
         chars: (C,) characters, each once.
         log_belief: (places, C) natural logarithms; the probabilities of a row sum to at most 1, what is left is
             the belief that nothing readable stands there. -inf is impossible.
-        boxes: where each place lies, as far as known; empty or one a place.
+        boxes: box of each place, if known; empty or one per place.
         spaces_after: places followed by a word gap.
 
     Raises:

@@ -101,7 +101,7 @@ def every_second(values: str) -> Remainder:
 
 
 def _vin_step(char: str, place: int, n_places: int) -> Remainders | None:
-    """Add the weighted value of a character; at the check digit, 10 of which is written X, take it off."""
+    """Add the weighted value of a character; at the check digit, where X stands for 10, subtract it."""
     if place == VIN_CHECK_PLACE:
         return (np.arange(11) - (DIGITS + "X").index(char)) % 11 if char in DIGITS + "X" else None
     return (np.arange(11) + VIN_WEIGHTS[place] * VIN_VALUES[char]) % 11

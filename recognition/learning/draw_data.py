@@ -43,7 +43,7 @@ def draw_file(
         kind: "seen" or "held" of parts, "sketched" of lines without physics.
         seed: seed of the whole set.
         number: number of the file.
-        fonts_of_a_file: fonts whose outlines are drawn for a file: each costs more than a part.
+        fonts_of_a_file: number of fonts whose outlines are drawn for a file: each costs more than a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
     if (out / ("strips" if sketched else "views") / kind / name).exists():

@@ -54,7 +54,7 @@ class Cut:
     Attributes:
         char: the character, as the reviewer named it.
         relief: (rows, cols) float32 height over the land in character heights, a mark is negative however it was
-            stamped; NaN where not known or where a neighbour stands.
+            stamped; NaN where unknown or where a neighbour stands.
         height_mm: character height of its line.
         rotation_deg: rotation of its line.
         raised: whether the marks stand out.
@@ -241,7 +241,7 @@ def _own_shape(
 
 
 def felt_cell(relief: Relief, line: TextLine, place: Floats, raised: bool) -> Floats:
-    """(rows, columns) heights about a place over their land, mm, negative in the mark; NaN where not known."""
+    """(rows, columns) heights about a place over their land, mm, negative in the mark; NaN where unknown."""
     along, down = place / line.height_mm
     columns = (along + MARGIN + ACROSS) * HEIGHT_ROWS - 0.5
     rows = (down + DOWN) * HEIGHT_ROWS + 0.5 * ROWS - 0.5

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 FEWEST_PARTS = 12
-"""From which on a lot is worth teaching: of fewer hardly a character stands on three that were read surely."""
+"""Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
 MOST_TEACHERS, EXEMPLARS_EACH = 40, 6
 """Parts that are enrolled at most, and exemplars of a character beyond which no part is enrolled for its sake."""
 LEAST_AGREEMENT = 0.7

@@ -52,7 +52,7 @@ class TrainingStrip:
         text: text on it.
         source: "felt", "photo" or "heights".
         severity: severity of the soil.
-        places: where each character of the text begins and ends, columns; empty where that is not known.
+        places: where each character of the text begins and ends, columns; empty if unknown.
     """
 
     layers: NDArray[np.float16]

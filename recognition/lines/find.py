@@ -65,7 +65,7 @@ def find_lines(
     Args:
         view: the view; lines within some 30 degrees of level are found.
         height_mm: height of the characters, if known.
-        faint: take less for a line.
+        faint: accept weaker lines.
         turned_deg: look for lines that are turned by about as much, clockwise as seen, instead.
     """
     if turned_deg:

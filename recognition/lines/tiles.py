@@ -1,6 +1,6 @@
 """Find small lines of a wide view tile by tile, so that clutter beside a line does not hide it.
 
-view --at several scales--> contrast evened out --tiles--> the surest findings of each cell --joined--> lines
+view --at several scales--> contrast evened out --tiles--> the most certain findings of each cell --joined--> lines
 
 The network has learned parts that fill their picture: edges a character's height or two away from a line make it miss
 it. A tile shows little more than a line and the land about it.

@@ -67,8 +67,8 @@ class MarkDepth:
         min_mm: the shallowest tenth reaches no deeper than this.
         max_mm: the deepest tenth reaches this.
         burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
-            of a raised mark how deep a rim is sunk. None where it is not known.
-        sd_mm: standard deviation of the mean depth from that of the clean mark; None where it is not known.
+            of a raised mark how deep a rim is sunk. None if unknown.
+        sd_mm: standard deviation of the mean depth from that of the clean mark; None if unknown.
     """
 
     mean_mm: float

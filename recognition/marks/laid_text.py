@@ -24,7 +24,7 @@ class LaidText:
 
     Attributes:
         felt: the line that it is laid on.
-        text: a character a place.
+        text: one character per place.
         font: whose templates.
         face: face of its die.
     """
@@ -89,7 +89,7 @@ def laid_text(
 
     Args:
         felt: the line.
-        text: a character a place.
+        text: one character per place.
         fonts: fonts to choose from.
         stand_ins: further fonts; one of them is used if it fits clearly better.
         clearly: correlation by which. Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another

@@ -137,7 +137,7 @@ class _Surface:
         smooth = ndimage.gaussian_filter(strip.depth, 0.7)
         self.deepest = ndimage.maximum_filter(smooth, near)
         self.open = strip.known & (ndimage.uniform_filter(strip.depth, beside) > -heap_share * strip.usual)
-        # the least of the land's magnitudes, 30 %, are surely land; of normal noise they lie within 0.385 deviations
+        # the least 30 % of the magnitudes are certainly land; of normal noise they lie within 0.385 deviations
         known = np.abs(smooth[strip.known])
         self.noise = float(np.percentile(known, 30.0)) / 0.385 if known.size else 0.0
 

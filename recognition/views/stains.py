@@ -1,7 +1,7 @@
 """Remove stains from a colour photograph: the brightness that its colour explains.
 
     colour of a pixel --mean brightness of all pixels of that colour--> its stain
-    brightness less its stain -----------------------------------------> shading: the relief
+    brightness minus its stain ----------------------------------------> shading: the relief
 
 Rust, paint and oil change colour and brightness together; a flank that the lamp hits changes only brightness.
 Marks that paint has run into are stains themselves and are removed as well. So the result is read in addition

@@ -97,7 +97,7 @@ class TextLine:
         """(rows, columns, 2) x, y of the pixels of its strip, given in pixels from the middle of its first one.
 
         Args:
-            columns: (columns,) along the line; a curve goes on straight beyond its ends.
+            columns: (columns,) along the line; a curve continues straight beyond its ends.
             rows: (rows,) down.
             margin: margin of the strip, character heights.
             of_rows: number of rows of the strip.

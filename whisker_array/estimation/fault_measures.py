@@ -145,7 +145,7 @@ def sharpness(
     borders: list[tuple[int, int, float]] = []
     for f in shares:
         lines, whisker, place = f.lines
-        # nor do neighbours meet over the gap that a whisker leaves which is out of use
+        # nor are whiskers on either side of an unused one neighbours
         first = np.flatnonzero((whisker[1:] != whisker[:-1]) & (np.diff(place) < 2.0 * line_pitch_mm))
         first = first[(first + 1 >= beside) & (first + beside < whisker.size)]
         # (borders, sides, lines)

@@ -142,7 +142,7 @@ def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
         raise MapError("the rows of the array do not run on the same lines")
 
     def solve(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-        # the same lift is asked of both: moments per mm of preload
+        # both must have the same lift: moments per mm of preload
         a, b = a / one.preload_mm, b / other.preload_mm
         return friction_from_shapes(a, b, differentiator=one.tip, profiler=other.tip)
 

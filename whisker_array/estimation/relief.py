@@ -46,7 +46,7 @@ class Relief(OneLine, Validated, error=MapError):
     """Height and slopes of the felt surface, on a grid of the plate frame.
 
     Attributes:
-        height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where not known.
+        height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where unknown.
         slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
         slope_y: (rows, cols) float32 dh/dy, likewise.
         pitch_mm: pitch of the grid.
@@ -108,7 +108,7 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
             q = one / other
             square, linear, constant = b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q)
             disc = linear * linear - 4.0 * square * constant
-            # the root nearer to zero; NaN where none is real
+            # the root nearer to zero; NaN if none is real
             p = -2.0 * constant / (linear + math.copysign(math.sqrt(disc), linear))
             p = -steepest if p < -steepest else p
             p = steepest if p > steepest else p

@@ -67,7 +67,7 @@ def plane_through(
         covariance: (n, n) of the cloud.
         free: (n,) numbers that are to be found.
         scatter_n_mm: scatter of a sample.
-        turns: so many cubatures, each turned by chance.
+        turns: number of cubatures, each randomly rotated.
         cautious: slopes along a way are trusted only as far as they stand out of what roughness does to them; far from
             the answer that would leave nothing to go by.
         seed: seed of the random rotations.

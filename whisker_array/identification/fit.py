@@ -54,7 +54,7 @@ class Round:
 
     Attributes:
         coarser: factor by which the map is coarser than requested.
-        lines: so many at most.
+        lines: greatest number of lines.
         turns, cautious: arguments of the cloud (`cloud.plane_through`).
     """
 

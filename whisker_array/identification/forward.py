@@ -1,7 +1,7 @@
 r"""Predict the recording of a bench over a piece by contact simulation along the felt lines.
 
 piece --dilated by the tip--> heights and slopes, and how they change with its radius   (once)
-map --pose, play--> contact along the lines --gain, creep, lag--> raw signal less that of the air
+map --pose, play--> contact along the lines --gain, creep, lag--> raw signal minus that of the air
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from whisker_array.whisker.touch import Touch
 
 GRID_MM = 0.00625
 STEPS = 4
-"""A tip slides from sample to sample in so many steps: with one it would jump into what it slides along."""
+"""Steps in which a tip slides from sample to sample: with one it would jump into the wall along which it slides."""
 
 
 class Forward:

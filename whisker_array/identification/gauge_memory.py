@@ -3,7 +3,7 @@
     felt = gain * moment + creep * crept + lag * lagged
 
 Creep is slow, so the recording itself shows what a unit of it has added: that of its loads, which are the recording
-less what is known so far. Lag answers every sample, and noise in it would look like lag: a noiseless prediction
+minus the present estimate. Lag answers every sample, and noise in it would look like lag: a noiseless prediction
 tells that, and the recording only where the plays stood when a pass began, and what they met where the tip jammed.
 """
 

@@ -30,7 +30,7 @@ ASKEW_RAD = 0.05
 _TOGETHER = 16
 """Rows whose heights stay in the cache."""
 WIDER = 0.1
-"""Step of a tip's radius: across so much the signal changes nearly in proportion, whatever the grid."""
+"""Step of a tip's radius over which the signal changes nearly linearly, for any grid."""
 
 
 def heights_of(surface: HeightMap) -> Heights:

@@ -17,7 +17,7 @@ from whisker_array.whisker.passes import SweepPlan
 
 MOST_TRACES = 96
 JAM_LANDS = 1.7
-"""A moment so many times that of the land is felt just before a tip jams, by luck of the sampling: not used."""
+"""Greatest moment used, in land moments: a higher one occurs just before a tip jams, by chance of the sampling."""
 _BESIDE = 3
 
 
@@ -30,7 +30,7 @@ class Trace(OneLine):
         cluster: number of its pass: what shakes the base is shared within it, and drift ends with it.
         whisker: number of the whisker.
         line_mm: plate coordinate across the trace.
-        felt_n_mm: (samples,) signal less that in the air, NaN where it is not to be used.
+        felt_n_mm: (samples,) signal minus that in the air, NaN where unusable.
         crept_n_mm: (samples,) what a creep of 1 would have added.
         play_n_mm: (plays,) where the plays of a lag stood when the pass began.
         load_n_mm: (samples,) the signal without what gauges have added, jams and all.

@@ -20,7 +20,7 @@ _TIMES = ("speed_mm_s", "lead_mm", "turnaround_s")
 _TEXTS = ("text", "why")
 _LONGEST_TEXT = 1000
 _MISSED_STEPS = 0.5
-"""A pass may begin beside its plan by so many samples."""
+"""Greatest distance of a pass from its plan, samples."""
 
 
 def write_log(log: PassLog, file: h5py.File) -> None:

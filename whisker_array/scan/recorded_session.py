@@ -84,7 +84,7 @@ class RecordedSession:
         """The samples of the next recorded pass.
 
         Raises:
-            StageError: the recording goes on with another pass, or ends here.
+            StageError: the recording has another pass next, or ends here.
         """
         if self.ended:
             problem = self._log.problem
@@ -92,7 +92,7 @@ class RecordedSession:
         recorded = self._log.passes[self._next]
         if not _same(order, recorded.order):
             raise StageError(
-                f"the recording goes on with another pass than {order.describe()}",
+                f"the recording continues with another pass than {order.describe()}",
                 "read it with the settings that it was felt with",
             )
         self._next += 1

@@ -30,7 +30,7 @@ given::
     /whisker               attributes: preload_mm*, tip_radius_mm (0), friction (0.2), description
     /whisker/kind          (whisker,) kind of each whisker; those of kind 1 are described in /whisker_1 (0)
     /whisker/offset_mm     (whisker,) how far each stands behind whisker 0 along the trace, not negative (0); positions
-                           and starts are those of whisker 0, and another is over a place so much later
+                           and starts are those of whisker 0, and another is over a place later by this offset
     /calibration           attribute: from_land, gains read off land rather than on a bench (0)
     /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
     /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"

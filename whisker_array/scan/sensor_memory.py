@@ -188,7 +188,7 @@ def fit_memory(
         g_n(tau) = (1 - exp(-T / tau)) sum_(k < n) exp(-2 k T / tau)
 
     and the parts f of the quick terms and s of the slow one solve f g_1 + s g_1 = creep and f g_10 + s g_10 = the
-    shift after ten cycles less that of hysteresis. That plays leave a load to creep is left out: 0.05 % of L.
+    shift after ten cycles minus that of hysteresis. The load left by plays also creeps; this is ignored (0.05 % of L).
 
     Args:
         creep: (n,) what a held load grows by in `HOLD_S`, of the largest load, within `CREEP`.

@@ -95,7 +95,7 @@ def trace_contact(
         lines_mm: (lines,) lateral coordinate of each trace, mm.
         start_mm: commanded position of the first sample along the trace, mm.
         step_mm: distance of samples, mm.
-        n_samples: samples a line.
+        n_samples: samples per line.
         preload_mm: d0, mm.
         nominal_friction: friction at which the stage was set up (for the lag on the land).
         laid: pose of the surface; default: in the trace frame.

@@ -20,9 +20,9 @@ MAX_ITERATIONS = 80
 TOLERANCE_STEPS = 5e-4
 """Newton stops when the tip moves less than this fraction of a sample step."""
 JAM_FORCE = 10.0
-"""A tip pushed so many times harder than lifting it straight up takes is jammed: 60 degree walls need up to 5."""
+"""Force over that of lifting the tip straight up, above which it counts as jammed: 60 degree walls need up to 5."""
 ABREAST = 8
-"""Lines traced side by side: so many keep a processor busy; more gain nothing."""
+"""Lines traced side by side, enough to keep a processor busy; more gain nothing."""
 SMOOTHING_STEPS = 1e-3
 """|q - q_prev| is rounded at this fraction of a step: a stick-slip corner the solver can pass."""
 

@@ -29,7 +29,7 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
 
     The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
-    below one pitch therefore leaves the surface as it is. Beyond the rim the surface goes on as it is there.
+    below one pitch therefore leaves the surface as it is. Beyond the rim the surface continues constant.
 
     Raises:
         WhiskerError: a radius negative, or of more than 60 samples.

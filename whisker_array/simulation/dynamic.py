@@ -5,11 +5,12 @@ With p = dh/dx at the tip and the force f = lam a, a = (-(p + mu), 1 - mu p), as
     on the surface    u_y + c lam = d0 + h(x + u_x - u_x0),  lam > 0      u = sum phi_i q_i     c: Hertz (ball on plate)
     in the air        lam = 0,  while u_y > d0 + h                        x = v t,  u_x0: shift of a slow tip there
 
-Height and slope are taken where the tip was a step ago, and the height goes on from there by the slope: so the force
-acts along the same normal as the constraint, without which a tip on a wall would make energy of nothing. Newmark's
-average acceleration (1959: unconditionally stable, second order) makes of every step one equation for lam, for contact
-couples all modes by one force; lam <= 0 is lift-off. The slow stage is the pointwise fidelity, where the surface is
-smooth; at the foot of a wall the tip slips to its new place, which the pointwise one leaves out. It slides forwards.
+Height and slope are taken where the tip was a step ago, and the height is extrapolated from there by the slope: so the
+force acts along the same normal as the constraint, without which a tip on a wall would make energy of nothing.
+Newmark's average acceleration (1959: unconditionally stable, second order) makes of every step one equation for lam,
+for contact couples all modes by one force; lam <= 0 is lift-off. The slow stage is the pointwise fidelity, where the
+surface is smooth; at the foot of a wall the tip slips to its new place, which the pointwise one leaves out. It slides
+forwards.
 """
 
 from __future__ import annotations

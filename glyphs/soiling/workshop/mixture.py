@@ -1,6 +1,6 @@
 """The workshop's dirt, seven kinds of it.
 
-Order of what happens to a part: burr (when it is stamped), pits, scratches, paint, grime, oil, swarf.
+Order of the steps: burr (when the part is stamped), pits, scratches, paint, grime, oil, swarf.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Calibration: of all readings with confidence p, a share p should be right.
 
-Risk-coverage curve: the share of wrong serials among the surest, as more are accepted::
+Risk-coverage curve: the share of wrong serials among the most certain ones, as more are accepted::
 
     risk |            .--  all are let through: the share of wrong serials
          |        .--'
@@ -81,7 +81,7 @@ class RiskCoverage:
 
     Attributes:
         coverage: (n,) 1/n, 2/n ... 1.
-        risk: (n,) share of wrong serials among so many of the surest; among equally sure ones, as expected of a
+        risk: (n,) share of wrong serials among the most certain ones; among equally certain ones, as expected of a
             random order.
         area: AURC, the mean of the risk.
         least_area: AURC of a confidence that puts every wrong serial last.

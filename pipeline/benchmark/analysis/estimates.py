@@ -127,7 +127,7 @@ class CharacterTest:
     """Characters right of two modes, compared part by part.
 
     Attributes:
-        difference: share right of the first less that of the second, whole parts drawn again.
+        difference: share right of the first minus that of the second, by resampling whole parts.
         p_differ: chance of so large a difference either way, were the modes exchangeable on every part.
     """
 

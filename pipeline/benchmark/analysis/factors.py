@@ -32,7 +32,7 @@ class LevelEffect:
         parts: number of parts.
         characters: share right.
         serials: share right.
-        difference: characters right, less the mean of the other levels'.
+        difference: characters right, minus the mean of the other levels.
     """
 
     level: Level

@@ -12,7 +12,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.texts import listed
 
 Level = str | float | bool | None
-"""One setting of a factor; None where it is not known."""
+"""One setting of a factor; None if unknown."""
 GIVEN = ("font", "height", "format")
 PERTURBED = "perturbed"
 """The factor that tells how a part was perturbed for a trial; one that was read as it is does not have it."""

@@ -190,7 +190,7 @@ def write_layer(
 
     Args:
         path: ends in .png.
-        values: (rows, cols), NaN where not known.
+        values: (rows, cols), NaN where unknown.
         unit: unit of the values.
         pitch_mm: pitch of the grid.
         origin_mm: (x, y) of its first sample.

@@ -3,7 +3,7 @@
     design --export_part, by many workers--> parts/ photos/ felt/ ideal/ lines/ labels/ --labels--> label files, card
                                                                                           --hashes--> manifest.json
 
-A part's label is written after its files and holds their hashes: an interrupted export goes on with the parts
+A part's label is written after its files and holds their hashes: an interrupted export continues with the parts
 whose label is missing or does not match the files.
 """
 

@@ -2,8 +2,8 @@
 
     rec_gt.txt     PaddleOCR, recognition: lines/NAME-VIEW.png <TAB> text
     det_gt.txt     PaddleOCR, detection: photos/NAME.png <TAB> [{"transcription": "AB12", "points": [[x, y] * 4]}]
-    truth.jsonl    a picture a line: file, part, polygon, transcription, characters with a polygon each
-    truth.csv      a part a line: part, text, all levels of its factors
+    truth.jsonl    one picture per line: file, part, polygon, transcription, characters with a polygon each
+    truth.csv      one part per line: part, text, all levels of its factors
     card.json      the card, for programs
     README.md      the card, for people
 

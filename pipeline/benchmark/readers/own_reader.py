@@ -55,7 +55,7 @@ class ExamPart:
         name: name of the part.
         format: format of the serial; None where it is not given.
         height_mm: height of the characters; None where it is not given.
-        fonts: fonts that the mark may have; empty where none is given.
+        fonts: fonts that the mark may have; empty if none is given.
     """
 
     def __init__(self, senses: PartReadings, settings: ReaderSettings) -> None:

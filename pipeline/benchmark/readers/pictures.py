@@ -129,7 +129,7 @@ def draw_heights(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray
     """Heights from black to white, (rows, cols), without the plate's form; missing points are grey.
 
     Args:
-        heights_mm: (rows, cols), NaN where not known.
+        heights_mm: (rows, cols), NaN where unknown.
         pitch_mm: pitch of the grid.
     """
     flat = np.clip(remove_form(heights_mm, pitch_mm=pitch_mm), -CLIP_MM, CLIP_MM)

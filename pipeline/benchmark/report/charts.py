@@ -127,7 +127,7 @@ def risk_figure(groups: Sequence[Group]) -> Figure:
                 most = max(most, float(group.risk.risk.max(initial=0.0)))
         axes.set(
             xlim=(0.0, 1.0), ylim=(0.0, min(1.02, 1.08 * most)), title=f"dirt {level_name(severity)}",
-            xlabel="coverage: share let through, the surest first", ylabel="risk: of these wrong",
+            xlabel="coverage: share accepted, the most certain first", ylabel="risk: of these wrong",
         )  # fmt: skip
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 SIGNIFICANT = 0.05
 """Significance level of the interaction, as in the manual's example."""
 CATEGORIES = 1.41
-"""Distinct categories are so many times part variation over gauge variation, cut to a whole number."""
+"""Number of distinct categories per ratio of part variation to gauge variation, rounded down."""
 GOOD, USABLE = 0.10, 0.30
 LEAST_CATEGORIES = 5
 

@@ -84,7 +84,7 @@ class StudyJournal(TrialJournal):
 
 
 def depth_of(trial: Trial) -> float | None:
-    """Mean depth of the characters, mm; None where it is not known."""
+    """Mean depth of the characters, mm; None if unknown."""
     return trial.measures.get(_DEPTH)
 
 

@@ -23,7 +23,7 @@ class ReadCharacter:
     Attributes:
         char: the first candidate.
         confidence: belief in it, 0 to 1.
-        margin: its belief less that in the second candidate.
+        margin: its probability minus that of the second candidate.
     """
 
     char: str

@@ -146,7 +146,7 @@ def run_benchmark(
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
     """Make one part and read it by every mode, also perturbed.
 
-    A failure is recorded in the trial, and the run goes on.
+    A failure is recorded in the trial, and the run continues.
     """
     try:
         specimen = benchmark.parts.make(item)

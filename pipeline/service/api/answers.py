@@ -111,7 +111,7 @@ class Sought(BaseModel):
 class SoughtPage(Sought):
     """A page of a list of parts."""
 
-    before: str | None = Field(None, max_length=64, pattern=TEXT, description="id after which to go on")
+    before: str | None = Field(None, max_length=64, pattern=TEXT, description="id after which to continue")
     limit: int = Field(50, ge=1, le=500)
 
 

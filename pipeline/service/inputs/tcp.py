@@ -51,7 +51,7 @@ class TcpLimits:
         line_bytes: maximum length of a line, bytes; a longer one gets an error and closes the connection.
         idle_s: time without a line after which a connection is closed, seconds.
         line_s: time in which a line that has begun must end, seconds.
-        answer_s: timeout of one trigger, seconds; after it the answer is an error, but reading the part goes on.
+        answer_s: timeout of one trigger, seconds; after it the answer is an error, but the part is read to its end.
         write_s: time in which the caller must take an answer, seconds.
     """
 

@@ -93,7 +93,7 @@ class DeliveryError(MarksError):
 
     Attributes:
         away: the target cannot be reached at all, so others need not be tried now.
-        lasting: somebody has to change something; there is no use in trying soon.
+        lasting: whether a person must correct something first, so that an early retry is useless.
         retry_after_s: the target's own wish; 0 where it has none.
     """
 

@@ -136,4 +136,4 @@ def _key(secret: str) -> bytes:
     try:
         return base64.b64decode(secret.removeprefix(_ENCODED), validate=True)
     except binascii.Error as error:
-        raise SettingsError("a webhook secret that begins with whsec_ goes on in base64") from error
+        raise SettingsError("a webhook secret that begins with whsec_ must continue in base64") from error

@@ -29,9 +29,9 @@ _MARGIN_HEIGHTS = (0.8, 1.3)
 _UNSURE_MARGIN_HEIGHTS, _SURE_FROM = (2.5, 1.8), 0.5
 # above a box, for the character that the template writes there, in heights of the box
 _LABEL_ROOM = 0.5
-# views wider than so many heights stand below each other, not side by side
+# views wider than this many heights stand below each other, not side by side
 _WIDE_ASPECT = 5.0
-# a view of the line that is so much of the whole is not cut
+# a view of the line with at least this share of the whole is not cropped
 _NEARLY_ALL = 0.85
 # share of equal places from which two readings are of one line; readings of other lines agree by chance in few
 _LEAST_ALIKE = 0.5
@@ -114,10 +114,10 @@ class PictureView:
     Attributes:
         which: photo or edges.
         title: title for its head.
-        href: address; empty where there is none to be shown.
+        href: address; empty if there is none to be shown.
         note: why there is none, or what to know about it.
-        frame: None where it is not known.
-        source: source of the reading whose boxes are drawn; empty where none are.
+        frame: None if unknown.
+        source: source of the reading whose boxes are drawn; empty if none are.
         turns: quarters counterclockwise by which it is turned.
         whole, line: views of the whole picture and of the line.
         boxes: boxes of the characters.

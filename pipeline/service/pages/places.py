@@ -35,7 +35,7 @@ class Place:
     Attributes:
         index: index from 0.
         char: the best candidate; "?" without any.
-        doubt: mismatch, not read, confused, unsure or least sure; empty where there is none.
+        doubt: mismatch, not read, confused, unsure or least sure; empty if there is none.
         words: the state in the reader's words, such as "confused 8/B".
         grade: grade of the mark, A to F; empty where it was not graded.
         candidates: those worth showing, best first.

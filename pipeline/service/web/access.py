@@ -49,7 +49,7 @@ class Caller:
 
     Attributes:
         scopes: scopes of the token; all of them without one.
-        token: name of the token; empty where none is required.
+        token: name of the token; empty if none is required.
     """
 
     scopes: frozenset[Scope]

@@ -186,7 +186,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ),
         ("region = [0, 0.8, 1, 0.2]", "region in .* give left, top, right and bottom as shares, 0 to 1"),
         ("region = 3", "region in .* give left, top"),
-        ("line = 'a b=A'", "line in .* 'a b' is no name of a line"),
+        ("line = 'a b=A'", "line in .* 'a b' is not a name for a line"),
         ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
         ("accept_confidence = 1.5", "accept_confidence in .* is '1.5'"),
         ("height_mm = ", "not TOML"),

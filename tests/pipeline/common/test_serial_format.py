@@ -62,7 +62,7 @@ def test_what_cannot_be_met_is_told_by_key() -> None:
     [
         (None, "is not there"),
         (b"", "is empty"),
-        (b"# nothing\n \n", "holds no serial; write one a line"),
+        (b"# nothing\n \n", "holds no serial; write one per line"),
         (b"\xff\xfeA\n", "UTF-8"),
         (b"AB\x0712\n", "printable"),
     ],

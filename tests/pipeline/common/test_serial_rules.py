@@ -22,7 +22,7 @@ from pipeline.formats.truth import read_order
 
 
 def judged(rules: SerialRules, serials: list[str | None]) -> list[bool]:
-    """Which serials of a lot their places speak against; None: a part that was not read surely."""
+    """Which serials of a lot their places speak against; None: a part that was not read with certainty."""
     flags = []
     for now, text in enumerate(serials):
         before = [(now - k, one) for k, one in reversed(list(enumerate(serials[:now]))) if one is not None]

@@ -198,7 +198,7 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end() -> None:
 
 
 def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
-    """A part that is read surely, and bears another text than expected, is to be reviewed."""
+    """A part that is read with certainty, and bears another text than expected, is to be reviewed."""
     part = tmp_path / "part"
     write_part(SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
     settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)

@@ -148,7 +148,7 @@ def test_a_run_broken_off_in_the_second_pass_goes_on_there(
     ("report", "words"),
     [
         (replace(REPORT, agreement=0.5), "do not look like one die's (only 50% of their characters agree)"),
-        (replace(REPORT, exemplars=0), "too few of its parts were read surely"),
+        (replace(REPORT, exemplars=0), "too few of its parts were read with certainty"),
         (ExemplarError("no character has 3 exemplars that agree"), "no character has 3 exemplars"),
     ],
 )

@@ -303,7 +303,7 @@ async def test_a_stop_does_not_wait_for_ever() -> None:
         (part(), LineDecision.ACCEPT),
         (part(state=PartState.TOUCH_NEEDED), LineDecision.TOUCH),
         (part(state=PartState.REVIEW, reading=reading(decision="review")), LineDecision.REVIEW),
-        # read surely, but not what was expected
+        # read with certainty, but not what was expected
         (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), LineDecision.REVIEW),
         (part(state=PartState.REVIEW, reading=reading(decision="reject")), LineDecision.REJECT),
         (part(text=""), LineDecision.REJECT),
