@@ -32,7 +32,7 @@ ANY_ORDER = frozenset({"reassoc", "contract", "arcp", "nsz"})
 CONTRACTED = frozenset({"contract"})
 """Products and sums in one step, rounded once."""
 FAST = frozenset({"fast"})
-"""All of it, as if there were no NaN."""
+"""All relaxations, as if there were no NaN."""
 
 
 def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Function]:

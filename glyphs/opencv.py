@@ -17,7 +17,7 @@ PACKAGE: Final = "opencv-contrib-python-headless"
 
 
 _TOO_LITTLE_MEMORY: Final = ("failed to map segment", "cannot allocate memory")
-"""Words of Linux's loader where the memory that a process may use does not hold a library."""
+"""Messages of Linux's loader if a library does not fit into the memory limit of a process."""
 
 
 def _damage_error(reason: str) -> MarksError:

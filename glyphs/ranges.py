@@ -1,6 +1,6 @@
 """Check that numbers are finite and in range, with one wording for all messages.
 
-class Camera(Validated, error=MapError):        a dataclass that says beside each number what it may be
+class Camera(Validated, error=MapError):        a dataclass with a range beside each number
     pitch_mm: Positive = 0.06
     bloom: Share = 0.04
 """
@@ -21,7 +21,7 @@ from glyphs.errors import MarksError
 
 
 class Range(NamedTuple):
-    """Range of a number, ends included; `hint` says what to do beyond it, by default the range in words."""
+    """Range of a number, ends included; `hint` is shown with an error (default: the range in words)."""
 
     least: float
     most: float
@@ -68,7 +68,7 @@ def require_not_negative(error: Callable[..., MarksError], **numbers: float | No
 
 
 class Validated:
-    """Base of dataclasses whose numbers are checked against the ranges that they are annotated with.
+    """Base of dataclasses whose numbers are checked against the ranges in their annotations.
 
     A class names the error that is raised: `class Camera(Validated, error=MapError)`.
     """

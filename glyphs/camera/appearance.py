@@ -11,7 +11,7 @@ from glyphs.camera.shading import Light, radiance
 from glyphs.soiling.soiled import SoiledPart
 
 _MEDIUM_GREY = 0.2
-"""Linear; 0.48 as a screen shows it."""
+"""Mean grey of a picture, linear; 0.48 on a screen."""
 
 
 def draw_light(

@@ -23,7 +23,7 @@ _MATRIX: dict[str, str] = json.loads(Path(__file__).with_name("dot_matrix.json")
     "columns"
 ]
 _PIXELS = 80
-"""To the cap height of a glyph whose strokes are thinned."""
+"""Pixels per cap height of a glyph whose strokes are thinned."""
 
 
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:

@@ -12,7 +12,7 @@ from glyphs.fonts.glyph import FontError, Points
 _Outline = tuple[tuple[Points, ...], float]
 _MAX_STEPS = 64
 MOST_COMPONENTS = 256
-"""Glyphs that one glyph may be made of, at all levels."""
+"""Most component glyphs of one glyph, at all levels."""
 
 
 class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]

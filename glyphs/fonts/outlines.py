@@ -18,7 +18,7 @@ from glyphs.fonts.font_files import is_font_file
 from glyphs.fonts.glyph import Font, FontError, Glyph, Points, with_stroke
 
 BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "timesrb")
-"""Names that `load_font` knows without a file, the usual steel-stamp letter first."""
+"""Names of built-in fonts, the usual steel-stamp letter first."""
 
 SERIAL_CHARACTERS = string.ascii_uppercase + string.digits
 

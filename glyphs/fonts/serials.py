@@ -12,7 +12,7 @@ from glyphs.errors import MarksError
 SIGNS = "-./#()&"
 """Signs between letters and figures of part markings."""
 _OPERATORS = "?[]{}|^$+"
-"""Signs of regular expressions; no stamp has them, so a format with one is meant as something else."""
+"""Signs of regular expressions; no stamp has them, so a format with one is no mask."""
 _CLASSES = {
     "A": string.ascii_uppercase,
     "a": string.ascii_lowercase,

@@ -40,7 +40,7 @@ SOILS: Final[dict[str, str]] = {
     "wear": "glyphs.soiling.wear.rubbing:wear",
     "casting": "glyphs.soiling.casting.pour:casting",
 }
-"""The built-in soils, and where they are made."""
+"""Built-in soils and their functions."""
 
 
 def soil_model(name: str) -> SoilModel:

@@ -31,7 +31,7 @@ DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
 """Usual (character height, depth of mark), mm, from physics.md."""
 
 DEFAULT_STROKE_RATIO = 0.15
-"""Stroke over height when no stroke font says otherwise: about 1.0 mm at 6.35 mm."""
+"""Stroke over height, unless a stroke font has its own: about 1.0 mm at 6.35 mm."""
 
 
 class Face(StrEnum):

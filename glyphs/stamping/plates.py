@@ -13,7 +13,7 @@ _FALL, _MOST_FALL_MM = 0.2, 1.5
 """Fall of a form from the middle to the ends of a line: share of the height (1 mm at 5 mm), and at most in mm."""
 
 _IRONING = 0.5
-"""The tool's marks are pressed flat less than a fine lay is: they are as deep as some marks' corners."""
+"""The tool's marks are pressed flat less than a fine lay, because they are as deep as the corners of some marks."""
 
 PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "machined": lambda *_: PlateVariation(),

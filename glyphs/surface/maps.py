@@ -70,7 +70,7 @@ def read_only_copy(array: NDArray[np.generic], dtype: DTypeLike) -> NDArray[np.g
 
 
 Pitch = Annotated[float, Range(1e-7, math.inf, "it must be positive and finite")]
-"""A tenth of a nanometre at least: no instrument's samples lie closer."""
+"""Pitch of at least a tenth of a nanometre: no instrument samples more finely."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -17,9 +17,9 @@ from pipeline.bench.settings import DaqSettings
 from whisker_array.scan.stage_error import StageError
 
 _BUFFER_S = 60.0
-"""Samples wait in the driver until the end of a pass, which takes less."""
+"""Size of the driver's buffer, s: a pass takes less."""
 _SYNC_V = 1.5
-"""Above it the output is set: half of 3.3 V, and well below 5 V."""
+"""Voltage above which the output is set: half of 3.3 V, and well below 5 V."""
 _CLIPPED = 0.999
 
 

@@ -42,7 +42,7 @@ class SerialPort:
         except (OSError, ValueError) as error:  # a SerialException is an OSError
             raise StageError(
                 f"the {what} cannot be opened at {name} ({getattr(error, 'strerror', None) or error})",
-                "see that it is connected, that no other program has it, and that you may use it",
+                "check that it is connected, that no other program uses it, and that you have permission",
             ) from error
         self._lines: deque[str] = deque()
         self._rest = b""
@@ -100,4 +100,4 @@ class SerialPort:
         self._port.close()
 
     def _gone(self, error: Exception) -> StageError:
-        return StageError(f"the {self._what} at {self._name} is gone ({error})", "see to its cable and power")
+        return StageError(f"the {self._what} at {self._name} is gone ({error})", "check its cable and power")

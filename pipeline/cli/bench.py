@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Region = tuple[float, float, float, float]
 _CALIBRATED_HEIGHTS = 3.0
-"""Bare land that a calibration is taken from, character heights."""
+"""Length of bare land for a calibration, character heights."""
 
 
 @contextlib.contextmanager

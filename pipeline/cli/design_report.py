@@ -24,7 +24,7 @@ from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
-"""Ranges of what can be made: named where they bind."""
+"""Ranges of sizes that can be made: named if they bind."""
 
 
 class BoundWords(NamedTuple):

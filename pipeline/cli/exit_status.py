@@ -13,7 +13,7 @@ FAILED = 1
 USAGE = 2
 """An argument or setting cannot be used, or an extra is not installed."""
 FAULT = 70
-"""A fault of the program, as EX_SOFTWARE of sysexits.h."""
+"""A fault of the program, like EX_SOFTWARE of sysexits.h."""
 INTERRUPTED = 130
 BROKEN_PIPE = 141
 
@@ -40,7 +40,7 @@ _FAILURES = {
     *("NothingFoundError", "StageError", "StoreError", "ClusterError", "WorkerLostError"),
     *("NotServingError", "ServiceError"),
 }
-"""Errors of inputs, machines and processes, beside those of files; by name, for their modules are heavy."""
+"""Errors of inputs, machines and processes, beside those of files; by name, as their modules are slow to import."""
 
 
 @contextlib.contextmanager

@@ -120,7 +120,7 @@ _COMMANDS = (
     ("benchmark gate", "Exam", "exam:gate", "Fail if small editions are read worse than before.", "jobs"),
     ("completion", "Serve", "", "Print the script with which a shell completes commands and options.", ""),
 )  # fmt: skip
-"""Words of a command, its panel in help, its function, a line on it, and its flags that `--help` shows."""
+"""Words of a command, its panel in help, its function, its summary, and the flags that `--help` shows."""
 _MORE = ("calibrate", "identify", "import", "figures", "study", "worker", "completion")
 """Commands that `--help` leaves to `--help-all`."""
 

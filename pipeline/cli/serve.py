@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
 
 STARTED_S = time.monotonic()
-"""Start of the command: this module is loaded before the heavy ones."""
+"""Start of the command: this module is loaded before the slow ones."""
 
 
 def serve(

@@ -77,7 +77,7 @@ _LIMITS = {
     ),
 }  # fmt: skip
 SIGMAS = 2.0
-"""Standard deviations by which a change must exceed its limit: less may be chance."""
+"""Standard deviations by which a change must exceed its limit; a smaller excess may be chance."""
 
 
 def wear(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:

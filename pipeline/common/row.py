@@ -24,9 +24,9 @@ COLUMNS = (
     *("expected", "verdict", "verify_probability", "states", "rivals", "grade", "grades", "action"),
     *("height_px", "lines", "codes", "burr_mm", "fields", "at", "program", "settings"),
 )
-"""Columns of a row; those that are no field of a record are made by `row_of`."""
+"""Columns of a row; `row_of` makes those that are not fields of a record."""
 WORTH_SHOWING = 0.01
-"""Least probability of an alternative that a row names."""
+"""Least probability of an alternative in a row."""
 _UNGRADED = "?"
 _ACTIONS = ("clean", "clean first", "re-strike")
 """Actions in the order of a row; those of `recognition.decision.grade.Action`."""

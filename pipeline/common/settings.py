@@ -92,7 +92,7 @@ _MODES = {
     **dict.fromkeys(("camera", "photo", "visual"), "vision"),
     **dict.fromkeys(("both", "fusion"), "fused"),
 }
-"""Everyday words for a mode, which is kept by its own name."""
+"""Everyday words for a mode, which is stored under its own name."""
 
 
 def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
@@ -283,12 +283,12 @@ _LINE_NAME = re.compile(r"\w[\w-]*")
 _REGION_HINT = "give left, top, right and bottom as shares, 0 to 1, such as 0,0.5,1,1"
 Region = tuple[float, float, float, float]
 Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
-"""Several, in one text separated by commas."""
+"""Several names, in one text separated by commas."""
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 MOST_FONTS = 64
-"""Fonts that compete; the templates of each are made."""
+"""Most fonts; templates are made for each."""
 
 
 class MapSettings(Settings):

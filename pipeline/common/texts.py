@@ -19,9 +19,9 @@ from dataclasses import dataclass
 # as spreadsheets take them for formulas; the wide signs, too, in East Asian editions
 _FORMULA = re.compile(r"'*[=+\-@\t\r\n＝＋－＠]")
 MISSING = "nothing"
-"""Read for a character that was stamped: nothing."""
+"""Stands for the missing reading of a stamped character."""
 EXTRA = "nothing stamped"
-"""Stamped for a character that was read: nothing."""
+"""Stands for the missing stamped character of a reading."""
 
 
 def without_blanks(text: str) -> str:

@@ -38,7 +38,7 @@ _MOST_NAMES = 20
 _HINTS = (
     (PHOTO_SUFFIXES, "lone photographs are read with --mode auto, heights in pictures with --height-image"),
     (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
-    (TABLE_SUFFIXES, "tables of heights are read where they are named"),
+    (TABLE_SUFFIXES, "tables of heights are only read if they are named themselves"),
 )
 
 
@@ -120,7 +120,7 @@ def discover(
     found = FoundFiles(photos=photos, height_images=height_images)
     for name in names:
         if len(names) > 1 and names_no_files(name):
-            continue  # of a folder that the shell has spelled out
+            continue  # a glob that the shell has expanded
         if _is_manifest(name):
             found.add_listed(read_manifest(name))
         elif not is_url(name):
@@ -151,11 +151,11 @@ class FoundFiles:
     """Found files, grouped to parts by folder and stem.
 
     Attributes:
-        passed_over: files of folders that no part is made of; complete after `parts`.
+        passed_over: files of folders that belong to no part; complete after `parts`.
     """
 
     def __init__(self, *, photos: bool = False, height_images: bool = False) -> None:
-        """Begin without any.
+        """Start without files.
 
         Args:
             photos: photographs in folders are parts of their own even beside height maps and scans.
@@ -216,7 +216,7 @@ class FoundFiles:
                 self.passed_over.files.extend(part.files)
                 continue
             same = (part.name, *(part.files or (str(part.problem),)))
-            # of two entries for one part the one that says more
+            # of two entries for one part keep the one with more information
             if same not in parts or (_says_more(part) and not _says_more(parts[same])):
                 parts[same] = part
         return list(parts.values())
@@ -263,13 +263,13 @@ def kind_of_named(file: str) -> str:
 def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
     """Add a file to a part; two different files of one kind are an error.
 
-    Photographs that are numbered (part.light-2.png) are all meant.
+    Numbered photographs (part.light-2.png) all belong to the part.
     """
     if kind == "photo" and (file in part.photos or not part.photos or set_of(file)):
         return part if file in part.photos else replace(part, photos=(*part.photos, file))
     first, problem = str(getattr(part, kind)), None
     if first and first != file:
-        what = f"stands beside {split_name(first)[1]}, so which is the part's is unclear"
+        what = f"stands beside {split_name(first)[1]}, so it is unclear which one belongs to the part"
         problem = problem_of(file, what, "rename one")
     if kind == "photo":
         return replace(part, photo_problem=part.photo_problem or problem)

@@ -46,11 +46,11 @@ MM = {
     **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4, "inches": 25.4, "mil": 0.0254, "thou": 0.0254},
     **{"micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "millimeter": 1.0, "meter": 1e3},
 }
-"""Millimetres in one of a unit of length, as files write it."""
+"""Millimetres per unit of length, in the spelling of files."""
 UNITS = {"um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches", "nm": "nanometres"}
-"""Units of length that can be given, in words."""
+"""Units of length for settings, in words."""
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
-"""Seconds in one of a unit of time."""
+"""Seconds per unit of time."""
 
 
 def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:

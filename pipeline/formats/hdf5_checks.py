@@ -13,9 +13,9 @@ from typing import Any
 from glyphs.errors import MarksError
 
 MOST_OBJECTS = 10_000
-"""In an HDF5 file; a recording has some thirty."""
+"""Most objects in an HDF5 file; a recording has some thirty."""
 MOST_DEPTH = 16
-"""Groups in groups."""
+"""Greatest depth of nested groups."""
 MOST_CHUNK_BYTES = 268_435_456
 """Largest chunk of an HDF5 dataset: a chunk is unpacked whole, however little of it is read."""
 

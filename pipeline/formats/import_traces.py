@@ -44,7 +44,7 @@ _GAP_STEPS = 2.5
 # stretch common to all passes of a direction, as a share of the longest, below which it is a mistake
 _SHORT = 0.5
 PAUSE_STEPS = 2.5
-"""Step of the clock, in usual steps, above which the sampling had paused."""
+"""Step of the clock, in usual steps, above which sampling was paused."""
 MOST_MOMENT_N_MM = 1000.0
 """Moment that no whisker can carry: a newton at the end of a metre."""
 SPEEDS_MM_S = (0.2, 2000.0)

@@ -42,7 +42,7 @@ _PACKED = {
     b"PK\x03\x04": "a workbook or packed (ZIP)",
 }
 _LONGEST_LINE = 1_000_000
-"""Bytes of a text's first line, at most: a row of 40,000 heights has half of them."""
+"""Most bytes of a text's first line: a row of 40,000 heights has half of them."""
 _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm"
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 

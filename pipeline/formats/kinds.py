@@ -6,20 +6,20 @@ import re
 from dataclasses import dataclass
 
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
-"""Text that may hold heights and may hold anything else: read where it is named on its own."""
+"""Suffixes of text files, which may have heights or anything else: read only if named on their own."""
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
     *(".spm", ".sur", ".tmd", ".vk3", ".vk4", ".vk6", ".vk7", ".zmg", ".zon"),
 )
-"""Formats of the extra `formats` whose suffix means a height map and nothing else; any other suffix is tried, too,
+"""Formats of the extra `formats` whose suffix always means a height map; any other suffix is tried, too,
 when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MOST_BYTES = {"height_map": 1_000_000_000, "scan": 4_000_000_000, "photo": 500_000_000}
 """Size of the longest file of each kind that is read."""
 HEAD_BYTES = 16
-"""First bytes of a file that tell its kind."""
+"""Number of first bytes of a file that determine its kind."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ UNREAD_PICTURE_SUFFIXES = (
     *(".heic", ".heif", ".avif", ".jxl", ".jp2", ".j2k", ".psd", ".pdf"),
     *(".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"),
 )
-"""Pictures that are not read: passed over in folders, refused with the kinds that are read where named."""
+"""Unsupported pictures: ignored in folders; if named, refused with a list of supported kinds."""
 
 
 TEXT_READER, INSTRUMENT_READER = ("text_maps.read_text_map", "text"), "instruments.read_instrument"

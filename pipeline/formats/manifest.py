@@ -44,9 +44,9 @@ COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
 FILES = COLUMNS[1:4]
 """Columns of files."""
 _OTHERS = ("height_mm", "height_px")
-"""Columns of this program's own tables that are spelled much like one of these, and are none."""
+"""Columns of this program's own tables with names similar to these."""
 SEVERAL = "|"
-"""Between files of one cell."""
+"""Separator between files of one cell."""
 _CLOSE = 0.8
 _MAX_BYTES = 2_000_000_000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")

@@ -32,7 +32,7 @@ from whisker_array.whisker.defaults import NOMINAL_FRICTION
 _HEADER_BYTES = 10_000
 _ROWS = ("top-first", "bottom-first")
 DEFAULT_HARDNESS_MPA = 10.0
-"""Hardness of caked grime, for a file that gives a thickness and no hardness."""
+"""Hardness of caked grime, for a file with a thickness but no hardness."""
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,9 @@ Decoded = NDArray[np.unsignedinteger[Any]]
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 _SAMPLED = 1_000_000
-"""Numbers of a picture that percentiles are taken of: more tell no more."""
+"""Number of samples of a picture for percentiles; more do not help."""
 _DARK_PERCENT, _BRIGHT_PERCENT = 1.0, 99.0
-"""Percentiles of 16 bit pictures: what lies far beyond is a hot pixel or a glint."""
+"""Percentiles of 16 bit pictures: values far beyond are hot pixels or glints."""
 _BELOW, _ABOVE = 1.0, 2.0
 """Range kept below and above the percentiles, of their distance: flanks of a small line lie there, and photographs
 of 8 bit fill about as much of their scale."""
@@ -104,9 +104,9 @@ def _some(pixels: Decoded) -> NDArray[np.float32]:
 _INCH_MM = 25.4
 _LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
 _MEANINGLESS_DPI = (72.0, 96.0)
-"""Written by programs that know nothing of the scale."""
+"""Resolutions written by programs that do not know the scale."""
 _IMAGEJ_UNIT = re.compile(r"(?sm)\AImageJ=.*?^unit=(\S+)")
-"""In the description of a TIFF: the unit in which its resolution counts."""
+"""Unit of the resolution in the description of a TIFF."""
 _ORIENTATION = 274
 """Tag of EXIF and TIFF."""
 _COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 283)
@@ -114,7 +114,7 @@ _COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 28
 _SUBFILE, _REDUCED = 254, 1
 """Tag of a TIFF page, and its bit for a smaller copy of another page."""
 _MOST_PAGES = 24
-"""Pages of a TIFF that are looked at for one that is not blank; each is decoded."""
+"""Most pages of a TIFF among which one that is not blank is searched; each is decoded."""
 _FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
 """Passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond."""
 _NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")

@@ -26,11 +26,11 @@ _LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d
 _MOST_HEAD_BYTES = 20_000
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 MOST_SCATTERED = 2_000_000
-"""Points off a grid, which are triangulated."""
+"""Most points off a grid, which are triangulated."""
 MOST_DRAWN = 300_000_000
-"""Samples that the triangles of a mesh cover, all together: two seconds of work."""
+"""Most samples that the triangles of a mesh cover together: two seconds of work."""
 _LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
-"""Along the longer side of a map made of triangles, whose own size may say nothing: a flat land has two."""
+"""Samples along the longer side of a map made of triangles, whose own size may be meaningless: a flat land has two."""
 _GAP = 6.0
 """Sides of a triangle between points, mean distances, from which it spans a dropout."""
 # a grid: least rows and columns, least share of them with a point, and pitches by which a point may miss its place

@@ -44,7 +44,7 @@ _CONNECT_S, _SILENCE_S = 5.0, 20.0
 _ATTEMPTS = 2
 _LEAST_BYTES_PER_S = 50_000.0
 _START_S = 60.0
-"""A copy takes at most this long and what its size takes at that rate: a server that drips ends, too."""
+"""Longest copy: this time plus its size divided by that rate, so that a slow server is given up."""
 _NETWORK_MEND = "check the network, the endpoint and the credentials, and start it again"
 _QUERY = re.compile(r"\?[^\s'\"]+")
 """Query of an address in a library's message; it may sign the address."""
@@ -234,4 +234,4 @@ _NO_CREDENTIALS = (
     *("NoCredentialsError", "PartialCredentialsError", "CredentialRetrievalError", "ProfileNotFound"),
     *("TokenRetrievalError", "DefaultCredentialsError", "RefreshError"),
 )
-"""Errors of botocore and google.auth by name, so that neither is imported for it."""
+"""Errors of botocore and google.auth by name, so that neither must be imported."""

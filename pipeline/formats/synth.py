@@ -43,7 +43,7 @@ _OF_THE_STAMP = (
     *("format", "font", "height_mm", "depth_mm", "face", "bevel_deg", "raised"),
     *("practice", "die", "plate", "layout"),
 )
-"""Settings of a part that `stamp` takes as they are."""
+"""Settings of a part that are passed to `stamp` unchanged."""
 
 
 @dataclass(frozen=True)

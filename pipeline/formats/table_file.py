@@ -20,12 +20,12 @@ from pipeline.common.texts import original
 from pipeline.errors import DataError
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
-"""Columns that name a part, the first one found counts."""
+"""Columns that name a part; the first one found counts."""
 TEXT_HEADINGS = (
     *("text", "serial", "serials", "serial_number", "expected", "truth", "label"),
     *("seriennummer", "seriennr"),
 )
-"""Columns that hold the text of a part, the first one found counts."""
+"""Columns with the text of a part; the first one found counts."""
 _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
 # ="000123" keeps a spreadsheet from taking a serial for a number; 1.23457E+11 is what it makes of one otherwise
@@ -154,7 +154,7 @@ def encoding_of(head: bytes) -> str:
 
 
 CP1252 = "or-cp1252"
-"""Name of the way to decode what is no UTF-8: as programs on Windows have written it."""
+"""Name of the error handler that decodes bytes that are not UTF-8 as programs on Windows write them."""
 
 
 def _as_cp1252(error: UnicodeError) -> tuple[str, int]:

@@ -37,7 +37,7 @@ styled = rc_context(
         "legend.frameon": False,
     }
 )
-"""Decorator of functions that draw: the one style."""
+"""Decorator of drawing functions: the common style."""
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any) -> None:

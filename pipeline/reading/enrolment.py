@@ -54,7 +54,7 @@ class Refused:
 
 
 _Cuts = tuple[str, tuple[Cut, ...]] | Refused
-"""Hash of a part's file with the characters cut from it, or why there are none."""
+"""Hash of a part's file with the characters cut from it, or the reason why there are none."""
 
 
 @dataclass(frozen=True)

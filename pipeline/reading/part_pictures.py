@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MOST_PIXELS_A_SIDE = 1600
 LEAST_EDGE_PIXELS = 900
-"""Width of an edge map's picture at least: small maps are drawn larger, so that boxes and strokes can be seen."""
+"""Least width of an edge map's picture: small maps are enlarged, so that boxes and strokes can be seen."""
 QUALITY = 88
 _STRONGEST_PERCENT = 99.0
 _SAMPLED = 200_000

@@ -80,7 +80,7 @@ PERTURBATIONS = (
 )
 """Those of `benchmark --perturb`."""
 ANEW = Perturbation("anew", shift=1.0, noise=True, light=0.06, scale=0.01, drawn=True)
-"""A part that is put on the stage again: `study --repeats`."""
+"""A part put on the stage again: `study --repeats`."""
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from pipeline.common.settings import Limits, ReadSettings
 
 PLAIN = "K4X7H2"
-"""Characters that nothing is mistaken for."""
+"""Characters that are not easily confused."""
 PIXELS = 60.0
-"""To a character's height in the photograph."""
+"""Pixels per character height in the photograph."""
 
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:

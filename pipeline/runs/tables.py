@@ -37,7 +37,7 @@ _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error"
 COLUMNS = (*_FIRST, *(f.name for f in fields(ReadingRecord) if f.name not in _FIRST))
 """Columns of JSON lines and Parquet."""
 MOST_TEXT = 100_000
-"""Characters of one text, escaped; Python's own reader of CSV takes up to 131,072."""
+"""Most characters of one escaped text; Python's own CSV reader takes up to 131,072."""
 _GROUP_RECORDS = 500  # of Parquet; some megabytes while they are made
 _ODD = re.compile(r"[\x00\ud800-\udfff]|\\(?=u(?:0000|005c|d[89a-f][0-9a-f]{2}))")
 _LINE_BREAKS = {

@@ -61,9 +61,9 @@ class Touch(StrEnum):
     """Choice of the stage or the sender to feel a part, if the camera is unsure."""
 
     ASKED = "asked"
-    """The service's stage, on a later request; without a stage a person gets the part."""
+    """The service's stage, on a later request; without a stage the part goes to a person."""
     STAGE = "stage"
-    """The service's stage, at once; without a stage a person gets the part."""
+    """The service's stage, at once; without a stage the part goes to a person."""
     PLAN = "plan"
     """The sender, by the plan in the answer."""
 

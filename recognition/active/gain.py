@@ -21,7 +21,7 @@ from recognition.active.moves import MOST, Way
 
 FITTED = Path(__file__).with_name("gain.fit.json")
 LOOKS_AHEAD = 4
-"""Within which a step must have made the serial sure."""
+"""Number of looks within which a step must make the serial sure."""
 _LEAST = 1e-4
 
 

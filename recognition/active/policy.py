@@ -18,7 +18,7 @@ from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
 WORTH_S = 100.0
-"""Stage seconds that one more serial without a person is worth: half of what the whole plan takes."""
+"""Value of one more accepted serial, stage seconds: half the time of the whole plan."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from recognition.decision.reading import Reading
 from recognition.decision.score import serial_is_sure
 
 EVEN = 0.5
-"""Confidence from which a text was believed."""
+"""Least confidence of a candidate text."""
 
 
 class Trust:

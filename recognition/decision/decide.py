@@ -138,7 +138,7 @@ class ReadingFlag(Flag):
 
 
 BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE)
-"""Flags that send a reading to review whatever its score."""
+"""Flags that send a reading to review for any score."""
 MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
 """Rules for the mark that are broken; findings give places and numbers."""
 EXPLANATIONS = ReadingFlag.of(Kind.STROKES)

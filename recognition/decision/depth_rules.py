@@ -132,7 +132,7 @@ DEPTH_RULES: tuple[DepthRule, ...] = (
         "2.5 to 4.0 mm high 0.15 to 0.30 mm deep",
     ),
 )
-"""The rules known by name, in short: check the original, in the edition that binds you, before you rely on one. The
+"""The built-in rules, in short: check the original, in the edition that binds you, before you rely on one. The
 United States' 49 CFR 565 asks for a height of vehicle identification numbers and for no depth."""
 
 _MM = r"(\d+\.?\d*|\.\d+)"

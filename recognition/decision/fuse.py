@@ -35,7 +35,7 @@ CHOICE_FLAGS = (
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.CHECK_BLIND
 )
-"""Flags that fusion determines anew."""
+"""Flags that fusion sets again."""
 
 
 def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:

@@ -25,11 +25,11 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 
 LEAST_VALID_MASS = 0.02
-"""Total probability of all serials of the format, below which the line holds something else."""
+"""Total probability of all serials of the format, below which the line has another text."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut with the same shape."""
 IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
-"""Log probability of the format on its line, twins included, below which the line may hold something else. 1 in 100 of
+"""Log probability of the format on its line, twins included, below which the line may have another text. 1 in 100 of
 the exam's lines accepted by touch has less; none of 48 photographs has. Of 134 felt lines with a sign outside the
 alphabet, 22 were accepted without this rule and 12 with it: an Θ for a 0 or a Λ for an A."""
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from recognition import Reading
 
 ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.STROKES)
-"""Doubts about a serial, most important first; a reading names its first (`reasons_of`)."""
+"""Doubts about a serial, most important first; a reading reports the first one (`reasons_of`)."""
 
 
 def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...]:

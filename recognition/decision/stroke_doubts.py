@@ -27,7 +27,7 @@ _REMEDIES = {
 
 
 LEFT = 0.002
-"""Most posterior that a live rival may keep once the strokes are weighed."""
+"""Greatest posterior of a rival after the strokes are weighed."""
 HIDDEN_MARGIN = 2.5
 """Margin from which a stroke of the other character was felt after all, nats; even a piece gives more."""
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from glyphs.compiled import kernel
 
 MOST_PLACES = 32
-"""Places looked for where the format is not known."""
+"""Greatest number of places if the format is unknown."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,18 +21,18 @@ from recognition.lines.networks import open_network
 from recognition.views.view import Layers
 
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
-"""All that it tells apart; the blank comes before them."""
+"""Characters that it distinguishes; the blank comes before them."""
 WIDER = 1.4
-"""By which a strip is widened before it is read: of held-out fonts 85.9 % of felt characters are read in place of 85.0,
-and more lines surely; 1.2 and 1.6 give no more."""
+"""Factor by which a strip is widened before it is read: of held-out fonts 85.9 % of felt characters are read in place
+of 85.0, and more lines surely; 1.2 and 1.6 give no more."""
 STEP_COLUMNS = 20 / 3 / WIDER
 FEATURE_COLUMNS = STEP_COLUMNS / 2
-"""Columns of a strip, before it is widened, to a step of the posteriors, and to one of the features."""
+"""Columns of a strip, before it is widened, per step of the posteriors, and per step of the features."""
 LAG_COLUMNS = 0.4
-"""By which characters lie to the right of the middle of the step at which they show: the median of 1,031 characters of
+"""Distance of characters to the right of the middle of the step at which they appear: the median of 1,031 characters of
 held-out fonts, felt and measured, whose places are known."""
 _MULTIPLE = 20
-"""Columns of a strip are filled up to a multiple of it."""
+"""Columns of a strip are padded to a multiple of this."""
 WEIGHTS = Path(__file__).with_name("recogniser.onnx")
 _CODES = {char: 1 + k for k, char in enumerate(CHARACTERS)}
 Features: TypeAlias = NDArray[np.float32]

@@ -17,14 +17,14 @@ from recognition.experts.ctc import PlaceBelief, count_belief, place_belief
 
 Floats = NDArray[np.float64]
 EXPERTS = ("network", "templates")
-"""Experts on a place: the recogniser, and templates of fonts."""
+"""Experts: the recogniser, and templates of fonts."""
 FLOOR = 1e-6
 """Least probability of each character at a step: no single network rules a character out."""
 
 RARE = 0.1
 """Prior of a sign relative to a letter or digit: only an eighth of real markings contain a sign."""
 SHOWN = math.log(1e-4)
-"""Log posterior that a character must reach at some step, else it counts as absent from the line."""
+"""Log posterior that a character must reach at some step, otherwise it counts as absent from the line."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,15 +39,15 @@ from recognition.views.view import HEIGHTS, KNOWN, View
 BESIDE_HEIGHTS = 1.2
 """Land of a strip before and after its line, character heights."""
 FOUND = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, wide=0.12, tall=0.12, deep=0.6)
-"""Expected spread of poses around the places of a line as it was found."""
+"""Expected spread of poses around the places of a found line."""
 SETTLED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
-"""Expected spread about a pose that the line or another character tells: blows move and turn characters so much."""
+"""Expected spread about a pose known from the line or another character, from differences between blows."""
 USUAL = pose()
 """Expected pose of a character at its place."""
 LEAST_FIT = 0.45
-"""Mean correlation of a text that another height of the line, or ridges for grooves, must reach."""
+"""Least mean correlation of a text for another height of the line, or for ridges instead of grooves."""
 LEAST_SAMPLES = 50
-"""Number of samples that a place needs before a character is laid over it."""
+"""Least number of samples of a place for fitting a character."""
 _BEYOND = 2 * PIXELS
 """Land beyond the edges of a strip, pixels: half of the greatest window."""
 

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Glyph = NDArray[np.float32]
-"""(rows, columns, 3) of a predicted character, its middle in the middle pixel: depth in usual depths, and how that
-rises to the right and down, per character height."""
+"""(rows, columns, 3) of a predicted character, its middle in the middle pixel: relative depth, and its
+gradient to the right and down, per character height."""
 PIXELS = 24
 """Pixels per character height."""
 RIGHT, DOWN, TURN, WIDE, TALL, DEEP, LEVEL = range(7)

@@ -45,7 +45,7 @@ from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch
 
 CANONICAL_HEIGHT_MM = 5.0
-"""Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
+"""Height of all templates. Touch does not depend on scale if whisker, tip, preload and mark scale together."""
 PIXELS = 40
 """Template pixels per character height."""
 

@@ -34,7 +34,7 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
-"""Under which photographs are predicted: lamps from four sides, and one that stands high. Of 100 soiled photographs 41
+"""Lights of predicted photographs: lamps from four sides, and a high one. Of 100 soiled photographs 41
 are accepted with all of them, 38 with the high one alone."""
 
 Floats = NDArray[np.float64]

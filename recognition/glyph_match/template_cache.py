@@ -7,7 +7,7 @@ from functools import lru_cache
 from recognition.glyph_match.predicted import predict_templates
 
 MOST_SETS = 26
-"""Most template sets: with what matching derives from one it takes some 15 MB, and a reader stays below 1 GB."""
+"""Most template sets: each takes some 15 MB with its derived values, so that a reader stays below 1 GB."""
 
 
 class TemplateCache:

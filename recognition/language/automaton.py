@@ -26,9 +26,9 @@ from glyphs.fonts.serials import FormatError
 Places = NDArray[np.int64]
 Beliefs = NDArray[np.float64]
 MOST_STATES = 100_000
-"""States in a layer, at most."""
+"""Most states in a layer."""
 MOST_CELLS = 10_000_000
-"""States times characters of all layers: 80 MB, and a second's work."""
+"""Most states times characters of all layers: 80 MB, and a second of work."""
 
 
 class Machine(Protocol):

@@ -34,7 +34,7 @@ from glyphs.fonts.serials import FormatError
 from recognition.language.remainders import REMAINDERS, Remainder
 
 CHECK_DIGITS = (*REMAINDERS, "stdnum:NAME")
-"""The rules known by name."""
+"""The built-in rules."""
 _FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
 
 

@@ -33,11 +33,11 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
 MOST_TESTS = 2_000
-"""Strings that are asked one by one of a check digit that can only be asked so, before the search is given up."""
+"""Most strings tested one by one, for a check digit that needs the whole text."""
 WORTH_WARNING = 0.01
-"""Belief in a character that the check digit cannot tell from the one read, from which a person is warned."""
+"""Least probability for a warning about a character that the check digit cannot distinguish."""
 ROUNDING = 1e-12
-"""A place's beliefs sum to 1 to within this."""
+"""Greatest error of a place's sum of probabilities."""
 
 
 @dataclass(frozen=True)

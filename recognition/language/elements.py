@@ -80,7 +80,7 @@ ELEMENTS: dict[str, Element] = {
     "8003": Element(r"0\d{13}[A-Z0-9\-./]{0,16}", "returnable asset, GRAI"),
     "8004": Element(_LONGER, "individual asset, GIAI"),
 }
-"""Fields known to formats, by identifier."""
+"""Supported fields of formats, by identifier."""
 _BRACKETED = re.compile(r"\((\d{2,4})\)([^(]*)")
 _BETWEEN = re.compile(r"/(?=[A-Z]{3}(?:[ /]|$))")
 

@@ -25,13 +25,13 @@ from glyphs.fonts.serials import FormatError
 
 Chars: TypeAlias = frozenset[str]
 MOST_LENGTH = 500
-"""Characters of an expression."""
+"""Most characters of an expression."""
 MOST_PLACES = 64
-"""Longest serial that is thought of."""
+"""Longest serial that is considered."""
 MOST_NODES, MOST_STATES = 20_000, 4_000
 """Most parts of an expression written out, and most states of its automaton."""
 MOST_STEPS = 2_000_000
-"""On the way to that machine: two seconds' work at most. `(A|B|C{2,9}){1,12}D` takes 180,000."""
+"""Most steps of compilation: two seconds of work. `(A|B|C{2,9}){1,12}D` takes 180,000."""
 
 
 _BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)

@@ -117,4 +117,4 @@ REMAINDERS = {
     "iso7064mod11_10": hybrid_system(DIGITS),
     "iso7064mod37_36": hybrid_system(ALPHANUMERIC),
 }
-"""The rules by name."""
+"""Rules by name."""

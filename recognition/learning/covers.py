@@ -31,7 +31,7 @@ _RIVALS: tuple[tuple[str, Spot], ...] = (
     ("HN", (0.2, 0.15, 0.8, 0.85)), ("MN", (0.3, 0.0, 0.9, 0.7)), ("XK", (0.0, 0.0, 0.5, 1.0)),
     ("0O", (0.25, 0.2, 0.75, 0.8)), ("49", (0.0, 0.0, 0.6, 0.4)),
 )  # fmt: skip
-"""Two characters and where they differ: left, top, right, bottom, shares of a character's box from its top left."""
+"""Pairs of characters, and where they differ: left, top, right, bottom as shares of a character's box."""
 _SPOTS = {
     char: [spot for pair, spot in _RIVALS if char in pair]
     for char in {c for pair, _ in _RIVALS for c in pair}

@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 DOWN, ACROSS = np.arange(-26, 27) / RELIEF_PIXELS, np.arange(-32, 33) / RELIEF_PIXELS
 """Rows and columns of a cell from its middle, character heights: a W of a wide font and some land."""
 DEEP_PERCENT = 97.0
-"""Share of a cell's samples that lie above the depth of its mark."""
+"""Percentile of a cell's samples that is the depth of its mark."""
 
 
 class ExemplarError(MarksError):

@@ -24,18 +24,18 @@ from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 from recognition.learning.exemplars import ExemplarError
 
 FEWEST_SIBLINGS = 3
-"""Exemplars that agree, from which on they need no known font to vouch for them."""
+"""Least number of agreeing exemplars that need no comparison with a known font."""
 TRUSTED_LIKENESS = 0.94
-"""From this likeness on the nearest font is the die's own, worn or not, and characters never felt are no guesses:
+"""Least likeness of the nearest font to be the die's own, worn or not; then its other characters are no guesses:
 gothic worn to a third of its depth reaches 0.97, another maker's letters 0.9."""
 OUTLINE_SHARE = 0.3
 """Share of the depth at which the outline is drawn."""
 RIM_HEIGHTS = 0.1
-"""Land about the ink that is kept, burr and all, before the relief fades; what lies further off is the plate's."""
+"""Land about the ink that is kept, with any burr, before the relief fades; beyond it lies the plate."""
 SPECK_HEIGHTS = 0.05
 """Side of a patch too small to be ink."""
 AGREEMENT, FALL = 0.75, 0.08
-"""Correlation with its siblings that a relief must have, and by how much it may fall short of their usual one: blows
+"""Least correlation of a relief with its siblings, and greatest shortfall from their usual one: blows
 of one die reach 0.93 to 0.99, worn or soiled ones less, look-alikes (O and 0) 0.9 at most."""
 SHIFT_PIXELS, TURNS_DEG = 3, (-3.0, -1.5, 0.0, 1.5, 3.0)
 WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)

@@ -15,9 +15,9 @@ from typing import Protocol
 FEWEST_PARTS = 12
 """Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
 MOST_TEACHERS, EXEMPLARS_EACH = 40, 6
-"""Parts that are enrolled at most, and exemplars of a character beyond which no part is enrolled for its sake."""
+"""Most enrolled parts, and number of exemplars of a character after which no part is enrolled for it."""
 LEAST_AGREEMENT = 0.7
-"""Share of the exemplars that must agree with their siblings, or the parts are not of one die: blows of one die
+"""Least share of exemplars that agree with their siblings, for parts of one die: blows of one die
 agree in nine of ten and more, of two dies each set aside the other's."""
 _MOST_LOOKED_AT = 2000
 

@@ -22,7 +22,7 @@ from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 _BROAD = 0.4
-"""Sigma, character heights: what is broader is the plate, not the mark."""
+"""Sigma, character heights: broader structures belong to the plate, not the mark."""
 _COARSENESS = 6
 """Pixels per character where it is blurred."""
 COLUMNS = 20

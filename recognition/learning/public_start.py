@@ -20,7 +20,7 @@ from glyphs.errors import MarksError
 
 ROWS, FEATURES = 48, 120
 STEP_COLUMNS = 8
-"""Columns of a picture to a step of features."""
+"""Columns of a picture per step of features."""
 _HEAD_NODES = ("MatMul", "Add", "Identity", "Softmax")
 """The last nodes of the graph: from features to shares of characters."""
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FIRST, LAST = 6, 3
-"""Convolutions at the start and at the end that stay as they are."""
+"""Number of convolutions at the start and at the end that are not quantised."""
 
 
 def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> None:

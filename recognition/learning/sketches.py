@@ -23,7 +23,7 @@ from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 _FINE = ROWS // TALL_ROWS
-"""Pixels of the sketch to one of the strip."""
+"""Pixels of the sketch per pixel of the strip."""
 _H = HEIGHT_ROWS * _FINE
 """Pixels per character height."""
 

@@ -28,19 +28,21 @@ from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, LAYERS
 
 WINDOW = (72, 224)
-"""Rows and columns that are shown at once, at most."""
+"""Rows and columns of the largest window."""
 _TIGHTEST, _TIGHT_SHARE = (16, 48), 0.5
-"""Rows and columns of the smallest window, and how many batches have smaller ones, about a line: parts may end, and
+"""Rows and columns of the smallest window, and share of batches with windows cropped to a line: parts may end, and
 photographs be cut, close to the characters."""
 BATCH = 24
 _MIDDLE, _BESIDE = 0.25, 0.42
-"""Shares of a height: cells so near to a line's middle belong to it, those up to there are not judged."""
+"""Distances from a line's middle, shares of its height: cells within the first belong to it, up to the second they are
+ignored."""
 _FITS, _LEAST = 0.45, 0.75
-"""Octaves: lines whose height is so near to the scale's are to be found, those beyond are not; between, either."""
+"""Distances from the height of the scale, octaves: lines within the first must be found, those beyond the second must
+not, and those between may."""
 _HELD = 240
-"""Views that are measured on."""
+"""Number of views for measurements."""
 _FILES, _WINDOWS = 24, 4
-"""Files that are read at a time, and windows drawn of each of their views before the next are read."""
+"""Files read at a time, and windows drawn from each of their views before the next files are read."""
 
 
 def draw_window(

@@ -20,7 +20,7 @@ KEPT_OUT = (
     "cmb", "cmex", "cmmi", "cmr", "cmss", "cmsy", "cmti", "cmtt", "cmu", "computermodern",
     "lmroman", "lmmono", "lmsans", "latinmodern", "osifont", "ospdin", "opendin",
 )  # fmt: skip
-"""Families, as `family` writes them, that begin so are never learned from: the exam keeps them out."""
+"""Beginnings of family names (see `family`) that are never learned from, because the exam uses them."""
 MOST_OF_A_FAMILY = 8
 _NOT_LETTERS = re.compile(
     r"symbol|dingbat|emoji|math|icons?|braille|ornament|initial|border|music|chess|barcode|dseg|lastresort|smallcap|^alfa|^ellen|^elleb|d050000l|abogado|ocrb[ef]$|wasn_t|solidemirage|abecedario|ecolier|caps\b",

@@ -27,10 +27,10 @@ WEIGHTS = Path(__file__).with_name("finder.onnx")
 FINDER_ROWS, CELL = 12, 4
 """Pixels per character height that the network was trained on, and pixels per cell."""
 _TALLEST, _LOW = 0.95, 0.13
-"""Characters looked for, of the view's smaller side; `recognition.lines.tiles` finds smaller ones."""
+"""Largest and smallest characters, shares of the view's smaller side; `recognition.lines.tiles` finds smaller ones."""
 _LEAST_PIXELS = 6.0
 _MIDDLE, _FAINT = 0.5, 0.2
-"""Belief that a cell lies in the middle of a line, from which it does; of faint lines."""
+"""Least probability that a cell lies in the middle of a line; for faint lines."""
 _GAP = 1.2
 """Land within a line, character heights, that does not end it."""
 _LEAST_CELLS = 3

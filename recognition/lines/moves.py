@@ -18,14 +18,14 @@ MOVES = (
     (0.0, 1.0, 5.0),
     (0.0, 1.0, -5.0),
 )
-"""Tried where a line says little, down, higher and turned (degrees): the finder may have mistaken it."""
+"""Moves of a doubtful line (down, factor of the height, rotation in degrees), as the finder may be inaccurate."""
 SIZES = (0.85, 1.18)
 """Factors of the height by which a doubtful line of a photograph is tried: of 143 photographs of the calibration design
 68 are accepted, not 65, none wrongly. With the true lines still more would be."""
 LONGER = ((1.5, 0.0), (0.0, 1.5), (1.5, 1.5), (3.0, 0.0), (0.0, 3.0))
-"""Heights before and after by which a line is made longer that says little."""
+"""Heights before and after by which a doubtful line is lengthened."""
 CROPS = (0.85, 0.62)
-"""Heights of characters that fill a view, as a line that was cut out before, in view heights."""
+"""Heights of characters that fill a view of a cropped line, in view heights."""
 BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
 """Fallback line positions when the finder fails: height and middle, in view heights."""
 

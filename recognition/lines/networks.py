@@ -13,7 +13,7 @@ def open_network(path: Path, *, threads: int = 1) -> Any:
     Args:
         threads: threads of every network; a reader's processes run side by side.
     """
-    # before the library is loaded: from 1.29 on it reports to its maker otherwise, and leaves a device number at home
+    # set before the import: from 1.29 on the library otherwise sends telemetry and stores a device number
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     import onnxruntime
 

@@ -20,16 +20,16 @@ from recognition.views.view import GREY, HEIGHTS, View
 Floats = NDArray[np.float32]
 
 LEAST_PIXELS = 8.0
-"""To a character's height: what is smaller cannot be read."""
+"""Least pixels per character height that can be read."""
 TILE_HEIGHTS, TILE_WIDTHS = 3.4, 10.0
 """Size of a tile, character heights: on 16 cluttered frames these find more than 4 x 9 or 3.4 x 8."""
 STEP_DOWN, STEP_ACROSS = 1.5, 6.0
 """From one tile to the next, character heights: 22 lines of 24 cluttered frames are found, 20 with steps of 1 and 4."""
 _BATCH = 64
 _MIDDLE = 0.5
-"""Belief that a cell lies in the middle of a line, from which it does."""
+"""Least probability that a cell lies in the middle of a line."""
 _FINE, _WIDE = 0.25, 1.5
-"""Sigma of what is no stroke, and of the neighbourhood whose contrast is evened out, character heights."""
+"""Sigma of structures finer than strokes, and of the neighbourhood for contrast, character heights."""
 
 
 def find_in_tiles(

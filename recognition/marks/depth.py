@@ -48,9 +48,9 @@ from whisker_array.estimation.relief import Relief
 BURR_REACH_HEIGHTS = 0.1
 """Least distance of land from any ink, character heights; burrs are half as wide."""
 LEAST_KNOWN = 0.5
-"""Share of the centre line that must have been felt for a depth to be given."""
+"""Least felt share of the centre line for a depth."""
 SMOOTH_POINTS = 5
-"""Points along a stroke over which its middle is looked for together: one bad sample moves nothing."""
+"""Points along a stroke over which its middle is searched together, against single bad samples."""
 DEEP_PERCENT = 90.0
 """The quantile along a centre line that counts as the greatest, percent."""
 

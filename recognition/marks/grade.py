@@ -34,9 +34,9 @@ LIMITS = {
     "completeness": (0.92, 0.84, 0.75, 0.6),
     "contamination": (0.02, 0.05, 0.08, 0.15),
 }
-"""Limits of the grades 4, 3, 2 and 1: least values, of contamination greatest ones."""
+"""Limits of the grades 4, 3, 2 and 1: least values; for contamination greatest values."""
 PASSING = 2
-"""Least grade that asks for nothing: C, as is usual."""
+"""Least grade without an action: C, as usual."""
 OWN_FIT = 0.75
 """Least mean correlation of edges for an unnamed font to count as the part's own."""
 LETTERS = "FDCBA"

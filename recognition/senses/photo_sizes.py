@@ -15,7 +15,7 @@ from recognition.decision.reading import Reading
 from recognition.views.photo_frame import photo_middle_mm, photo_pitch_mm
 
 SIZES = (600_000, 4_000_000)
-"""Pixels at which a photograph is read, one after the other, until its characters are high enough."""
+"""Sizes at which a photograph is read, pixels, in turn until its characters are high enough."""
 ENOUGH_ROWS = 60
 """Pixels per character beyond which more add hardly anything."""
 _HARDLY_LARGER = 1.5

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 BRACKET = 0.05
-"""To either side of the last median, in spreads, that the next one is first looked for in."""
+"""Range to either side of the last median, in spreads, in which the next one is searched first."""
 
 
 class Terms:

@@ -25,7 +25,7 @@ Floats = NDArray[np.float32]
 _PIXELS = 480
 """Pixels of the longer side at which photographs are compared."""
 _DARK, _FOCUS, _CUT = 0.05, 1.2, 3.0
-"""Brightness added before the logarithm; blur, pixels; gradients cut, in root mean squares: glints do not vote."""
+"""Brightness added before the logarithm; blur, pixels; limit of gradients, in root mean squares, against glints."""
 _STEPS, _LEAST_GAIN = 60, 1e-5
 
 

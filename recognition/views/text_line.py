@@ -19,7 +19,7 @@ Points = NDArray[np.float64]
 ROWS = 40
 """Rows of a strip."""
 HEIGHT_ROWS = 28
-"""Rows of a strip that are a character's height."""
+"""Rows of a strip per character height."""
 MARGIN = 0.4
 """Land of a strip before and after its line, character heights."""
 

@@ -35,7 +35,7 @@ WIDTHS_THICKNESSES = (15.0, 6.0)
 BETAS_DEG = (0.0, 15.0, 30.0)
 MOST_BLOCKS = 4
 LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
-"""A line of eight characters, and the land that is felt around it."""
+"""Length of a line of eight characters, and land around it, character heights."""
 
 
 @dataclass(frozen=True)

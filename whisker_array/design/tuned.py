@@ -32,7 +32,7 @@ from whisker_array.design.search import Problem, SectionKind, best, starts
 from whisker_array.whisker.shapes import LShaped
 
 NEIGHBOUR_RAD = math.radians(10.0)
-"""An inclination that must differ in the signal from alpha0."""
+"""Difference from alpha0 at which an inclination must give another signal."""
 AXIS_RAISE = 2.5
 """Greatest height of the sensor's axis of a null above the clamp, in l1."""
 STEEPEST_RAD = math.radians(80.0)

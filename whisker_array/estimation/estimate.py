@@ -8,9 +8,9 @@ With tau the angle at which the surface rises in +x and phi = atan(mu), the cont
       ____                   \\   ___    dragged the other way (turned): theta = -tau + phi
           \\___ tau < 0 ___ ___\\_/       pushed back, base still in +x:  theta =  tau - phi   (mu changes sign)
 
-and eqs. (7), (11), (14) say m = lift G(theta), lift = d0 + h, with G a ratio of two linear forms of tan(theta). A
+and eqs. (7), (11), (14) give m = lift G(theta), lift = d0 + h, with G a ratio of two linear forms of tan(theta). A
 profiler's G is one number (Case study 1), so it gives the lift; a differentiator's G, read backwards, gives theta.
-What is known and what is wanted decides which of the functions here is needed. Angles in rad, lengths in mm.
+The functions here compute one of these quantities from the others. Angles in rad, lengths in mm.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
 def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
     """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
 
-    That is when G changes by less than the tolerance, a share, between theta = 0 and 45 degrees.
+    The condition is that G changes by a share less than the tolerance between theta = 0 and 45 degrees.
 
-    Straight whiskers are, (17), (18), unless so steep that stretch counts or that 45 degrees jam; and so is an
-    L-shaped one whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are the same.
+    Straight whiskers are profilers, (17), (18), unless they are so steep that stretch matters or that 45 degrees jam.
+    So is an L-shaped whisker whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are
+    equal.
     """
     level, leaning = moment_per_lift(np.array([0.0, np.pi / 4.0]), tip)
     return bool(np.isfinite(leaning) and abs(leaning - level) <= tolerance * abs(level))

@@ -27,7 +27,7 @@ from whisker_array.whisker.passes import SweepPlan
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 MAD = 1.4826
-"""From a median of deviations to a standard deviation."""
+"""Factor from a median absolute deviation to a standard deviation."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -22,7 +22,7 @@ from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
 
 USABLE_SD = 0.05
-"""A friction known no better is not used: the nominal one is within 0.15 or so without measuring."""
+"""Largest standard deviation of a usable friction: the nominal one is within 0.15 or so without measuring."""
 
 
 class FrictionRoute(StrEnum):

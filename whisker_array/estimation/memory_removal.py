@@ -23,7 +23,7 @@ from whisker_array.whisker.array import RasterPlan
 
 NEVER_RUN = np.uint8(SampleFlag.OUTSIDE)
 BETWEEN_S = RasterPlan.turnaround_s
-"""Time that whiskers hang in air before its samples: not recorded, so taken from the plan's default."""
+"""Time that whiskers hang in air before its samples: not recorded, therefore the plan's default."""
 
 
 def remove_memory(scan: Scan) -> Scan:

@@ -42,7 +42,7 @@ from whisker_array.whisker.touch import Touch
 Lines = NDArray[np.float64]
 
 ROUNDS = 4
-"""Times that tip places and leans are settled against each other; each takes off a tenth or less of the last."""
+"""Iterations between tip positions and leans; each changes a tenth or less of the previous one."""
 
 
 def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:

@@ -26,9 +26,9 @@ from whisker_array.whisker.touch import Touch
 LIMIT_PIXELS = 6
 """Play searched for, to either side; more is a fault of the stage, not play."""
 DEAD_BAND_PIXELS = 0.75
-"""Play below this is left: it is within what contact adds to the pointwise prediction."""
+"""Play below this is ignored: contact differs as much from the pointwise prediction."""
 MOST_LINES = 12
-"""Lines used, those with most to feel."""
+"""Number of lines used, those with the most edges."""
 STEEPEST = 1.7
 """Slopes beyond 60 degrees, the steepest a die has, are sampling noise."""
 

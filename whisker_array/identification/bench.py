@@ -53,14 +53,14 @@ class Unknown(StrEnum):
 
 
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
-"""Unknowns of the whisker alone, fixed when it is made."""
+"""Unknowns of the whisker itself, fixed by its manufacture."""
 OF_GAUGE = ("gain", "creep", "lag")
-"""Numbers that every whisker has of its own."""
+"""Numbers that differ from whisker to whisker."""
 MEMORIES = len(OF_GAUGE) - 1
 MEMORY_SD = 0.02
-"""Standard deviation of each before: gauges of whiskers were seen at up to 0.027."""
+"""Prior standard deviation of each: measured gauges reach 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
-"""Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
+"""Standard deviation of an uncalibrated gain, and of one calibrated by a weight on the tip."""
 GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
 """Relative standard deviation of a tip's radius, freshly ground and after long use."""
 LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)

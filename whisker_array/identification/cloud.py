@@ -30,7 +30,7 @@ from whisker_array.whisker.shapes import LShaped, TipModel
 from whisker_array.whisker.touch import Touch
 
 _NONE = 1e-9
-"""Least width, or share of one: numbers below it are not moved, or depend on others."""
+"""Least width, or share of one, of a number that is varied; those below are fixed or depend on others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -70,7 +70,7 @@ ROUNDS = (
     *[Round(1.0, 144)] * 2,
     *[Round(1.0, 288, 2, cautious=True)] * 2,
 )
-"""From a cloud as wide as what a workshop knows before. Three times the lines leave angle and radius two thirds as
+"""Rounds of the fit, from a cloud as wide as the prior. Three times the lines leave angle and radius two thirds as
 uncertain."""
 FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
 """The loss is bounded little by little, or the first bench would choose what is to be explained: graduated

@@ -14,7 +14,7 @@ from whisker_array.identification.fit import Identified
 from whisker_array.whisker.sections import WhiskerError
 
 OF_WHISKER = (*DRAWN, Unknown.RADIUS, Unknown.PRELOAD, Unknown.FRICTION)
-"""Numbers that a whisker takes from one part to the next."""
+"""Numbers of a whisker that stay the same from part to part."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -27,7 +27,7 @@ WALK = 0.03
 BEGINS = 0.5
 """Error of a level at the start of a pass, divided by the scatter of a sample."""
 FEW = 4.0
-"""Sigmas beyond which a residual is no scatter."""
+"""Sigmas beyond which a residual counts as an outlier."""
 
 
 def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float64]:

@@ -25,7 +25,7 @@ from whisker_array.whisker.sections import WhiskerError
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """Height over the land, mm, at places of the piece, x and y in mm."""
 MARGIN_MM = 1.0
-"""Margin of a map around its lines: as far as a piece is moved, and a tip slips."""
+"""Margin of a map around its lines, for shifts of the piece and slips of the tip."""
 ASKEW_RAD = 0.05
 _TOGETHER = 16
 """Rows whose heights stay in the cache."""

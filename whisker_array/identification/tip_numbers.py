@@ -20,7 +20,7 @@ from whisker_array.whisker.shapes import LShaped, TipModel
 SHAPE = 4
 """Count of the tip's numbers that are not a factor."""
 _PROBE = 1e-3
-"""Step of a difference of the tip's numbers, which are smooth, in standard deviations before."""
+"""Step of a finite difference of the tip's numbers, which are smooth, in prior standard deviations."""
 
 
 def tip_numbers(tip: TipModel) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ SEE_LAYOUT = "see docs/pages/reference/recordings.md for the layout"
 MAX_SAMPLES = 200_000_000
 """Largest number of values (instants x channels) read: 0.8 GB as float32."""
 _MOST_PACKED = 1100
-"""No deflate stream unpacks to more times its length than this: more is declared, but was never written."""
+"""Greatest possible ratio of a deflate stream's unpacked length to its own; a greater one is false."""
 Shape = tuple[int | None, ...]
 
 

@@ -39,9 +39,9 @@ from glyphs.ranges import freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
 
 RELAX_S = (0.3, 3.0, 60.0)
-"""Times of the creep's terms: one a decade of what a pass and a scan take; the first two share their part."""
+"""Times of the creep's terms: one per decade of the durations of a pass and a scan; the first two share their part."""
 PLAYS = (0.1, 0.2, 0.3, 0.4)
-"""Half widths of the plays, of the largest load: alike in weight, so that small loads shift the zero by less."""
+"""Half widths of the plays, as shares of the largest load; equal weights, so that small loads shift the zero less."""
 HOLD_S = 11.0
 """Time that the load of the figures is held, and that the whisker then rests in their cycles."""
 CYCLES = 10

@@ -31,7 +31,7 @@ _BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
 _MOMENT_SAMPLES = 16
 """Number of samples from which the bench takes a reading: too short for creep."""
 _BEYOND_HEIGHTS = 0.5
-"""Run of whiskers beyond the part, at most, character heights."""
+"""Greatest run of whiskers beyond the part, character heights."""
 
 
 def bench_calibration(

@@ -22,7 +22,7 @@ from whisker_array.whisker.sections import WhiskerError
 
 _MOST_REACH = 60
 _BLOCK = 64
-"""Columns that are dilated together, or left where nothing around is higher."""
+"""Columns that are dilated together, or skipped if nothing around is higher."""
 
 
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:

@@ -37,7 +37,7 @@ BEVEL_RAD = math.pi / 4.0
 DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
 """Dimensions of usual marks, character heights (0.25 mm deep at 6.35 mm)."""
 FINE_ERROR = 0.05
-"""Allowed error of passes that characters are read from."""
+"""Allowed error of passes from which characters are read."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
 _SLOWEST, _FIRST, _FASTEST, _HALVINGS = 2.0, 10.0, 2000.0, 9
 

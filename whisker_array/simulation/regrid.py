@@ -10,7 +10,7 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 from whisker_array.simulation.surface import Friction, fill_dropouts
 
 _NOTHING_MM = 1e-6
-"""Rounding leaves less than this between two interpolated maps that are alike."""
+"""Rounding error between two equal interpolated maps is less than this."""
 
 
 def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:

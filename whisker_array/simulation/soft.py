@@ -29,7 +29,7 @@ from glyphs.soiling.soil import Soil
 from whisker_array.whisker.shapes import TipModel
 
 LEAST_GIVE = 0.05
-"""e is taken as at least this part of its value on frictionless land: where the tip jams, the dirt gives way."""
+"""Least e as a share of its value on frictionless land: where the tip would jam, the dirt gives way."""
 _ROUNDS = 6
 
 

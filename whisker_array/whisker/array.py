@@ -45,7 +45,7 @@ degrees wrong by 2 %, at 81 mm/s by 5 % and at 162 mm/s by 20 % (`fastest_mm_s` 
 COMB_STEP_HEIGHTS = 0.1
 """Rows stand a multiple of this behind each other, character heights: a whole number of samples of any usual plan."""
 PITCH_TOLERANCE = 1e-3
-"""Whisker pitch over line pitch may miss a whole number by so much: a comb is not made better."""
+"""Tolerance of whisker pitch over line pitch about a whole number: a comb is not made more exactly."""
 
 
 @dataclass(frozen=True)

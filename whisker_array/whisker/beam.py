@@ -30,7 +30,7 @@ Matrix = NDArray[np.float64]
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
 _TAPER_TOLERANCE = 1e-12
-"""Panels are doubled until D changes by less than this share; what is left is far below 1e-10."""
+"""Panels are doubled until D changes by less than this share; the remaining error is far below 1e-10."""
 _MAX_PANELS = 512
 _WORLD_Z = np.array([0.0, 0.0, 1.0])
 _WORLD_X = np.array([1.0, 0.0, 0.0])

@@ -34,7 +34,7 @@ from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
 
 GAP_MM = 0.15
-"""Least air between two bodies: what the place of a clamped ribbon is uncertain by, several times over."""
+"""Least gap between two bodies: several times the uncertainty of a clamped ribbon's position."""
 DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 """`bent_the_most` of the default whisker for characters 1 mm high."""
 

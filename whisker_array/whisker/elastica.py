@@ -34,11 +34,11 @@ from whisker_array.whisker.sections import Taper
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
-"""Limits of a load step: most lift in whole lengths, most rotation anywhere, least share of the first step."""
+"""Limits of a load step: greatest lift in whole lengths, greatest rotation, least share of the first step."""
 _TOLERANCE = 1e-7
 """Relative residual of the equations for solve_bvp; force and tip are then exact to 2e-8."""
 _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
-"""At first in each segment; over all segments together (but 100 in each); over all of the bent line."""
+"""Nodes at first in each segment; most nodes in all segments (at least 100 in each); points of the bent line."""
 
 
 class ElasticaError(MarksError):

@@ -39,7 +39,7 @@ from glyphs.surface.noise import Field, ramp, share
 SAND_MM = (0.05, 0.5)
 HARDNESS_MPA = (1.0, 20.0)
 CRACKING_MM = (0.015, 0.05)
-"""Thickness at which a film begins to crack, and at which it does everywhere."""
+"""Thickness at which a film begins to crack, and at which it cracks everywhere."""
 _DRY_ALBEDO = np.array([0.40, 0.325, 0.235], dtype=np.float32)
 _SAND_ALBEDO = np.array([0.52, 0.47, 0.38], dtype=np.float32)
 

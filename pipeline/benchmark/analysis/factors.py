@@ -19,7 +19,7 @@ from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
 from pipeline.benchmark.trials.journal import Trial
 
 ENOUGH_PARTS = 20
-"""Parts of a level from which its bootstrap interval is to be trusted; of fewer it is too narrow."""
+"""Least parts of a level for a reliable bootstrap interval; with fewer it is too narrow."""
 _KNOWLEDGE = tuple(f"{name}_given" for name in GIVEN)
 
 

@@ -22,16 +22,16 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.output_paths import write_json
 
 EDITIONS = {"marks-exam-1-48": 48, "marks-exam-2-80": 16}
-"""Number of parts that are read of each edition: as many as a change can wait for."""
+"""Number of parts of each edition that are read, limited by the time of a check."""
 MODES = ("tactile", "tactile templates", "rapidocr relief", "vision", "fused")
 """Modes that have a floor: every sense, the templates of touch alone, and the peer to beat, on the felt relief."""
 NOT_JUDGED = frozenset({("marks-exam-1-48", "vision")})
-"""Read and shown, but not held to its floor, which a reader had reached that was tuned on these very parts: 373
+"""Read and shown, but not compared with its floor, which came from a reader tuned on these very parts: 373
 characters and 43 serials; one tuned on others reads 359 and 39."""
 SLACK = {"characters": 3, "serials": 1, "accepted": 1}
 """Parts or characters by which another processor's rounding may fall below a floor."""
 CAMERA_SLACK = {"characters": 8, "serials": 2, "accepted": 2}
-"""The same of the camera alone, whose doubtful lines are found or missed as sums are rounded: one program read 111
+"""The same for the camera, whose doubtful lines depend on rounding: one program read 111
 characters and 10 serials of the second exam's 16 parts on one processor, 105 and 8 on another."""
 
 

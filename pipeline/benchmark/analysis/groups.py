@@ -22,11 +22,11 @@ from pipeline.common.shares import Share, share
 from pipeline.common.texts import align
 
 GIVEN_FACTOR = "given"
-"""Everything given to a reader, as one factor."""
+"""All facts given to a reader, as one factor."""
 FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
-"""Outcomes of a part: vouched for (right or wrong), left to a person, refused, or no reading for an error."""
+"""Outcomes of a part: accepted (right or wrong), review, reject, or an error."""
 TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
-"""Times of a trial: the program's, of it the reading alone, of it the simulated scan; and the real array's."""
+"""Times of a trial: the program's; the parts of it for reading and for the simulated scan; and the real array's."""
 
 
 def edits(trial: Trial) -> int:

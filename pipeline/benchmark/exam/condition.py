@@ -15,7 +15,7 @@ Level = str | float | bool | None
 """One setting of a factor; None if unknown."""
 GIVEN = ("font", "height", "format")
 PERTURBED = "perturbed"
-"""The factor that tells how a part was perturbed for a trial; one that was read as it is does not have it."""
+"""Factor for the perturbation of a part; an unperturbed part does not have it."""
 
 
 def parse_given(text: str) -> str:

@@ -35,7 +35,7 @@ SEVERAL = 4
 COUNTS = ("parts", "parts_a_cell")
 """Settings of a design that do not affect its parts."""
 GENERATORS = ("stamped", "sketched")
-"""Generators of marks and plates: `glyphs.part`, or `glyphs.sketch`, which varies them by itself."""
+"""Generators of marks and plates: `glyphs.part`, or `glyphs.sketch`, which has its own variation."""
 _SPECIAL = ("generator", "soil", "severity", "light")
 _SKETCHED = (*_SPECIAL, "format", "font", "height_mm")
 """Factors of a sketched part."""

@@ -46,7 +46,7 @@ LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
 ZERO = 32768
 FINEST = 1e-4
-"""Step of a map that lies within ±3.2766: of heights a tenth of a micrometre, below what any instrument here feels."""
+"""Step of a map that lies within ±3.2766: a tenth of a micrometre for heights, below the resolution of touch."""
 _MOST = ZERO - 1
 
 
@@ -147,7 +147,7 @@ class _Writer:
 
 
 _Grid = dict[str, Any]
-"""Position of the pixels of a view on the plate, as its label says it."""
+"""Position of the pixels of a view on the plate, in the form of its label."""
 
 
 def _grid(pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, ...]) -> _Grid:

@@ -28,15 +28,15 @@ from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 
 EXPERTS = ("tactile network", "tactile templates", "vision network")
-"""Sense and expert (`recognition.senses.settings.EXPERTS`): single experts of the project's own modes."""
+"""Sense and expert (`recognition.senses.settings.EXPERTS`): single experts of the built-in modes."""
 PEERS = tuple(
     f"{engine} {picture}"
     for engine in ("rapidocr", "tesseract")
     for picture in ("photo", "edges", "relief", "ideal")
 )
-"""Programs of others on the same parts."""
+"""Third-party programs on the same parts."""
 WITHOUT = " without "
-"""Between a mode and the rule of the decision that it goes without."""
+"""Separator between a mode and the decision rule that it leaves out."""
 
 
 def rules() -> dict[str, ReadingFlag | Measure]:
@@ -120,7 +120,7 @@ MODES: dict[str, Callable[[Reader], Mode]] = {
     "lights": partial(_sense, ("lights",), lambda senses, _: senses.lights),
     "fused": partial(_sense, ("touch", "vision"), lambda s, reader: reader.fuse(s.touch, s.vision)),
 }
-"""The project's own modes by name."""
+"""Built-in modes by name."""
 
 
 def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:

@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 
 ACCEPTED_FROM = 0.9
-"""Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""
+"""Least product of the characters' confidences for acceptance, if the reading fits the format."""
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 _FELT = ("edges", "relief")
 _LEAST_PX = 8  # of a side: engines fail on smaller pictures
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
 _RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
-"""Size of the input of RapidOCR's network: rows, and columns that a shorter line is padded to."""
+"""Size of the input of RapidOCR's network: rows, and columns to which a shorter line is padded."""
 Line = list[tuple[str, float]]
 """Characters read and the engine's confidence in each, 0 to 1."""
 

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import EdgeMap, HeightMap
 
 MARGIN = 0.25
-"""Around the line, of its height: a camera's part lies a little beside its nominal place."""
+"""Margin around the line, as a share of its height: a part lies a little beside its nominal place under the camera."""
 SHARPEST = 98.0
 """Percentile of the strongest edges that is drawn black."""
 _LEVELS = (1.0, 99.0)
 """Percentiles of the heights of a line that are drawn black and white."""
 BROAD_MM, CLIP_MM = 2.0, 0.3
-"""Sigma of the plate's form that is taken out, and the height beside it that is cut off: of the settings tried for
-RapidOCR on a felt relief these read best."""
+"""Sigma of the plate's form that is subtracted, and the height above it at which the rest is clipped: of the settings
+tried for RapidOCR on a felt relief these read best."""
 
 
 def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:

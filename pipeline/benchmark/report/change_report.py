@@ -20,7 +20,7 @@ PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"
 SHOWN = 24
 """Maximum number of flips that are drawn, the most serious first."""
 _MOST_LEVELS = 8
-"""Levels of factors that the document names, those that changed most."""
+"""Number of levels of factors that the document names: those that changed most."""
 
 
 def write_comparison(

@@ -48,7 +48,7 @@ from recognition.decision.certification import parts_needed
 from recognition.decision.score import Measure
 
 WRONG_LIMIT = 0.001
-"""Accepted but wrong, of those accepted: the limit that the page judges every reader by."""
+"""Limit of wrong readings among those accepted, by which the page judges every reader."""
 PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 
 

@@ -103,7 +103,7 @@ def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate
 
 
 Ratings = Mapping[str, Mapping[str, tuple[str, ...]]]
-"""Ratings by appraiser and part, trial by trial: equally many of every part."""
+"""Ratings by appraiser and part, trial by trial, with equally many for every part."""
 
 
 class Kind(StrEnum):

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
 RECORDED = "recorded"
-"""The factor that tells a recording of its own from one that was perturbed."""
+"""Factor that distinguishes a real recording from a perturbed one."""
 _DEPTH = "depth_mm"
 _REPEAT = re.compile(r"(.+)\.(\d+)")
 

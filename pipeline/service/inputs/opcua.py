@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 IDLE, SCANNING, BUSY = 0, 2, 3
 ANSWER_S = 120.0
-"""Seconds for one scan; after them the status says so, and the part is read to its end all the same."""
+"""Time limit of one scan, s; after it the status reports it, but the part is still read to its end."""
 _LEAVE_S = 0.1
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20

@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 
 log = structlog.get_logger("tactile-marks")
 REST = 5.0
-"""Times that a look or an attempt took, waited at least before the next, so that neither takes all of the machine."""
+"""Least wait before the next look or attempt, in durations of the last one, so that neither uses the whole machine."""
 LEAST_REST_S = 1.0
-"""Least rest after an attempt that came to nothing."""
+"""Least wait after a failed attempt."""
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class Connection:
 
 
 _MOST_REFUSED = 100
-"""Refused results that are kept in mind for each target; all of them wait in the outbox."""
+"""Most refused results that are remembered for each target; all of them wait in the outbox."""
 _log = logging.getLogger(__name__)
 
 

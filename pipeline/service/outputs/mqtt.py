@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 QOS = 1
 KEEPALIVE_S = 30
-"""Seconds between signs of life; a silent broker is noticed after one and a half of it."""
+"""Keepalive interval, s; a silent broker is noticed after one and a half of it."""
 LEAVE_S = 2.0
 """Seconds for an orderly end of a connection."""
 _UNSUPPORTED_VERSION, _NOT_AUTHORISED, _TOO_LARGE = 0x84, 0x87, 0x95

@@ -17,9 +17,9 @@ from pipeline.common.texts import EXTRA, align
 LOW_MARGIN = 0.3
 """Lead of the first over the second candidate below which a place is unsure; the reader's own limit."""
 LOW_PROBABILITY = 0.95
-"""Belief in the best candidate below which a place is unsure."""
+"""Probability of the best candidate below which a place is unsure."""
 BEYOND_DOUBT = 0.99
-"""Belief in every best candidate from which it is not for its characters that a reading is not accepted."""
+"""Probability of every best candidate above which its characters are not the reason for a review."""
 MOST_CANDIDATES = 5
 _LEAST_PROBABILITY = 0.002
 _FEWEST_CANDIDATES = 2

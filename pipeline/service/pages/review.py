@@ -25,7 +25,7 @@ from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 
 QUEUE_SHOWN = 50
 MOST = {"text": 200, "who": MOST_WHO, "note": 1000}
-"""Characters of what a person types."""
+"""Most characters of typed texts."""
 _NAMES = {"text": "serial", "who": "name", "note": "note"}
 
 
