@@ -114,37 +114,19 @@ def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None
     """Other serials that the format allows, with their probabilities.
 
     Args:
-        reading: its candidates stand in where there is no lattice.
-        lattice: beliefs of places that the reading was chosen from.
+        reading: as read.
+        lattice: beliefs of places that the reading was chosen from; None for a reading without characters.
         grammar: format of the serials; None for any.
     """
     from recognition.language.constrained_decoding import choose
 
-    if lattice is None or lattice.n_places != len(reading.characters):
-        lattice = _of_candidates(reading)
-    if not lattice.n_places:
+    if lattice is None or not reading.characters:
         return ()
     choice = choose(lattice, grammar, k=MOST_RIVALS + 1)
     read = "".join(c.char for c in reading.characters)
     named = [(choice.text, choice.probability), *((r.text, r.probability) for r in choice.rivals)]
     others = [RivalRecord(t, _share(p)) for t, p in named if t and t != read and p >= WORTH_SHOWING]
     return tuple(others[:MOST_RIVALS])
-
-
-def _of_candidates(reading: Reading) -> Lattice:
-    """The probabilities in a reading."""
-    import numpy as np
-
-    from recognition.language.lattice import Lattice
-
-    chars = tuple(sorted({c.char for place in reading.characters for c in place.candidates}))
-    belief = np.zeros((len(reading.characters), len(chars)))
-    for row, place in zip(belief, reading.characters, strict=True):
-        for candidate in place.candidates:
-            row[chars.index(candidate.char)] = candidate.probability
-    belief /= np.maximum(1.0, belief.sum(axis=1, keepdims=True))
-    with np.errstate(divide="ignore"):
-        return Lattice(chars, np.log(belief))
 
 
 def _character(character: CharacterReading, action: Action, scaled: bool) -> CharacterRecord:

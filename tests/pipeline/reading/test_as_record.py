@@ -110,8 +110,7 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     # what nobody asked for is empty
     assert (row.expected, row.verdict, row.verify_probability) == ("", "", None)
     assert (row.states, row.grade, row.grades, row.action) == ("", "", "", "")
-    # without a lattice the candidates tell the rivals: 0.9 0.08 and 0.002 a place, over at least (0.982 + 0.018)^2
-    assert row.rivals == "1X 0.072, X1 0.072"
+    assert row.rivals == ""
     # when, by what and with what it was read
     assert record.at is not None
     assert abs((datetime.now(UTC) - record.at).total_seconds()) < 60.0
@@ -177,10 +176,3 @@ def test_rivals_are_whole_serials_of_the_format() -> None:
     assert [r.probability for r in free] == pytest.approx([0.273, 0.174, 0.113], abs=0.001)
     (only,) = rivals_of(PAIR, lattice(), Grammar(lexicon=frozenset({"81", "B7", "8888"})))
     assert only.text == "B7"
-
-
-def test_the_candidates_stand_in_for_a_lattice() -> None:
-    instead, wanted = rivals_of(PAIR, None, None), rivals_of(PAIR, lattice(), None)
-    assert [r.text for r in instead] == [r.text for r in wanted]
-    assert [r.probability for r in instead] == pytest.approx([r.probability for r in wanted], abs=1e-3)
-    assert rivals_of(chosen(), None, None) == ()
