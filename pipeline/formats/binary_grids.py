@@ -76,8 +76,6 @@ def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _matrix(data: bytes, kind: str, start: int, shape: tuple[int, int], most: int) -> NDArray[np.floating]:
-    if min(shape) < 2:
-        raise DataError(f"is a profile of shape {shape}", "export a surface")
     check_size(*shape, most)
     return np.frombuffer(data, kind, count=math.prod(shape), offset=start).reshape(shape)
 

@@ -62,12 +62,6 @@ class Csv(Strict, strict=True):
     decimal: Literal[".", ","] = "."
     skip_lines: int = Field(default=0, ge=0)
 
-    @model_validator(mode="after")
-    def _differ(self) -> Self:
-        if self.delimiter == self.decimal:
-            raise ValueError(f"has {self.decimal!r} as csv.delimiter and as csv.decimal")
-        return self
-
 
 class TracesFile(Strict, strict=True):
     """Description of trace files.
