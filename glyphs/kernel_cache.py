@@ -33,7 +33,7 @@ class _Sealed(_Impl):  # type: ignore[misc]
     def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
         digest, body = reduced_data
         if digest != self._digest(body):
-            raise ValueError("a kernel on disk is not the one that was written")
+            raise ValueError("a kernel on disk is damaged")
         return super().rebuild(target_context, pickle.loads(body))
 
     def _digest(self, body: bytes) -> bytes:

@@ -23,7 +23,7 @@ def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) ->
     """
     module, colon, attribute = name.partition(":")
     if not colon or not module or not attribute:
-        raise error(f"the {what} {name!r} is not named module:name", hint="write it so")
+        raise error(f"the {what} {name!r} is not in the form module:name", hint="write it as module:name")
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)

@@ -186,13 +186,15 @@ def stamp(
     letters = font if isinstance(font, Font) else load_font(font)
     line = random_text(format, rng=rng) if format is not None else text or ""
     if variation is not None and practice is not None:
-        raise StampError("give how blows differ, or a practice", hint="leave out variation or practice")
+        raise StampError(
+            "give either a variation of blows or a practice", hint="leave out variation or practice"
+        )
     how = variation or pick("practice", PRACTICES, practice or "press")()
     face, measures = Face(face), {"font": letters, "bevel_deg": bevel_deg, "depth_mm": depth_mm}
     if die is None:
         cutting = default_die(height_mm, face=face, **measures)  # type: ignore[arg-type]
     elif face is not Face.FLAT:
-        raise StampError(f"a die {die!r} has a face of its own", hint="leave out the face")
+        raise StampError(f"a die {die!r} has its own face", hint="leave out the face")
     else:
         kind = pick("die", DIES, die)
         how, cutting = kind.applied(how), kind.die(height_mm, **measures)  # type: ignore[arg-type]

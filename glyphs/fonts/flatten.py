@@ -29,7 +29,7 @@ class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]
         self._components += 1
         if self._components > MOST_COMPONENTS:
             what = f"a glyph is made of more than {MOST_COMPONENTS} others"
-            raise FontError(what, hint="the font is damaged or made to harm, use another")
+            raise FontError(what, hint="the font is damaged or malicious, use another")
         super().addComponent(*args, **options)
 
 

@@ -60,14 +60,14 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
     for k, (token, characters) in enumerate(zip(tokens, allowed, strict=True)):
         if len(token) == 1 and token in _OPERATORS:
             raise FormatError(
-                f"{token!r} at position {k + 1} of {format!r} means nothing in a format of places",
+                f"{token!r} at position {k + 1} of {format!r} has no meaning in a mask",
                 hint=f"write * for a letter or a digit, \\{token} for the sign itself, or "
                 " re:[A-Z]{2}[0-9]{1,2} for serials of several lengths",
             )
         if not characters:
             raise FormatError(
                 f"nothing is left for {tokens[k]!r} at position {k + 1} of {format!r}",
-                hint=f"exclude less than {exclude!r}",
+                hint=f"exclude fewer characters than {exclude!r}",
             )
     return allowed
 

@@ -144,7 +144,7 @@ def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
     """
     z = part.height_map.z_mm
     if np.isnan(z).any():
-        raise MapError("the height map has dropouts", hint="soil a part whose surface is whole")
+        raise MapError("the height map has dropouts", hint="soil a part without dropouts")
     pitch = part.height_map.pitch_mm
     shape = part.height_map.shape
     tint = np.array(_STEEL_ALBEDO) * rng.uniform(0.8, 1.25) * (1.0 + 0.03 * rng.standard_normal(3))

@@ -90,7 +90,7 @@ class LineDaq:
         while not (line := self._next(self._settings.answer_s)).startswith("ok"):
             lines.append(line)
         if any(line.startswith(_HELLO) for line in lines):
-            raise StageError("the converter was reset in the middle", "see to its power, then scan again")
+            raise StageError("the converter was reset in the middle", "check its power, then scan again")
         good = [one[:-5].split() for one in lines if f"{crc16(one[:-5]):04X}" == one[-4:]]
         sent = int(line.split()[1])
         if len(good) != sent:

@@ -264,7 +264,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BROKEN_PIPE if error.status == BROKEN_PIPE else _complain(str(error), error.status)
     except Exception as error:
         if is_machine_error(error):  # a full disk, say, wherever it was met
-            return _complain(f"{error}; see to the disk and start it again", FAILED)
+            return _complain(f"{error}; check the disk and start it again", FAILED)
         traceback.print_exc()
         return _complain(f"{describe_fault(error)}; please report it with the lines above", FAULT)
     except KeyboardInterrupt:

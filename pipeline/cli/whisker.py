@@ -155,7 +155,7 @@ def scan_actively(
     found = read_kept(Reader(format=format).touch, session, budget_s=budget_s)
     session.close()
     if found.scan is None:
-        raise CommandError(f"scan: nothing was felt: {found.problem}", hint="see to the stage")
+        raise CommandError(f"scan: nothing was felt: {found.problem}", hint="check the stage")
     for one in found.passes:
         print(
             f"{one.stage_s:6.1f} s  {one.order.describe()}{f'  {one.text} {one.confidence:.2f}' if one.text else ''}"

@@ -58,7 +58,7 @@ def read_lexicon(path: Path) -> frozenset[str]:
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()
         except UnicodeDecodeError as error:
-            raise DataError("is not UTF-8 text", "save it as text (UTF-8), one serial a line") from error
+            raise DataError("is not UTF-8 text", "save it as text (UTF-8), one serial per line") from error
         words = frozenset(without_blanks(_COMMENT.sub("", line)) for line in lines) - {""}
         if not words:
             raise DataError("holds no serial", "write one per line")

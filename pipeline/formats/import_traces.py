@@ -95,7 +95,7 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
     if max(rates) > 1.01 * min(rates):
         worst = paths[int(np.argmax(rates))]
         raise FileError(
-            worst, f"was sampled at {max(rates):g} Hz, others at {min(rates):g} Hz", "import them apart"
+            worst, f"was sampled at {max(rates):g} Hz, others at {min(rates):g} Hz", "import them separately"
         )
     ways = sorted({p.direction for p in passes}, key=int)
     sweeps = tuple(_sweep([p for p in passes if p.direction is way], layout) for way in ways)
@@ -118,7 +118,7 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     largest = float(np.nanmax(np.abs(signal), initial=0.0, where=np.isfinite(signal)))
     if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
         what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, and no whisker bears them"
-        raise DataError(what, 'correct moment_unit; say "V" for counts, too, and run calibrate')
+        raise DataError(what, 'correct moment_unit; write "V" for counts, too, and run calibrate')
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
     table.require(number, "pass", "write -1 between passes")
@@ -195,7 +195,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
             short.path,
             f"runs from {short.u[0]:.3f} to {short.u[-1]:.3f} mm in {short.name}; the passes at {int(direction)}° have "
             f"{max(0.0, high - low):.3f} mm in common of {longest:.3f}",
-            "leave out passes that were broken off, or import them apart",
+            "leave out incomplete passes, or import them separately",
         )
     if layout.part_mm is not None:
         # run-in and run-out are on the part's land: no whisker feels anything before it

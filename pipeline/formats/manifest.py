@@ -142,7 +142,7 @@ def _place(source: str, where: str, name: str) -> str:
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
         if drive := _DRIVE.match(name):
             what = f"{where} names {name}, and this system has no drive {drive[0]}"
-            raise DataError(what, "name the files as they lie beside the table")
+            raise DataError(what, "give file names relative to the table")
         name = name.replace("\\", "/")
     return beside(source, name) if name else ""
 
@@ -159,7 +159,7 @@ def _columns(header: Sequence[str]) -> dict[str, int]:
         elif name not in _OTHERS:
             for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
                 what = f"has a column {title.strip()!r}, and the columns are {', '.join(COLUMNS)}"
-                raise DataError(what, f"call it {close} if that is meant, or something quite different")
+                raise DataError(what, f"rename it to {close} if that is meant, or to something else")
     if not any(column in found for column in FILES):
         named = ", ".join(h.strip() for h in header)[:200] or "none"
         raise DataError(f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}")
@@ -179,7 +179,7 @@ def _records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     for line in lines:
         if any(line.cells[width:]):
             what = f"line {line.number} has more fields than the first line"
-            raise DataError(what, "quote what holds the delimiter")
+            raise DataError(what, "quote cells with the delimiter")
         if "expected" in columns:
             check_serial(line.number, line.cell(columns["expected"]))
         yield line.number, {name: line.cell(place) for name, place in columns.items()}

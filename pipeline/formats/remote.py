@@ -151,7 +151,7 @@ def _guard(url: str, most_bytes: int) -> Any:
                 sizes = f"{size / 1e9:.1f} GB long, over the limit of {most_bytes / 1e9:.1f} GB"
                 raise problem_of(url, f"is {sizes}", "crop it")
             if time.monotonic() - began_s > _START_S + self.value / _LEAST_BYTES_PER_S:
-                raise problem_of(url, "comes too slowly to wait for", _NETWORK_MEND)
+                raise problem_of(url, "is sent too slowly", _NETWORK_MEND)
 
     return Guard()
 
@@ -169,7 +169,7 @@ def _file_system(url: str) -> Any:
     """
     scheme = scheme_of(url)
     if scheme not in _SCHEMES:
-        raise problem_of(url, "is of a kind that is not read", f"name one of {', '.join(sorted(_SCHEMES))}")
+        raise problem_of(url, "has an unsupported scheme", f"name one of {', '.join(sorted(_SCHEMES))}")
     try:
         import fsspec
         from fsspec.config import conf

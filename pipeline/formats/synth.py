@@ -64,7 +64,7 @@ class SynthSpec(Stamping):
         if not 1 <= self.lights <= MOST_LIGHTS:
             raise SettingsError(f"lights is {self.lights}", hint=f"it lies between 1 and {MOST_LIGHTS}")
         if self.seed < 0:
-            raise SettingsError(f"seed is {self.seed}", hint="it cannot be negative")
+            raise SettingsError(f"seed is {self.seed}", hint="it must not be negative")
         allowed_characters(self.format)
         rng = np.random.default_rng(0)
         draw_light(rng, azimuth_deg=self.light_azimuth_deg, elevation_deg=self.light_elevation_deg)
@@ -77,7 +77,7 @@ class SynthSpec(Stamping):
             if (name := getattr(self, kind)) is not None:
                 pick(kind, known, name)
         if self.die is not None and Face(self.face) is not Face.FLAT:
-            raise SettingsError(f"a die {self.die!r} has a face of its own", hint="leave out the face")
+            raise SettingsError(f"a die {self.die!r} has its own face", hint="leave out the face")
         default_die(
             self.height_mm,
             font=load_font(self.font),

@@ -122,7 +122,7 @@ def read_number_table(path: Path) -> NumberTable:
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
         what = "holds no table of numbers"
-        raise DataError(what, "export columns x y z, or a matrix of heights, one row a line")
+        raise DataError(what, "export columns x y z, or a matrix of heights, one row per line")
     head = tuple(sample[: found.first_line])
     body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
     if body.count("\n") * found.columns > 9 * MAX_PIXELS:

@@ -156,7 +156,9 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
                 raise DataError(f"line {line.number} is not complete", "give a part and its text")
             name = part_name(name)
             if name in seen and not repeated:
-                raise DataError(f"line {line.number} names {name} a second time", "keep one line a part")
+                raise DataError(
+                    f"line {line.number} names {name} a second time", "keep one line for each part"
+                )
             others = {title: line.cell(k) for k, title in enumerate(titles) if k not in (part, text)}
             found.append(PartLine(line.number, name, value, others))
             seen.add(name)

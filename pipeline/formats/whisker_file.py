@@ -98,7 +98,7 @@ class _Identified(Strict):
         sd, n = np.array(self.sd), len(self.names)
         if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
             what = f"identified has {n} names, and not as many of sd and of each side of correlation"
-            raise WhiskerError(what, hint="let identify --out write it anew")
+            raise WhiskerError(what, hint="let identify --out write it again")
         return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
 
 

@@ -59,7 +59,7 @@ def identify_recording(
     """
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
-        raise FileError(whisker, "is no L-shaped whisker", "give the drawing of an L-shaped one")
+        raise FileError(whisker, "is not an L-shaped whisker", "give the drawing of an L-shaped one")
     with naming(piece):
         heights = heights_of_piece(read_piece(piece))
     scan = read_scan(recording)
@@ -152,7 +152,11 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
         FileError: it cannot be written.
     """
     if drawn.whisker.is_straight:
-        raise FileError(path, "holds only an L-shaped whisker that was identified", "give the drawing of one")
+        raise FileError(
+            path,
+            "holds only an L-shaped whisker that was identified",
+            "give the drawing of an L-shaped whisker",
+        )
     whisker = found.bench.whisker(drawn.whisker)
     touch = found.bench.touch(drawn.whisker)
     write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))

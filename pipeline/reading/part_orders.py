@@ -223,7 +223,7 @@ def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
         raise OwnFileError(name, "needs more memory than a worker may have", "crop or thin it") from error
     except OSError as error:
         what = without_folders(f"cannot be read ({error.strerror or error})")
-        raise OwnFileError(name, what, "see to the disk") from error
+        raise OwnFileError(name, what, "check the disk") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
         raise FaultError(name, without_folders(describe_fault(error)), "please report it") from error

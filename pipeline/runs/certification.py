@@ -99,7 +99,7 @@ def certify(
         ValueError: an invalid risk or confidence, or unusable settings.
     """
     if settings.certificate is not None:
-        raise SettingsError("a certificate is set, which keeps parts from acceptance", hint="leave it away")
+        raise SettingsError("a certificate is set, which keeps parts from acceptance", hint="leave it out")
     threshold_tests((), (), risk=risk, confidence=confidence)
     known = load_truth(truth)
     found = parts_for(inputs, settings, manifests=manifests)
@@ -111,7 +111,7 @@ def certify(
     if own := next((part.name for part in parts if part.format or part.font), ""):
         raise SettingsError(
             f"{own} has a format or font of its own, but a certificate holds for one way of reading",
-            hint="certify the parts of each format by themselves, with --format and --font",
+            hint="certify the parts of each format separately, with --format and --font",
         )
     least = open_reader(settings).settings.accept_confidence
     description = {

@@ -347,7 +347,7 @@ def _cannot_be_written(path: Path, error: Exception) -> FileError:
 
     full = getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
     full = full or getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
-    hint = "make room" if full else "see to the disk and its permissions"
+    hint = "make room" if full else "check the disk and its permissions"
     why = getattr(error, "strerror", None) or error
     return FileError(path, f"cannot be written ({why})", f"{hint} and start the same command again")
 

@@ -176,10 +176,12 @@ class Intake:
         """
         if not sent:
             raise Problem(
-                422, "there is neither photo nor scan; send one or both of them as multipart/form-data"
+                422, "neither photo nor scan is given; send one or both of them as multipart/form-data"
             )
         if new.job and new.database:
-            raise Problem(422, "there are job and database; send only one, as a job has its own settings")
+            raise Problem(
+                422, "both job and database are given; send only one, as a job has its own settings"
+            )
 
         async def work() -> PartRecord:
             self._refuse_if_draining()

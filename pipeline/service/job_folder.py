@@ -185,7 +185,7 @@ class JobFolder(RecentFiles):
         if re.fullmatch(NAME, name) is None:
             raise Problem(
                 422,
-                f"{name[:100]!r} is no name for a job; use letters, digits, _, - and ., with a letter first",
+                f"{name[:100]!r} is not a name for a job; use letters, digits, _, - and ., with a letter first",
             )
         path = self.folder / f"{name}{SUFFIX}"
         with self.lock:

@@ -56,7 +56,7 @@ def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
         while not (url := _ready_at(said := log.read_text(encoding="utf-8", errors="replace"))):
             if process.poll() is not None or time.monotonic() > until:
                 words = " | ".join(said.splitlines()[-5:])
-                raise NotServingError(f"the service does not come up: {words or 'it logged nothing'}")
+                raise NotServingError(f"the service does not start: {words or 'it logged nothing'}")
             time.sleep(0.05)
         yield ServiceProcess(url, process)
     finally:

@@ -61,7 +61,7 @@ class RecentFiles:
             return files[name]
         seen_s = self._seen_s.get(name)
         if seen_s is not None and (name == self.needed or time.monotonic() - seen_s < MOST_AWAY_S):
-            raise OwnProblem(f"the {self._what} {name} was there and is not; put {name}{self._suffix} back")
+            raise OwnProblem(f"the {self._what} {name} has disappeared; put {name}{self._suffix} back")
         there = ", ".join(files) or "none at all"
         raise Problem(422, f"there is no {self._what} {name[:100]!r}; there is {there}")
 

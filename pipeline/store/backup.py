@@ -142,7 +142,7 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
     made = read_manifest(backup)
     with file_errors(backup):
         if file_sha256(backup / _STORE) != made.sha256:
-            raise FileError(backup / _STORE, "is not as it was written", "take another backup")
+            raise FileError(backup / _STORE, "has changed since it was written", "take another backup")
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
         copy = Path(folder) / _STORE
         with file_errors(copy):
@@ -165,7 +165,7 @@ def read_manifest(backup: Path) -> Backup:
         if version == FORMAT_VERSION:
             return Backup(**found)
     except (FileError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(backup, f"is no whole backup ({error})", "name the folder of one") from error
+        raise FileError(backup, f"is not a complete backup ({error})", "name the folder of one") from error
     raise FileError(path, f"has format version {version}; this program reads {FORMAT_VERSION}", "update it")
 
 

@@ -229,7 +229,7 @@ def _checked(url: str) -> URL:
     if backend != "sqlite":
         raise StoreError(f"the store cannot be {backend}", hint=_URL_HINT)
     if not parsed.database or ":memory:" in parsed.database or parsed.database.startswith("file:"):
-        raise StoreError("a store in memory would forget everything", hint="name a file: sqlite:///file.db")
+        raise StoreError("a store in memory would lose everything", hint="name a file: sqlite:///file.db")
     return parsed.set(drivername="sqlite+pysqlite")
 
 

@@ -135,7 +135,7 @@ class ClusterExecutor(Executor):
         if isinstance(fault, ClusterError):  # another version's answers do not belong to this run
             raise fault
         if isinstance(fault, KilledWorker):
-            fault = WorkerLostError("several workers have died of it, perhaps for want of memory", tried=True)
+            fault = WorkerLostError("several workers have died of it, perhaps for lack of memory", tried=True)
         elif fault is None:
             self._look(at_once=True)
             fault = WorkerLostError("its result was lost again on its way")

@@ -37,5 +37,5 @@ class Trust:
         """Send an accepted reading to review if it is not sure enough."""
         if reading.decision is not Decision.ACCEPT or self.takes(reading):
             return reading
-        before = Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: another text was believed before")
+        before = Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: an earlier look read another text")
         return reading.with_findings(before)

@@ -45,7 +45,7 @@ def check_region(region: Region | None) -> None:
     if region is not None:
         left, top, right, bottom = region
         if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
-            raise ValueError(f"region {region} is none; give left, top, right, bottom as shares, 0 to 1")
+            raise ValueError(f"region {region} is invalid; give left, top, right, bottom as shares, 0 to 1")
 
 
 def stands_in(region: Region | None, line: TextLine, view: View) -> bool:

@@ -190,7 +190,7 @@ def parts_missing(
 
 def _check_share(name: str, value: float) -> None:
     if not 0.0 < value < 1.0:
-        raise ValueError(f"a {name} of {value} cannot be shown; it lies between 0 and 1")
+        raise ValueError(f"a {name} of {value} cannot be tested; it must lie between 0 and 1")
 
 
 @dataclass(frozen=True)

@@ -101,35 +101,41 @@ class ReadingFlag(Flag):
     CODE_DISAGREES = Kind.CONTRACT, "a code on the part holds another serial (look at the part)"
     ORIENTATION_UNKNOWN = (
         Kind.CONTRACT,
-        "the serial can be read otherwise with the part turned (set the orientation)",
+        "the serial can be read differently with the part turned (set the orientation)",
     )
     LOW_CONFIDENCE = Kind.SCORE, "low confidence"
-    CASE_UNKNOWN = Kind.CONTRACT, "a letter may be a small one (a format says which)"
-    LINE_MISSING = Kind.CONTRACT, "a line that was asked for was not found (check the part)"
+    CASE_UNKNOWN = Kind.CONTRACT, "a letter may be a lower-case one (set a format)"
+    LINE_MISSING = Kind.CONTRACT, "a requested line was not found (check the part)"
     NOT_WHOLE = Kind.CONTRACT, "a character was not felt from edge to edge (scan a longer or wider stretch)"
-    TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to tell two characters apart (feel more lines)"
-    BELIEVED_OTHERWISE = Kind.CONTRACT, "another text was believed before (look at the part)"
+    TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to distinguish two characters (feel more lines)"
+    BELIEVED_OTHERWISE = Kind.CONTRACT, "an earlier look read another text (look at the part)"
     STROKES_MISSING = Kind.STROKES, "most strokes of a character are missing (clean it and scan it again)"
-    STROKES_UNDECIDED = Kind.STROKES, "the strokes that tell two characters apart were not felt (clean it)"
+    STROKES_UNDECIDED = Kind.STROKES, "the strokes that distinguish two characters were not felt (clean it)"
     UNREAD_MARKS = Kind.CONTRACT, "there are marks beside the serial (check that all of it was read)"
     FORMAT_OVERRULED = Kind.CONTRACT, "the format changed what was read (compare it with the part)"
-    CHECK_BLIND = Kind.CONTRACT, "the check digit cannot tell the likeliest serials apart (look at the part)"
+    CHECK_BLIND = (
+        Kind.CONTRACT,
+        "the check digit cannot distinguish the most likely serials (look at the part)",
+    )
     SEARCH_EXHAUSTED = Kind.CONTRACT, "too many possible serials to try them all (look at the part)"
-    FOREIGN_SHAPES = Kind.CONTRACT, "the font may lack a character that stands there (look at the part)"
+    FOREIGN_SHAPES = Kind.CONTRACT, "the font may lack a character of the part (look at the part)"
     NOT_CERTIFIED = Kind.CONTRACT, "not covered by the certificate (look at the part)"
     TOO_SHALLOW = Kind.MARK, "the mark is too shallow"
     TOO_DEEP = Kind.MARK, "the mark is too deep"
     BURR_TOO_HIGH = Kind.MARK, "the burr beside the mark is too high"
     TOO_SMALL = Kind.MARK, "the characters are too small"
-    NO_DEPTH_RULE = Kind.MARK, "the rule names no depth for characters of this height"
+    NO_DEPTH_RULE = Kind.MARK, "the rule has no depth for characters of this height"
     DEPTH_UNKNOWN = Kind.MARK, "the depth of a character could not be measured (scan it again)"
     CONTACT_LOST = Kind.SCAN, "the whisker lost contact in places (raise the preload)"
     JAMMED = Kind.SCAN, "the whisker jammed on walls in places (lower k = l2/l1)"
     OUT_OF_RANGE = Kind.SCAN, "the signal left the converter's range in places (lower the gain)"
     DROPOUTS = Kind.SCAN, "parts of the map are missing (measure it again if they hide characters)"
-    WHISKER_FAULTY = Kind.BENCH, "a whisker is worn, loose or faulty (see to it)"
-    BENCH_FAULTY = Kind.BENCH, "something is wrong with the stage, the plate's seat or the wiring (see to it)"
-    STAGE_FAILED = Kind.STAGE, "the stage failed between passes (see to it)"
+    WHISKER_FAULTY = Kind.BENCH, "a whisker is worn, loose or faulty (inspect it)"
+    BENCH_FAULTY = (
+        Kind.BENCH,
+        "something is wrong with the stage, the plate's seat or the wiring (inspect them)",
+    )
+    STAGE_FAILED = Kind.STAGE, "the stage failed between passes (inspect it)"
 
     @classmethod
     def of(cls, *kinds: Kind) -> ReadingFlag:

@@ -163,7 +163,7 @@ def _parse_rule(text: str) -> DepthRule:
     for word in written.split():
         found = _WORD.fullmatch(word)
         if found is None:
-            raise DepthRuleError(f"{word!r} is no limit of the depth rule {text!r}", hint=_HOW)
+            raise DepthRuleError(f"{word!r} is not a limit of the depth rule {text!r}", hint=_HOW)
         limit, mm, *window = found.groups()
         if limit:
             limits[limit] = float(mm)

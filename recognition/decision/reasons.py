@@ -98,7 +98,7 @@ def _doubts(reading: Reading, *, explained: bool, count_share: float = 0.9) -> I
         yield Finding(low, f"{why}: are there {len(places)} characters?")
     elif len(places) > 1:
         k, least = min(places, key=lambda place: place[1].confidence)
-        yield Finding(low, f"{why}: {least.char} at place {k} is the least sure", (k,))
+        yield Finding(low, f"{why}: {least.char} at place {k} is the least certain", (k,))
     elif reading.shortfall:
         yield Finding(low, why)
 

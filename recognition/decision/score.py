@@ -231,7 +231,7 @@ class Score:
         if not kept or not risk < 1.0:
             least = min((one for one, _ in self.thresholds), default=1.0)
             raise MarksError(
-                f"a risk of {risk:g} is none that was tried; it lies between {least:g} and 1",
+                f"a risk of {risk:g} was not tested; it must lie between {least:g} and 1",
                 hint="certify your own parts for a smaller one",
             )
         return kept[0]

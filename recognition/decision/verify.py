@@ -133,7 +133,7 @@ def verify(
     unknown = sorted(set(text) - set(lattice.chars))
     if unknown and lattice.n_places:
         raise VerifyError(
-            f"the expected text {text!r} has {' '.join(unknown)}, which was not looked for",
+            f"the expected text {text!r} has {' '.join(unknown)}, which the reader does not look for",
             hint="read with a font and a format that include it",
         )
     if grammar is not None and (broken := grammar.objections(text)):

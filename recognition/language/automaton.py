@@ -221,7 +221,7 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
     for place in range(n_places):
         cells += here.shape[0] * len(chars)
         if here.shape[0] > MOST_STATES or cells > MOST_CELLS:
-            raise FormatError("the rules of this format together are too involved", hint="leave one out")
+            raise FormatError("the rules of this format together are too complex", hint="leave one out")
         allowed = np.ones((here.shape[0], len(chars)), dtype=bool)
         parts = []
         for k, machine in enumerate(machines):

@@ -142,7 +142,7 @@ class CheckDigit:
     def _rule(self) -> Remainder:
         rule = self.remainder
         if rule is None:
-            raise FormatError(f"{self} can only be asked about a whole text")
+            raise FormatError(f"{self} needs the whole text")
         return rule
 
 
@@ -179,7 +179,7 @@ def _stdnum_module(name: str) -> ModuleType:
         found = importlib.import_module(f"stdnum.{module}")
     except ImportError as error:
         raise FormatError(
-            f"python-stdnum has no {module!r}", hint="its modules stand in its documentation"
+            f"python-stdnum has no {module!r}", hint="its documentation lists the modules"
         ) from error
     if not hasattr(found, "is_valid"):
         raise FormatError(f"stdnum.{module} checks no numbers", hint="name one that has is_valid()")
@@ -194,7 +194,7 @@ def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[st
         allowed: the characters that may stand at each place.
 
     Raises:
-        FormatError: a rule that can only be asked about a whole text.
+        FormatError: a rule that needs the whole text.
     """
     chars = tuple(sorted(set("".join(allowed))))
     pairs = set()

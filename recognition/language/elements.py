@@ -132,7 +132,7 @@ def _identifiers(text: str) -> Sequence[tuple[str, str]]:
     if text.startswith("("):
         pieces = _BRACKETED.findall(text)
         if "".join(f"({key}){value}" for key, value in pieces) != text:
-            raise FormatError(f"'fields:{text}' cannot be understood", hint="write (01)(21) or (21)AA9999")
+            raise FormatError(f"'fields:{text}' cannot be parsed", hint="write (01)(21) or (21)AA9999")
         return [(key, value.strip()) for key, value in pieces]
     return [(piece[:3], piece[3:].strip()) for piece in _BETWEEN.split(text)]
 

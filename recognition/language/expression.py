@@ -132,7 +132,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
             state = net.reachable(frozenset(after_all))
             if state not in numbers:
                 if len(numbers) >= MOST_STATES:
-                    raise FormatError(f"{pattern!r} is too involved", hint="give mask: or sets: instead")
+                    raise FormatError(f"{pattern!r} is too complex", hint="give mask: or sets: instead")
                 numbers[state] = len(numbers)
                 waiting.append(state)
             row[alike[of]] = numbers[state]
@@ -242,7 +242,7 @@ class _Net:
             on = self.free[waiting.pop()]
             self.steps += 1 + len(on)
             if self.steps > MOST_STEPS:
-                raise FormatError(f"{self.text!r} is too involved", hint="give mask: or sets: instead")
+                raise FormatError(f"{self.text!r} is too complex", hint="give mask: or sets: instead")
             for node in on:
                 if node not in seen:
                     seen.add(node)

@@ -99,7 +99,7 @@ def _sets(text: str) -> tuple[str, ...]:
             here = ""
         elif len(token) == 3:
             if token[0] > token[2]:
-                raise FormatError(f"the range {token} in {text!r} runs backwards", hint="turn it round")
+                raise FormatError(f"the range {token} in {text!r} runs backwards", hint="swap its ends")
             here += "".join(chr(k) for k in range(ord(token[0]), ord(token[2]) + 1))
         else:
             here += token[-1]
@@ -108,6 +108,6 @@ def _sets(text: str) -> tuple[str, ...]:
         if not chars or not chars.isprintable() or " " in chars:
             raise FormatError(
                 f"place {k} of {text!r} has no character, or a blank",
-                hint="write one set a place with commas between",
+                hint="write one set for each place, separated by commas",
             )
     return tuple("".join(dict.fromkeys(chars)) for chars in sets)

@@ -150,7 +150,7 @@ def cut_scan(
     likely = float(np.exp(found.belief.evidence / len(plain)))
     if likely < least_likely:
         raise ExemplarError(
-            f"the text does not fit the marks (belief {likely:.2f} a character)", hint="see that it is right"
+            f"the text does not fit the marks (belief {likely:.2f} a character)", hint="check the text"
         )
     raised = _stands_out(view.strip(found.line))
     along = ((found.belief.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm

@@ -61,7 +61,7 @@ def test_an_output_that_cannot_be_written_is_no_fault_of_the_program(
 def test_an_operator_in_a_format_of_places_is_refused(text: str, command: Command) -> None:
     done = command("read", "part.npz", "--format", text)
     assert done.status == 2
-    assert "means nothing in a format of places" in done.err
+    assert "has no meaning in a mask" in done.err
     assert "re:" in done.err
 
 

@@ -190,7 +190,7 @@ def design_arrays(
         best = max(there, key=lambda c: c.accuracy)
         raise DesignError(
             f"no measured plan reads {100 * request.accuracy:g} % of the characters at dirt {request.severity:g}",
-            hint=f"ask for {math.floor(1000 * best.accuracy) / 1000:g} or less ({best.lines} lines a height, "
+            hint=f"ask for {math.floor(1000 * best.accuracy) / 1000:g} or less ({best.lines} lines per height, "
             f"{ways_words(best.directions)})",
         )
     builds = tuple(_builds(request))

@@ -89,7 +89,7 @@ class Request(OneLine, Validated, error=DesignError):
             )
         if not 0.0 <= self.mu[0] <= self.mu[1] < 2.0:
             raise DesignError(
-                f"friction of {self.mu[0]:g} to {self.mu[1]:g} cannot be: give 0 <= low <= high < 2"
+                f"friction of {self.mu[0]:g} to {self.mu[1]:g} is impossible: give 0 <= low <= high < 2"
             )
         super().__post_init__()
         if self.depth_mm > 0.5 * self.character_height_mm:

@@ -43,12 +43,12 @@ class FaultKind(StrEnum):
     DEAD = (
         "dead whisker",
         "gives {:.0f} % of the moment of land",
-        "see whether it is broken, then to its gauge and wire",
+        "check for breakage, gauge and wire",
     )
     NOISY = (
         "noisy whisker",
         "its noise is {:.1f} % of the moment of land",
-        "see to its plug, solder joints and screen",
+        "check its plug, solder joints and shield",
     )
     LOOSE = "loose clamp", "its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"
     BENT = (
@@ -59,12 +59,12 @@ class FaultKind(StrEnum):
     WORN = (
         "worn tip",
         "marks are {:.0f} % as deep and sharp as under the others",
-        "look at its tip under a glass, grind or replace it",
+        "inspect its tip with a magnifier; grind or replace it",
     )
     HEIGHT = (
         "wrong height",
         "land gives {:.0f} % of its moment, the stage is about {:.2f} mm too {}",
-        "set the stage to the height that the whisker file says, then calibrate",
+        "set the stage to the height in the whisker file, then calibrate",
     )
     TILTED = (
         "tilted plate",
@@ -79,12 +79,12 @@ class FaultKind(StrEnum):
     VIBRATION = (
         "vibration",
         "all whiskers swing by {:.1f} % at {:.0f} Hz",
-        "stop the machine that shakes the bench, or see to mains hum in the amplifier",
+        "stop the machine that shakes the bench, or check the amplifier for mains hum",
     )
     SPIKES = (
         "spikes",
-        "{} single samples stand out where nothing is to be felt",
-        "keep the signal wires away from motors and relays, screen and earth them",
+        "{} single samples stand out where there are no marks",
+        "keep the signal wires away from motors and relays; shield and earth them",
     )
 
 

@@ -177,7 +177,9 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
         WhiskerError: a whisker that is no L.
     """
     if isinstance(whisker, LShaped) and whisker.is_straight:
-        raise WhiskerError("only an L-shaped whisker is identified", hint="give the drawing of one")
+        raise WhiskerError(
+            "only an L-shaped whisker is identified", hint="give the drawing of an L-shaped whisker"
+        )
     values = dict.fromkeys(Unknown, 0.0) | {
         Unknown.STIFFNESS: 1.0,
         Unknown.RADIUS: touch.tip_radius_mm,

@@ -36,7 +36,7 @@ class Knowledge(OneLine):
         n = len(self.names)
         if not set(self.names) <= set(OF_WHISKER) or len(set(self.names)) != n:
             raise WhiskerError(
-                "an identified whisker has a number that none has, or one twice",
+                "an identified whisker has an unknown number, or one twice",
                 hint=f"name each of {', '.join(OF_WHISKER)} once at most",
             )
         freeze_arrays(WhiskerError, self, {"covariance": (n, n)})

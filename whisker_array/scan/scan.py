@@ -54,7 +54,7 @@ class Scan(OneLine, Validated, error=MapError):
             raise MapError("a scan has at least one sweep")
         ways = [(s.plan.direction, s.plan.pushed) for s in self.sweeps]
         if len(set(ways)) != len(ways):
-            raise MapError("each trace direction may stand once in a scan, and once pushed")
+            raise MapError("a scan has each trace direction at most once dragged and once pushed")
         kinds = self.kind or (0,) * self.n_whiskers
         if len(kinds) != self.n_whiskers or not set(kinds) <= set(range(1 + len(self.others))):
             raise MapError(

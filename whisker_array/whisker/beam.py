@@ -75,7 +75,7 @@ class Segment(OneLine):
         freeze_arrays(WhiskerError, self, {"start_mm": (3,), "end_mm": (3,)})
         if not self.length_mm > 0.0:
             raise WhiskerError(
-                f"segment at {self.start_mm} mm has no length", hint="leave it out of the chain"
+                f"segment at {self.start_mm} mm has no length", hint="remove it from the chain"
             )
 
     @cached_property

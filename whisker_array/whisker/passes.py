@@ -131,7 +131,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.line_mm:
-            raise WhiskerError("a pass needs a place for every whisker", hint="give line_mm")
+            raise WhiskerError("a pass needs a position for every whisker", hint="give line_mm")
         if not self.along_mm[1] > self.along_mm[0]:
             raise WhiskerError(f"the stretch {self.along_mm} is empty", hint="give (least, greatest)")
         if len(self.offset_mm) not in (0, len(self.line_mm)):

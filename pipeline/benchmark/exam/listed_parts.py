@@ -97,7 +97,7 @@ class ListedParts:
         files = item.files
         if files is None:
             raise FileError(
-                self.table, f"knows of {item.part} its text alone", "give the design to see the part"
+                self.table, f"has only the text of {item.part}", "give the design to see the part"
             )
         if files.problem is not None:
             raise files.problem

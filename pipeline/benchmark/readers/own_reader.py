@@ -109,7 +109,7 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
     """
     function: Any = load_named(name, what="reader", error=SettingsError)
     if not callable(function):
-        raise SettingsError(f"the reader {name!r} is no function", hint="name one that takes a part")
+        raise SettingsError(f"the reader {name!r} is not a function", hint="name one that takes a part")
 
     def read(senses: PartReadings) -> Reading:
         try:

@@ -93,7 +93,7 @@ class WatchedFolder:
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
-                "is no folder that can be watched",
+                "is not a folder that can be watched",
                 "name another with --watch.folder",
             )
         self.folder = settings.folder.absolute()
@@ -223,7 +223,7 @@ class WatchedFolder:
             return True
         if not isinstance(error, (Problem, OSError, FileError, StoreError)):
             why = describe_fault(error)
-            log.error("fault of the program over a watched file", file=visible(part.name), exc_info=error)
+            log.error("fault of the program for a watched file", file=visible(part.name), exc_info=error)
         now_s, (before, _) = time.monotonic(), self._failures.get(key, ("", 0.0))
         self._failures[key] = why, now_s + max(LEAST_REST_S, REST * (now_s - began_s))
         if before != why:
@@ -268,7 +268,7 @@ class WatchedFolder:
             )
         # reading a pipe or device could block, and a link may lead out of the folder
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
-            raise Problem(415, f"{name} is no regular file")
+            raise Problem(415, f"{name} is not a regular file")
         with open_no_link(path) as source:
             copy = folder / f"watched-{number}{suffix_of('photo', name, source.read(HEAD_BYTES))}"
             source.seek(0)

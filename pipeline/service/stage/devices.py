@@ -254,7 +254,9 @@ def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
     made = load_named(named, what="driver", error=SettingsError)()
     if not any(callable(getattr(made, verb, None)) for verb in verbs):
         wanted = " or ".join(map(repr, verbs))
-        raise SettingsError(f"what {named!r} gives has no method {wanted}", hint="see pipeline.service.stage")
+        raise SettingsError(
+            f"the driver of {named!r} has no method {wanted}", hint="see pipeline.service.stage"
+        )
     return made
 
 

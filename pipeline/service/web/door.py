@@ -150,7 +150,7 @@ class Door:
             return
         own = origin is None or origin.partition("://")[2].lower() == headers.get("host", "").lower()
         if site is not None or not own:
-            raise Problem(403, "the request comes out of a page of another site")
+            raise Problem(403, "the request comes from a page of another site")
 
     async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
         """Whether a program of another user of this machine calls; a proxy must be named in the settings."""

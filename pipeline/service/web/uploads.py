@@ -67,7 +67,7 @@ def check_count(photos: int) -> None:
         Problem: 422.
     """
     if photos > MOST_PHOTOS:
-        raise Problem(422, f"there are {photos} photos; {MOST_PHOTOS} of a part may be")
+        raise Problem(422, f"there are {photos} photos; {MOST_PHOTOS} of a part are allowed")
 
 
 def sent_name(name: str | None) -> str:
@@ -132,7 +132,7 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
         return ".h5"
     raise Problem(
         415,
-        f"the scan {name!r} is of no kind that is read; send a scan (.h5) or a height map (.npz, .x3p, .sdf, .sur ...) "
+        f"the scan {name!r} is of an unsupported kind; send a scan (.h5) or a height map (.npz, .x3p, .sdf, .sur ...) "
         "and let its name end so",
     )
 

@@ -261,7 +261,7 @@ def test_a_hand_strays_more_than_a_press() -> None:
         ({"die": "oval"}, "no die 'oval'; use one of flat, sharp, blunt-v"),
         ({"plate": "moon"}, "no plate 'moon'; use one of machined, cylinder"),
         ({"layout": "spiral"}, "no layout 'spiral'; use one of straight, turned, arc"),
-        ({"die": "round", "face": "sharp"}, "face of its own"),
+        ({"die": "round", "face": "sharp"}, "its own face"),
         ({"practice": "hand", "variation": NONE}, "or a practice"),
         ({"plate": PlateVariation(form=PlateForm(radius_x_mm=8.0))}, "larger radius"),
     ],

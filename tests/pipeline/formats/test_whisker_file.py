@@ -120,7 +120,7 @@ def test_how_well_a_whisker_is_known_comes_back(tmp_path: Path) -> None:
         ("beta_deg = 10.0", "beta_deg = -80.0", "jams on the land"),
         ("[section]", '[identified]\nnames = ["l1_mm"]\nsd = [0.1]\ncorrelation = []\n[section]', "1 names"),
         ("[section]", IDENTIFIED.format("l9"), "identified.names"),
-        ("[section]", IDENTIFIED.format("play_mm"), "a number that none has"),
+        ("[section]", IDENTIFIED.format("play_mm"), "an unknown number"),
     ],
 )
 def test_a_wrong_file_says_what_and_where(tmp_path: Path, old: str, new: str, says: str) -> None:

@@ -319,7 +319,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="is a folder"):
         RunJournal(tmp_path / "t.csv", RUN)
     (tmp_path / "u.csv.unfinished").mkdir()
-    with pytest.raises(FileError, match=r"cannot be written .*see to the disk"):
+    with pytest.raises(FileError, match=r"cannot be written .*check the disk"):
         RunJournal(tmp_path / "u.csv", RUN)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["t.csv", "u.csv.unfinished"]
 

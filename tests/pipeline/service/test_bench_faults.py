@@ -45,7 +45,7 @@ def test_inspect_reads_on_and_says_what_to_do(
     printed = capsys.readouterr().out
     assert TEXT in printed
     assert DEAD in printed
-    assert "see whether it is broken, then to its gauge and wire" in printed
+    assert "check for breakage, gauge and wire" in printed
 
 
 def test_the_service_tells_it_after_the_second_part_until_parts_are_sound(

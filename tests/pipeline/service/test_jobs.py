@@ -94,7 +94,7 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
     spoilt.unlink()
     away = post(client, job="right")
     assert (away.status_code, away.headers["Retry-After"]) == (503, "5")
-    assert away.json()["detail"] == "the job right was there and is not; put right.toml back"
+    assert away.json()["detail"] == "the job right has disappeared; put right.toml back"
     assert "right" in client.get("/readyz").json()["of_no_use"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.service.recent_files.MOST_AWAY_S", 0.0)
@@ -148,7 +148,7 @@ def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path
 
 def test_job_and_database_are_not_both_named(served: Served) -> None:
     answer = post(served[1], job="left", database="die")
-    assert (answer.status_code, answer.json()["detail"][:26]) == (422, "there are job and database")
+    assert (answer.status_code, answer.json()["detail"][:25]) == (422, "both job and database are")
 
 
 def test_a_job_is_written_by_whoever_may_review(tmp_path: Path) -> None:

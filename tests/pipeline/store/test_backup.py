@@ -209,7 +209,7 @@ def test_a_backup_appears_whole_or_not_at_all(
         with pytest.raises(KeyboardInterrupt):
             back_up(filled, evidence, tmp_path / "backup")
     assert not (tmp_path / "backup").exists()
-    with pytest.raises(FileError, match="is no whole backup"):
+    with pytest.raises(FileError, match="is not a complete backup"):
         read_manifest(tmp_path / "backup.partial")
     assert back_up(filled, evidence, tmp_path / "backup").files == 5
     assert synced == ["sync", "rename"], "all is on the disk before it has its name"
@@ -225,9 +225,9 @@ def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
     back = EvidenceFolder(tmp_path / "back")
     whole = (backup / "store.db").read_bytes()
     (backup / "store.db").write_bytes(whole[:5000] + b"x" + whole[5001:])
-    with pytest.raises(FileError, match="is not as it was written; take another backup"):
+    with pytest.raises(FileError, match="has changed since it was written; take another backup"):
         restore(backup, other, back)
-    with pytest.raises(FileError, match="is no whole backup"):
+    with pytest.raises(FileError, match="is not a complete backup"):
         restore(tmp_path, other, back)
     (backup / "store.db").write_bytes(whole)
 

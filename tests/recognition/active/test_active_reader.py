@@ -132,7 +132,7 @@ def test_a_text_after_others_must_be_surer() -> None:
     assert not trust.takes(sure)
     doubted = trust.apply_trust(sure)
     assert doubted.decision is Decision.REVIEW
-    assert any("another text was believed before" in message for message in doubted.messages())
+    assert any("an earlier look read another text" in message for message in doubted.messages())
     surer = replace(sure, confidence=0.995)
     assert trust.apply_trust(surer) is surer
 

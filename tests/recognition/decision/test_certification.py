@@ -53,7 +53,7 @@ def test_how_many_parts_a_risk_takes() -> None:
 
 @pytest.mark.parametrize(("risk", "confidence"), [(0.0, 0.95), (1.0, 0.95), (0.01, 1.0), (float("nan"), 0.9)])
 def test_a_share_that_is_none_is_refused(risk: float, confidence: float) -> None:
-    with pytest.raises(ValueError, match="cannot be shown"):
+    with pytest.raises(ValueError, match="cannot be tested"):
         parts_needed(risk, confidence=confidence)
 
 

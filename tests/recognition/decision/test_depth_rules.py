@@ -102,11 +102,11 @@ def test_a_rule_written_out() -> None:
         ("0.3:0.2", "from 0.3 to 0.2 mm"),
         (":", "from 0.0 to inf mm"),
         ("0.1:0.2@4:3", "heights from 4.0 to 3.0 mm"),
-        ("0.1:0.2 0.3", "'0.3' is no limit of the depth rule"),
-        ("0.1:0.2 burr=thin", "'burr=thin' is no limit"),
-        ("0.1:0.2 burr=-1", "'burr=-1' is no limit"),
+        ("0.1:0.2 0.3", "'0.3' is not a limit of the depth rule"),
+        ("0.1:0.2 burr=thin", "'burr=thin' is not a limit"),
+        ("0.1:0.2 burr=-1", "'burr=-1' is not a limit"),
         ("0.1:0.2 burr=0", "0.0 of burr"),
-        ("0.1:.", "'0.1:.' is no limit"),
+        ("0.1:.", "'0.1:.' is not a limit"),
     ],
 )
 def test_a_rule_written_wrongly(written: str, message: str) -> None:

@@ -71,7 +71,7 @@ def test_a_place_that_cannot_be_read_is_not_guessed_at() -> None:
 @pytest.mark.parametrize(
     ("confidence", "words"),
     [
-        (0.96, "low confidence: K at place 1 is the least sure"),
+        (0.96, "low confidence: K at place 1 is the least certain"),
         (0.5, "low confidence: are there 2 characters?"),
     ],
 )

@@ -133,7 +133,7 @@ def test_a_wrong_serial_may_break_the_format() -> None:
     ("expected", "options", "said"),
     [
         (" ", {}, "is empty"),
-        ("AB12-456", {}, "not looked for"),
+        ("AB12-456", {}, "does not look for"),
         ("AB12345X", {"grammar": Grammar(format="AA999999")}, "does not fit mask:AA999999"),
     ],
 )

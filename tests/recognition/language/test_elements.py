@@ -64,7 +64,7 @@ def test_what_says_no_names_has_no_fields(text: str) -> None:
     [
         ("fields:XYZ", "there is no element 'XYZ'"),
         ("fields:(99)", r"there is no element '99'"),
-        ("fields:(01)(21", "cannot be understood"),
+        ("fields:(01)(21", "cannot be parsed"),
         ("fields:(10)(01)", "has no fixed place"),
         ("fields:", "nothing follows"),
     ],

@@ -74,7 +74,7 @@ def test_a_worn_tip_is_named_on_a_test_piece_that_is_alike_under_all_whiskers() 
     blunt = on_grooves(worn(TOUCH, radius_mm=0.3, shorter_mm=0.02))
     (fault,) = find_faults(faulty(with_whisker_of(new, blunt, 2), None))
     assert (fault.kind, fault.whisker) == (FaultKind.WORN, 2)
-    assert "look at its tip" in fault.text
+    assert "inspect its tip" in fault.text
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -146,7 +146,7 @@ def test_refusals_say_what_is_wrong() -> None:
     sweep = scan.sweeps[0]
     for change, message in (
         ({"sweeps": ()}, "at least one sweep"),
-        ({"sweeps": (sweep, sweep)}, "once in a scan"),
+        ({"sweeps": (sweep, sweep)}, "at most once dragged"),
         ({"line_pitch_mm": 0.0}, "line_pitch_mm"),
         ({"sample_rate_hz": float("nan")}, "sample_rate_hz"),
     ):

@@ -64,8 +64,8 @@ def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     ("name", "said"),
     [
         ("nowhere:read", "cannot be found"),
-        (f"{__name__}:SHOWN", "no function"),
-        (":read", "not named module:name"),
+        (f"{__name__}:SHOWN", "not a function"),
+        (":read", "not in the form module:name"),
     ],
 )
 def test_a_reader_that_is_not_there_is_named(name: str, said: str) -> None:

@@ -200,7 +200,7 @@ def test_what_is_no_picture_is_told_of_once_a_start_and_left(bench: Bench) -> No
     assert sorted(said) == ["large.png", "link.png", "notes.txt", "part.png"]
     left = {name: why for name, (why,) in said.items()}
     assert "limits.upload_mb" in left["large.png"]
-    assert left["link.png"] == "link.png is no regular file"
+    assert left["link.png"] == "link.png is not a regular file"
     assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
     bench.anew()
     assert bench.left() == said
@@ -319,7 +319,7 @@ def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with (
-        pytest.raises(FileError, match=r"is no folder that can be watched.*--watch"),
+        pytest.raises(FileError, match=r"is not a folder that can be watched.*--watch"),
         inline_service(tmp_path / "service", watch={"folder": tmp_path / "none"}),
     ):
         pass
