@@ -34,7 +34,7 @@ _TABLES = """
 create table if not exists run (kind text, version integer, description text);
 create table if not exists parts (number integer primary key, name blob unique, kept text, again text);
 """
-# of any number of parts, all of them or none
+# stores any number of parts: all of them or none
 _KEEP = "insert into parts (name, {0}) values {1} on conflict (name) do update set {0} = excluded.{0}"
 _IN_ORDER = """
 select kept, again from parts left join temp.asked using (name) order by asked.rowid is null, asked.rowid, number
@@ -52,7 +52,7 @@ class Journal(Generic[Kept]):
         kind: kind of run, in one word.
         version: version of the stored form.
         keeps: type stored for a part; pydantic writes and reads it.
-        file: name of the journal in the folder of its run; empty where the run's place is the journal.
+        file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
         path: journal file.
         description: description of the run, in plain JSON values.
         names: names of the parts that are done.
@@ -71,7 +71,7 @@ class Journal(Generic[Kept]):
         """Resume the journal, or begin a new one.
 
         Args:
-            place: journal file, or the folder of the run, which is made if need be.
+            place: journal file, or the folder of the run, which is created if needed.
             description: description of the run; None to read any run and change nothing.
             output: file that errors name (default: the journal).
 
@@ -182,7 +182,7 @@ class Journal(Generic[Kept]):
     def close(self) -> None:
         """Close the journal; SQLite removes its extra files."""
         with contextlib.suppress(sqlite3.Error):
-            # a file that is no longer written can be read wherever it is copied to
+            # the closed file can be copied and read anywhere
             self._db.execute("pragma journal_mode = delete")
         self._db.close()
 
@@ -234,14 +234,14 @@ class Journal(Generic[Kept]):
     def _begin(self) -> None:
         self._db.executescript(_TABLES)
         run = (self.kind, self.version, json.dumps(self.description))
-        # until here the output may be of the run before: this line has to be on the disk before any row
+        # the output may still be that of the previous run: this line must be on the disk before any row
         self._db.execute("insert into run values (?, ?, ?)", run)
         sync_names(self.path.parent)
 
     def _text(self, kept: Kept) -> str:
         try:
             return to_json(kept, inf_nan_mode="constants").decode()
-        except ValueError:  # of half a character, as a file's name may have it, which Python alone writes
+        except ValueError:  # half surrogates, which file names may have: only Python's own JSON writes them
             return json.dumps(self._adapter.dump_python(kept, mode="json"))
 
     def _parsed(self, text: str) -> Kept:
@@ -353,7 +353,7 @@ def _cannot_be_written(path: Path, error: Exception) -> FileError:
 
 
 def _blob(name: str) -> bytes:
-    return name.encode("utf-8", "surrogatepass")  # a file's name may be no text
+    return name.encode("utf-8", "surrogatepass")  # a file's name may have half surrogates
 
 
 def _text(name: bytes) -> str:

@@ -1,7 +1,7 @@
 """The store's database: opening, upgrade and transactions.
 
 SQLite: one writer at a time, taken at the beginning of a transaction, so that none fails half way; every commit is on
-the disk before it returns (WAL, synchronous FULL). PostgreSQL: rows are locked where they are read to be changed.
+the disk before it returns (WAL, synchronous FULL). PostgreSQL: rows are locked when they are read for a change.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ AnyRow = Row[*tuple[Any, ...]]
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
-# for the one that asks a silent server whether it is back
+# turn of the one caller that checks whether a silent server is back
 _TURN_S = 1.0
 _MOST_URL = 5000  # longer than any path of the system
-_CHECK = "check that the database runs, that it or its folder may be written, and its address"
+_CHECK = "check that the database runs, that it or its folder is writable, and its address"
 _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 
-# Alembic keeps what it runs in variables of its modules
+# Alembic keeps its state in module variables
 _migrating = threading.Lock()
 
 
@@ -55,14 +55,14 @@ def json_text(value: Any) -> JsonText:
     """Write a value as JSON, once: characters that databases cannot hold are replaced.
 
     Raises:
-        UnfitError: it has no form in JSON.
+        UnfitError: it cannot be written as JSON.
     """
     if isinstance(value, JsonText):
         return value
     dumps = functools.partial(json.dumps, allow_nan=False, separators=(",", ":"))
     try:
         text = dumps(value)
-        # escapes of NUL and of surrogates, most of which are halves of characters that may be kept
+        # escapes of NUL and of surrogates; most surrogates are halves of valid characters
         return JsonText(dumps(cleaned(value)) if "\\u0000" in text or "\\ud" in text else text)
     except (TypeError, ValueError) as error:
         raise UnfitError(f"a value cannot be written as JSON ({error})", hint="leave it out") from error

@@ -50,10 +50,10 @@ class PublicStart:
 
 
 def load_start() -> PublicStart:
-    """The network in the installed `rapidocr`.
+    """Load the network of the installed `rapidocr`.
 
     Raises:
-        MarksError: it is not installed, or carries no model that is built as expected.
+        MarksError: it is not installed, or has no model of the expected structure.
     """
     import onnx
     from onnx2torch import convert
@@ -108,7 +108,7 @@ def _pad_by_numbers(node: Any) -> None:
 
 
 def _make_constants_learnable(body: nn.Module) -> None:
-    """Biases and matrices that the converter keeps as buffers become weights; single numbers stay."""
+    """Turn biases and matrices that the converter keeps as buffers into weights, except single numbers."""
     for module in body.modules():
         if isinstance(module, nn.BatchNorm2d):
             continue

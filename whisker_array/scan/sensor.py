@@ -3,7 +3,7 @@
     moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw
 
 Hysteresis and creep are those of `sensor_memory`; `calibration` is the way back. The axis of whiskers is the last but
-one, the axis of samples the last. Moments are in N mm; all drawing is by the rng given.
+one, the axis of samples the last. Moments are in N mm; all random draws use the given rng.
 """
 
 from __future__ import annotations
@@ -134,13 +134,13 @@ def draw_sensor_chain(
         rng: draws the gains and offsets.
         full_scale_n_mm: converter range to either side, N mm. About three times the land moment leaves room
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
-        gain_sd: standard deviation of the gain about 1; draws are kept within 3.
-        offset_sd: standard deviation of the offset, of full scale.
+        gain_sd: standard deviation of the gain about 1; draws are limited to 3 standard deviations.
+        offset_sd: standard deviation of the offset, as a share of full scale.
         vibration: rms vibration of the base as a share of the preload.
         adc_bits: converter, None for none.
-        memory: whether the gauges creep and lag, as `draw_memory` draws it.
-        noise: rms of one sample, of full scale, the largest load, as recorded of whiskers.
-        drift_a_minute: walk of the zero in a minute, rms, of full scale, as recorded of whiskers.
+        memory: whether the gauges have creep and hysteresis, drawn by `draw_memory`.
+        noise: rms of one sample, as a share of full scale (the largest load); measured on whiskers.
+        drift_a_minute: rms drift of the zero in a minute, as a share of full scale; measured on whiskers.
 
     Raises:
         SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
@@ -148,7 +148,7 @@ def draw_sensor_chain(
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
     require_not_negative(SensorError, offset_sd=offset_sd)
-    # of a generator of its own: the same seed gives the same gains, offsets and noise with memory and without
+    # from its own generator: the same seed gives the same gains, offsets and noise with memory and without
     remembering = rng.spawn(1)[0]
     return SensorChain(
         gain=1.0 + gain_sd * np.clip(rng.standard_normal(n_whiskers), -3.0, 3.0),
@@ -166,7 +166,7 @@ def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> No
     """Refuse a signal of another number of whiskers.
 
     Raises:
-        SensorError: so it is.
+        SensorError: the number of whiskers differs.
     """
     if signal.ndim < 2 or signal.shape[-2] != n_whiskers:
         raise SensorError(
