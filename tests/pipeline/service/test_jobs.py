@@ -306,7 +306,7 @@ def test_the_page_teaches_those_who_may_review(tmp_path: Path) -> None:
         ("left", Taught("", "KX40", "AA9", BOX), "'KX40' is not of the format AA9: it does not fit"),
         ("left", Taught("", "KX40", "re:[", BOX), "is not a regular expression"),
         ("left", Taught("a b", "KX40", "AA99", BOX), "'a b' is not a name for a line"),
-        ("the left", Taught("", "KX40", "AA99", BOX), "'the left' is no name for a job"),
+        ("the left", Taught("", "KX40", "AA99", BOX), "'the left' is not a name for a job"),
     ],
 )
 def test_what_cannot_be_taught(name: str, taught: Taught, says: str, tmp_path: Path) -> None:
