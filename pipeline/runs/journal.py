@@ -11,7 +11,8 @@ import contextlib
 import json
 import os
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
@@ -40,6 +41,7 @@ _IN_ORDER = """
 select kept, again from parts left join temp.asked using (name) order by asked.rowid is null, asked.rowid, number
 """
 _MOST_TOGETHER = 64
+_SYNC_S = 1.0  # a loss of power takes the parts of the last second, at most
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
@@ -81,6 +83,7 @@ class Journal(Generic[Kept]):
         self.path = place / self.file if self.file else place
         self._output = output or self.path
         self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
+        self._synced_s = time.monotonic()
         with self._faults():
             if self.file:
                 place.mkdir(parents=True, exist_ok=True)
@@ -159,7 +162,7 @@ class Journal(Generic[Kept]):
         statement = _KEEP.format("again" if again else "kept", ", ".join(["(?, ?)"] * len(kept)))
         with self._faults():
             values = [value for name, one in kept.items() for value in (_blob(name), self._text(one))]
-            self._db.execute(statement, values)
+            self._write(statement, values, synced=time.monotonic() >= self._synced_s + _SYNC_S)
         (self.again if again else self.names).update(kept)
         if not again and "done" in vars(self):
             self.done.update(kept)
@@ -205,7 +208,7 @@ class Journal(Generic[Kept]):
             try:
                 db.execute("pragma locking_mode = exclusive")
                 db.execute("pragma journal_mode = wal")
-                db.execute("pragma synchronous = full")
+                db.execute("pragma synchronous = normal")
                 db.execute("pragma wal_autocheckpoint = 10000")  # each waits for the disk
                 db.execute("select * from sqlite_schema").fetchall()  # takes the lock
                 if self._is(before):
@@ -235,8 +238,16 @@ class Journal(Generic[Kept]):
         self._db.executescript(_TABLES)
         run = (self.kind, self.version, json.dumps(self.description))
         # the output may still be that of the previous run: this line must be on the disk before any row
-        self._db.execute("insert into run values (?, ?, ?)", run)
+        self._write("insert into run values (?, ?, ?)", run, synced=True)
         sync_names(self.path.parent)
+
+    def _write(self, statement: str, values: Sequence[Any], *, synced: bool) -> None:
+        if synced:
+            self._db.execute("pragma synchronous = full")
+        self._db.execute(statement, values)
+        if synced:
+            self._db.execute("pragma synchronous = normal")
+            self._synced_s = time.monotonic()
 
     def _text(self, kept: Kept) -> str:
         try:

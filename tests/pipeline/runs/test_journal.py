@@ -361,9 +361,15 @@ def _peak(call: Callable[[], object]) -> int:
 def _finish_peak(table: Path, n: int) -> int:
     """Bytes that it takes at most to put n rows in order."""
     with RunJournal(table, RUN) as book:
-        more = {"rivals": (RivalRecord("AB1", 0.02), RivalRecord("AC1", 0.01)), "messages": (40 * "flag ",)}
-        for first in range(0, n, 50):
-            book.keep_all({f"part-{i}": row(f"part-{i}", **more) for i in range(first, first + 50)})
+        for i in range(n):
+            add(
+                book,
+                row(
+                    f"part-{i}",
+                    rivals=(RivalRecord(f"AB{i}", 0.02), RivalRecord(f"AC{i}", 0.01)),
+                    messages=(40 * "flag ",),
+                ),
+            )
         order = [f"part-{i}" for i in np.random.default_rng(6).permutation(n)]
         assert sum(1 for _ in book.records()) == n  # what libraries keep: pydantic has a cache of texts
         return _peak(lambda: book.finish(order))
