@@ -58,7 +58,7 @@ def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts
     assert kept == [f"{CLEAN}.png", "again.png"]
     refused = client.post("/v1/parts", files=[*photo(parts).items()] * 13)
     assert refused.status_code == 422
-    assert refused.json()["detail"] == "there are 13 photos; 12 of a part may be"
+    assert refused.json()["detail"] == "there are 13 photos; 12 of a part are allowed"
 
 
 def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(served: Served) -> None:
