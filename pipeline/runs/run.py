@@ -1,4 +1,4 @@
-"""A run over many parts, read by an executor; every row is on the disk before its part counts as done.
+"""A run over many parts, read by an executor; every row is on the disk within a second.
 
     listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine
                                                             --> what was not accepted, read again (SecondPass)
