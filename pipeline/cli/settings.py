@@ -174,6 +174,10 @@ def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iter
         written.get(model.table, {}) if model.table else {k: v for k, v in written.items() if k not in tables}
     )
     for name, value in _flat(own, model, file, model.table):
+        others = [one.table for one in MODELS if one.table != model.table and name in one.leaves()]
+        if others and name not in model.leaves():
+            place = f"under [{others[0]}]" if others[0] else "above the first table"
+            raise SettingsError(f"{name} in {file} is in the wrong place", hint=f"write it {place}")
         model.check_known(name, where=str(file))
         yield name, value, f"{name} in {file}"
 

@@ -192,6 +192,11 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("height_mm = ", "not TOML"),
         ('depth_rule = "VIN"', "depth_rule in .*VIN.*: unknown depth rule 'VIN'; known are 27CFR478.92"),
         ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),
+        ("port = 1\n", r"port in .* is in the wrong place; write it under \[service\]"),
+        (
+            '[service]\nfont = ["gothic"]\n',
+            "font in .* is in the wrong place; write it above the first table",
+        ),
         ("[service]\nprot = 1\n", "unknown setting prot in .* did you mean port"),
         ("service = 3\n", "make it a table"),
         ('[service]\nport = "many"\n', "port in"),
