@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -85,12 +86,18 @@ def file_sha256(path: Path) -> str:
 
 
 def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """The first entries that differ: "height_mm was 5.0, now 4.0"."""
+    """The first entries that differ, also in tables within: "height_mm was 5.0, now 4.0"."""
     wanted = json.loads(json.dumps(dict(now)))
-    differ = sorted(k for k in {*was, *wanted} if was.get(k) != wanted.get(k))
-    return "; ".join(
-        f"{k} was {in_short(was.get(k))}, now {in_short(wanted.get(k))}" for k in differ[:_MOST_SHOWN]
-    )
+    return "; ".join(islice(_differences(was, wanted, within=""), _MOST_SHOWN))
+
+
+def _differences(was: Mapping[str, Any], now: Mapping[str, Any], *, within: str) -> Iterator[str]:
+    for key in sorted({*was, *now}):
+        old, new = was.get(key), now.get(key)
+        if isinstance(old, Mapping) and isinstance(new, Mapping):
+            yield from _differences(old, new, within=f"{within}{key}.")
+        elif old != new:
+            yield f"{within}{key} was {in_short(old)}, now {in_short(new)}"
 
 
 def in_short(value: object) -> str:
