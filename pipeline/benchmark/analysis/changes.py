@@ -168,17 +168,17 @@ def _check_made_alike(before: Mapping[str, Any], after: Mapping[str, Any]) -> No
     was, now = ({k: v for k, v in said.items() if k not in _NOT_OF_PARTS} for said in (before, after))
     if was != now:
         raise NotComparableError(
-            f"A and B did not read the same parts ({differences(was, now)})",
+            f"the two runs did not read the same parts ({differences(was, now)})",
             hint="run the same design with both programs",
         )
 
 
 def _check_same_parts(before: Sequence[Trial], after: Sequence[Trial]) -> None:
     old, new = ({t.part: (t.truth, _levels(t)) for t in side} for side in (before, after))
-    for name, only in (("A", set(old) - set(new)), ("B", set(new) - set(old))):
+    for name, only in (("first", set(old) - set(new)), ("second", set(new) - set(old))):
         if only:
             raise NotComparableError(
-                f"{len(only):,} parts are in {name} alone: {first_of(sorted(only))}",
+                f"{len(only):,} parts are only in the {name} run: {first_of(sorted(only))}",
                 hint="finish both runs with the same number of parts",
             )
     if others := {part for part in old if old[part] != new[part]}:

@@ -156,5 +156,8 @@ def open_mode(name: str, reader: Reader) -> Mode:
     if name in PEERS:
         return _peer(name, reader)
     if name not in MODES:
-        raise SettingsError(f"there is no mode {name!r}", hint=f"the modes are {', '.join(MODES)}")
+        raise SettingsError(
+            f"there is no mode {name!r}",
+            hint=f"the modes are {', '.join((*MODES, *PEERS))}, and MODULE:FUNCTION",
+        )
     return MODES[name](reader)

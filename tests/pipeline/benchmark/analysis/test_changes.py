@@ -80,7 +80,7 @@ def test_readings_are_paired_by_part_and_what_was_given() -> None:
 
 def test_other_parts_are_refused() -> None:
     whole = trials("A" * 12)
-    with pytest.raises(NotComparableError, match="1 parts are in A alone"):
+    with pytest.raises(NotComparableError, match="1 parts are only in the first run"):
         changes(whole, [t for t in whole if t.part != whole[0].part])
     with pytest.raises(NotComparableError, match="same name are other parts"):
         changes(whole, [replace(t, truth="B") for t in whole])

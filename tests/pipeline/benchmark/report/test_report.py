@@ -119,7 +119,7 @@ def test_the_tables_for_documents_are_those_of_the_trials(written: Path) -> None
     assert first == "tactile-marks benchmark run --seed 1"
     assert given == "Readers are given nothing."
     assert "| fused | vision | +0.0 (+0.0 to +0.0) | 0 | 0 | 1.000 |" in pairs
-    assert more[-1] == "1 trials have no reading; they count as read empty."
+    assert more[-1] == "1 trials have no reading; they count as read empty. report.html lists the errors."
     table = leaders.splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
     (tactile,) = (dict(zip(rows[0], row, strict=True)) for row in rows[2:] if row[0] == "tactile")
