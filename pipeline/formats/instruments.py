@@ -33,7 +33,7 @@ _NO_HEIGHTS = re.compile(
     r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE
 )
 _NO_FORMAT = (
-    "is of no format that is read as heights (.npz, .npy, .x3p, .sdf, .sur, .opd, .stl, .ply, .obj, .pcd, and text: "
+    "is in no format that is read as heights (.npz, .npy, .x3p, .sdf, .sur, .opd, .stl, .ply, .obj, .pcd, and text: "
     "x y z columns or a matrix)"
 )
 # first bytes of archives, if the suffix is not that of a format that is read
