@@ -52,7 +52,7 @@ _KEPT = "kept "
 _LOCK = 0x5E81A1
 # number of parts among which those read with certainty are searched
 _LOOKED_BACK = 4 * WINDOW
-_BEARS = (PartState.ACCEPTED, PartState.REVIEWED)
+_WITH_SERIAL = (PartState.ACCEPTED, PartState.REVIEWED)
 _NAME, _TEXT = parts.c.record["name"].as_string(), parts.c.record["text"].as_string()
 _READ, _DECISION = (parts.c.record["reading", name].as_string() for name in ("text", "decision"))
 
@@ -370,10 +370,10 @@ def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[O
 
 
 def _read_before(tx: Transaction, part: PartRecord) -> Objection | None:
-    bears = sa.select(parts.c.id, _NAME.label("name"), _TEXT.label("text")).where(
-        parts.c.text_folded == part.text.casefold(), parts.c.state.in_(_BEARS), parts.c.id != part.id
+    same_serial = sa.select(parts.c.id, _NAME.label("name"), _TEXT.label("text")).where(
+        parts.c.text_folded == part.text.casefold(), parts.c.state.in_(_WITH_SERIAL), parts.c.id != part.id
     )
-    for row in tx.execute(bears.order_by(parts.c.id.desc()).limit(WINDOW)):
+    for row in tx.execute(same_serial.order_by(parts.c.id.desc()).limit(WINDOW)):
         if row.text == part.text and not (part.name and row.name == part.name):
             of = row.name if row.name else f"the part {row.id}"
             return Objection(SerialAlarm.READ_BEFORE, f"{part.text} was read before, of {of}", row.id)
