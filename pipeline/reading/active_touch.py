@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from pipeline.reading.framed_session import FramedSession
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
-from recognition.belief.line_search import MOST_SCANS
 from recognition.decision.score import serial_is_sure
+from recognition.search.line_search import MOST_SCANS
 from recognition.views.first_pass import felt_heights_mm
 from recognition.views.levelling import level
 from whisker_array.simulation.traces import Fidelity

@@ -11,11 +11,11 @@ from glyphs.fonts.glyph import Font
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
-from recognition.belief.part_lines import LineFormat
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
+from recognition.search.part_lines import LineFormat
 from whisker_array.simulation.traces import Fidelity
 
 MOST_KEPT = 8

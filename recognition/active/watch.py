@@ -11,11 +11,11 @@ from functools import partial
 from itertools import cycle
 
 from glyphs.surface.display import one_line
-from recognition.belief.line_reader import LineReader, apart
-from recognition.belief.line_search import is_convincing
-from recognition.belief.part_lines import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.lines.moves import LONGER, MOVES, lengthen, move_line
+from recognition.search.line_reader import LineReader, apart
+from recognition.search.line_search import is_convincing
+from recognition.search.part_lines import ReadLine
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 

@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from recognition.belief.fuse_lattices import contradictions, fuse_lattices
+from recognition.combine.fuse_lattices import contradictions, fuse_lattices
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace

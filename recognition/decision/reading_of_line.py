@@ -11,8 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.belief.line_belief import greatest_between, word_gaps
-from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
+from recognition.combine.line_belief import greatest_between, word_gaps
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
@@ -23,6 +22,7 @@ from recognition.language.constrained_decoding import Choice, blind_warnings, ch
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
+from recognition.search.part_lines import LineFormat, PartLines, ReadLine
 
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""

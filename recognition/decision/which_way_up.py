@@ -13,13 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import UPSIDE_DOWN_DEG
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation, Way, other_text, readable
+from recognition.search.line_reader import LineReader
+from recognition.search.line_search import UPSIDE_DOWN_DEG
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 

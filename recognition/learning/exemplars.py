@@ -22,11 +22,11 @@ from glyphs.errors import MarksError
 from glyphs.fonts.glyph import RELIEF_PIXELS
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.experts.recogniser import CHARACTERS
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.line_reader import LineReader
+from recognition.search.line_search import MOST_SCANS, LineSearch
 from recognition.views.first_pass import felt_heights_mm, virtual_feel
 from recognition.views.levelling import level
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine

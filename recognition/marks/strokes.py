@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
-from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.glyph_match.felt_line import SETTLED, DepthStrip, FeltLine
 from recognition.glyph_match.pose import DEEP, PIXELS, Floats, points_at
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.laid_text import LaidText, laid_text
+from recognition.search.part_lines import PartLines, ReadLine
 
 LIVE = 0.004
 """Probability of a rival from which strokes must exclude it."""

@@ -14,9 +14,6 @@ from types import MappingProxyType
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font
-from recognition.belief.line_reader import LineReader, is_agreed
-from recognition.belief.line_search import LineSearch
-from recognition.belief.part_lines import ReadLine
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
@@ -26,6 +23,9 @@ from recognition.decision.which_way_up import ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.prototypes import Prototypes, belief_of, lit_prototypes
 from recognition.language.lattice import Lattice
+from recognition.search.line_reader import LineReader, is_agreed
+from recognition.search.line_search import LineSearch
+from recognition.search.part_lines import ReadLine
 from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer

@@ -13,7 +13,6 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
-from recognition.belief.part_lines import LineFormat, Region, check_region
 from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
 from recognition.decision.score import SOURCES, score_of
@@ -21,6 +20,7 @@ from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.part_lines import LineFormat, Region, check_region
 from whisker_array.simulation.traces import Fidelity
 
 STAND_INS = ("gothic", "futuram", "timesr")

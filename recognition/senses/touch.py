@@ -17,10 +17,6 @@ from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
-from recognition.belief.correlation_search import CorrelationSearch
-from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import MOST_SCANS, LineSearch
-from recognition.belief.part_lines import ReadLine
 from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.depth_rules import judged_by
@@ -41,6 +37,10 @@ from recognition.marks.depth import mark_depths
 from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, is_of_the_part
 from recognition.marks.laid_text import laid_text
 from recognition.marks.strokes import felt_others, strokes_of
+from recognition.search.correlation_search import CorrelationSearch
+from recognition.search.line_reader import LineReader
+from recognition.search.line_search import MOST_SCANS, LineSearch
+from recognition.search.part_lines import ReadLine
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.views.first_pass import Feel, felt_heights_mm, virtual_feel

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from recognition.belief.fuse_lattices import contradictions, fuse_lattices
+from recognition.combine.fuse_lattices import contradictions, fuse_lattices
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.fuse import fuse

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from recognition.belief.line_belief import line_belief, word_gaps
-from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
+from recognition.combine.line_belief import line_belief, word_gaps
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
+from recognition.search.part_lines import LineFormat, PartLines, ReadLine
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 CHARS = "AB812"

@@ -10,8 +10,6 @@ import pytest
 
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
-from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import LineSearch
 from recognition.decision import which_way_up
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
@@ -20,6 +18,8 @@ from recognition.decision.which_way_up import ways_possible, weigh_orientation
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.line_reader import LineReader
+from recognition.search.line_search import LineSearch
 from recognition.senses.settings import ReaderSettings
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view

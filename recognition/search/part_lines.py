@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from recognition.belief.line_belief import LineBelief, pool
+from recognition.combine.line_belief import LineBelief, pool
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.lines.places import boxes_of

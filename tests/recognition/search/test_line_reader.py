@@ -10,12 +10,12 @@ import pytest
 from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
-from recognition.belief.line_reader import LineReader, apart
-from recognition.belief.line_search import LineSearch, SearchLimits, promise_of
-from recognition.belief.part_lines import LineFormat, stands_in
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.lines.moves import move_line
+from recognition.search.line_reader import LineReader, apart
+from recognition.search.line_search import LineSearch, SearchLimits, promise_of
+from recognition.search.part_lines import LineFormat, stands_in
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import ViewKind, heights_view

@@ -15,17 +15,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recognition.belief.line_belief import LineBelief, line_belief
-from recognition.belief.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
-from recognition.belief.part_lines import (
+from recognition.combine.line_belief import LineBelief, line_belief
+from recognition.language.grammar import Grammar
+from recognition.lines.find import overlap
+from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
+from recognition.search.part_lines import (
     NO_LINES,
     LineFormat,
     PartLines,
     ReadLine,
     stands_in,
 )
-from recognition.language.grammar import Grammar
-from recognition.lines.find import overlap
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 

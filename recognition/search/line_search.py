@@ -14,8 +14,7 @@ from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.serials import SIGNS
-from recognition.belief.line_belief import line_belief
-from recognition.belief.part_lines import ReadLine, Region, about_region, stands_in
+from recognition.combine.line_belief import line_belief
 from recognition.experts import recogniser
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
@@ -24,6 +23,7 @@ from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.ink import on_ink
 from recognition.lines.moves import MOVES, SIZES, anywhere, lengthen, longer, move_line, whole_view
 from recognition.lines.tiles import find_in_tiles
+from recognition.search.part_lines import ReadLine, Region, about_region, stands_in
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 

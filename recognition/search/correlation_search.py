@@ -18,9 +18,7 @@ from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
-from recognition.belief.line_belief import line_belief
-from recognition.belief.line_search import LineSearch, is_convincing, of_other_scales, promise_of
-from recognition.belief.part_lines import ReadLine, about_region
+from recognition.combine.line_belief import line_belief
 from recognition.experts.steps import Steps
 from recognition.glyph_match.chain import Placed
 from recognition.glyph_match.correlation import (
@@ -38,6 +36,8 @@ from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.spacing import place_bounds
 from recognition.glyph_match.template_cache import TemplateCache
 from recognition.lines.find import overlap
+from recognition.search.line_search import LineSearch, is_convincing, of_other_scales, promise_of
+from recognition.search.part_lines import ReadLine, about_region
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch, default_touch

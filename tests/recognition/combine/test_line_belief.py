@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.belief.line_belief import count_places, line_belief, pool
+from recognition.combine.line_belief import count_places, line_belief, pool
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.belief.correlation_search import CorrelationLimits
-from recognition.belief.line_search import SearchLimits
+from recognition.search.correlation_search import CorrelationLimits
+from recognition.search.line_search import SearchLimits
 
 
 @pytest.mark.parametrize(
