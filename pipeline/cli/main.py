@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
-from cyclopts import App, CycloptsError, Parameter, ValidationError
+from cyclopts import App, CycloptsError, Parameter, UnknownOptionError, ValidationError
 from cyclopts.argument import ArgumentCollection
 
 from glyphs.compiling import show_compiling
@@ -332,6 +332,14 @@ def _explained(error: CycloptsError) -> str:
         from pipeline.cli.settings import explained
 
         return explained(error)
+    if isinstance(error, UnknownOptionError) and error.token.keyword:
+        from pipeline.cli.settings import flag_like
+
+        given = error.token.keyword
+        near = flag_like(
+            given, [name for one in error.argument_collection if one.parse for name in one.names]
+        )
+        return f"Unknown option: {given}.{f' Did you mean {near}?' if near else ''} (see {PROGRAM} --help)"
     return f"{error} (see {PROGRAM} --help)"
 
 

@@ -12,10 +12,12 @@ A command has a parameter of type `Reading`, `Workers` or `Service`, and one `co
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
+import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -39,6 +41,8 @@ _BEGINNING = """\
 # Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
 # Environment variables and flags go over this file; `tactile-marks serve --help-all` names them.
 """
+_ALIKE = 0.75
+"""Likeness of names (difflib's ratio) from which one is taken for a slip of the other."""
 _TYPES = {
     bool: "true or false",
     str: "text",
@@ -130,6 +134,15 @@ def flag_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
+def flag_like(given: str, flags: Sequence[str]) -> str:
+    """The flag that an unknown one stands for: without the name of its table, or one spelled much like it; or none."""
+    for model in MODELS:
+        plain = re.sub(rf"^--{model.table}[.-]", "--", given) if model.table else given
+        if plain in flags:
+            return plain
+    return next(iter(difflib.get_close_matches(given, flags, n=1, cutoff=_ALIKE)), "")
+
+
 def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:
     """The arguments of a model's settings by name."""
     found: dict[str, Argument] = {}
@@ -178,8 +191,22 @@ def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iter
         if others and name not in model.leaves():
             place = f"under [{others[0]}]" if others[0] else "above the first table"
             raise SettingsError(f"{name} in {file} is in the wrong place", hint=f"write it {place}")
+        if isinstance(value, dict) and name not in model.leaves():
+            raise _unknown_section(f"{model.table}.{name}".removeprefix("."), file)
         model.check_known(name, where=str(file))
         yield name, value, f"{name} in {file}"
+
+
+def _unknown_section(name: str, file: Path) -> SettingsError:
+    """The error for a table that no settings are of; its hint is the nearest one, or all of them."""
+    leaves = {f"{model.table}.{leaf}" for model in MODELS if model.table for leaf in model.leaves()}
+    sections = sorted({leaf.rpartition(".")[0] for leaf in leaves} | {"line"})
+    own = name.rpartition(".")[2]
+    near = [one for one in sections if one.rpartition(".")[2] == own]
+    near = near or difflib.get_close_matches(name, sections, n=1, cutoff=_ALIKE)
+    known = ", ".join(f"[{one}]" for one in sections)
+    hint = f"did you mean [{near[0]}]?" if near else f"the sections are {known}"
+    return SettingsError(f"unknown section [{name}] in {file}", hint=hint)
 
 
 def _flat(written: Any, model: type[Settings], file: Path, place: str) -> Iterator[tuple[str, Any]]:

@@ -1,7 +1,7 @@
 """Duplicate, order and sequence checks of a serial that was read with certainty.
 
     in the order?         KX407299 is not in lot-7.csv
-    read before?          KX407251 was read before, of tray-7/part-3        (`pipeline.store.parts` asks)
+    read before?          KX407251 was already read on tray-7/part-3        (`pipeline.store.parts` asks)
     in its place?         KX407299 is 48 ahead of the parts before it
 
 A misread serial must not raise an alarm for the next hundred. The expected number is therefore the median over the

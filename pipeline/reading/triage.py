@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
-from pipeline.common.records import Agreement, PartState, ShadowRecord
+from pipeline.common.records import Agreement, PartState
 from pipeline.common.texts import same_text
 
 if TYPE_CHECKING:
@@ -66,20 +66,18 @@ def state_after(reading: ReadingRecord) -> PartState:
     return PartState.TOUCH_NEEDED if reading.source == "vision" else PartState.REVIEW
 
 
-def compared(reading: ReadingRecord, expected: str) -> ShadowRecord:
-    """Result of a part in shadow mode.
+def agreement_of(reading: ReadingRecord, expected: str) -> Agreement:
+    """Agreement of a reading with the line's own reader, in shadow mode.
 
     Args:
         reading: made without the expected text, so that the two readers are independent.
         expected: result of the line's own reader; empty if it has none.
     """
     if not expected.strip():
-        agreement = Agreement.ALONE
-    elif not reading.text:
-        agreement = Agreement.NOTHING
-    else:
-        agreement = Agreement.SAME if same_text(reading.text, expected) else Agreement.OTHER
-    return ShadowRecord(agreement, state_after(reading))
+        return Agreement.ALONE
+    if not reading.text:
+        return Agreement.NOTHING
+    return Agreement.SAME if same_text(reading.text, expected) else Agreement.OTHER
 
 
 def why_touch(reading: ReadingRecord) -> str:

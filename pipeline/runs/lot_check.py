@@ -36,7 +36,7 @@ class LotCheck:
         if not self.order.holds(record.text):
             why, code = f"{record.text} is not in {self.order.name}", SerialAlarm.NOT_IN_ORDER
         elif (first := self.bearers.setdefault(without_blanks(record.text), record.part)) != record.part:
-            why, code = f"{record.text} was read before, of {first}", SerialAlarm.READ_BEFORE
+            why, code = f"{record.text} was already read on {first}", SerialAlarm.READ_BEFORE
         else:
             return record
         reasons = (*record.reasons, ReasonRecord(code))

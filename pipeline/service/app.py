@@ -157,7 +157,7 @@ class Service:
         return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
 
     def state(self) -> dict[str, str]:
-        """Answer of /readyz: targets, drift, bench, and what is unusable."""
+        """Answer of /readyz: targets, drift, bench, what is unusable, and parts not felt yet."""
         targets = [one for one in self.ports.connections() if not one.address]
         bench, troubles = self.intake.bench, self.intake.calls.troubles
         found = {
@@ -167,6 +167,7 @@ class Service:
             "drift": (self.jobs.drift or "none") if self.jobs.drifts() else "",
             "bench": (bench.message() or "none") if bench.parts else "",
             "of_no_use": without_folders("; ".join(troubles.values())),
+            "touch": self.intake.touching.trouble,
             "sweep": self.sweeps.trouble,
         }
         return {name: text for name, text in found.items() if text}

@@ -30,13 +30,20 @@ import structlog
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
+from pipeline.common.records import (
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ShadowRecord,
+    TouchWait,
+)
 from pipeline.common.serial_rules import SerialAlarm, SerialRules
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, PartOrder
-from pipeline.reading.triage import ReadPart, compared
+from pipeline.reading.triage import ReadPart, agreement_of
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
@@ -132,7 +139,12 @@ class Intake:
         self.stage = StageWork(stage_of(stage), timeout_s=stage.timeout_s)
         self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.camera.timeout_s)
         self.touching = TouchQueue(
-            store, self._feel, give_up=self._give_up_touch, line=settings.line, wait_s=stage.wait_s
+            store,
+            self._feel,
+            give_up=self._give_up_touch,
+            line=settings.line,
+            stage=str(stage.folder or stage.bench or stage.driver),
+            wait_s=stage.wait_s,
         )
         self.bench = BenchWatch()
         self.targets = () if settings.shadow else tuple(targets)
@@ -373,8 +385,13 @@ class Intake:
 
     def _decide(self, done: ReadPart, part: NewPart | PartRecord) -> Added:
         """Decide the state of a part; only the store's serial rules may still send it to a person."""
-        if self._in_shadow(part):
-            return {"state": PartState.SHADOW, "shadow": compared(done.record, part.expected)}
+        live = self._decide_live(done, part)
+        if not self._in_shadow(part):
+            return live
+        shadow = ShadowRecord(agreement_of(done.record, part.expected), live["state"])
+        return {"state": PartState.SHADOW, "shadow": shadow}
+
+    def _decide_live(self, done: ReadPart, part: NewPart | PartRecord) -> Added:
         if done.state is not PartState.TOUCH_NEEDED or isinstance(part, PartRecord):
             return {"state": done.state}
         if part.touch is not Touch.PLAN and not self.stage.there:

@@ -9,6 +9,7 @@
 * A part is tried until its time limit, then given up: no part waits for ever, whether the stage or the sender was to
   feel it. The limit is kept in the store. From the first look on it is measured by the monotonic clock, so a leap of
   the clock does not matter.
+* The log, the part's page and /readyz say why a part was not felt yet, and how long it still waits.
 * Services that share a store feel only the parts of their own lines; any of them gives up any part.
 """
 
@@ -30,9 +31,10 @@ from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
-    from pipeline.store.parts import Waiting
     from pipeline.store.store import Store
 
+RETRY_S = 15.0
+"""Time between two attempts at a part, s."""
 AT_ONCE = 4
 """Maximum number of concurrent attempts without a waiting request; a real stage feels one part at a time anyway."""
 NOBODY = "nobody has felt it in time"
@@ -48,6 +50,7 @@ class TouchQueue:
         feel: has the stage feel a part, and keeps what was read; raises Problem, StageError.
         give_up: leaves a part to a person, and says why.
         line: line whose parts the stage feels.
+        stage: folder, bench or driver of the stage, for the log.
         wait_s: time that a part waits.
         retry_s: time between two attempts at a part.
     """
@@ -57,11 +60,23 @@ class TouchQueue:
     _: KW_ONLY
     give_up: Callable[[PartRecord, str], Awaitable[object]]
     line: str = ""
+    stage: str = ""
     wait_s: float = 900.0
-    retry_s: float = 15.0
+    retry_s: float = RETRY_S
     _deadlines: dict[tuple[str, datetime | None], float] = field(default_factory=dict, init=False)
     _attempts: dict[str, asyncio.Task[PartRecord]] = field(default_factory=dict, init=False)
-    _rest_until: dict[str, float] = field(default_factory=dict, init=False)
+    # why a part was not felt, and when to try again by the monotonic clock
+    _failures: dict[str, tuple[str, float]] = field(default_factory=dict, init=False)
+
+    @property
+    def trouble(self) -> str:
+        """Waiting parts that the stage could not feel yet, in words without names; empty without one."""
+        untils_s = [until_s for (part, _), until_s in self._deadlines.items() if part in self._failures]
+        if not untils_s:
+            return ""
+        parts = "1 part waits" if len(untils_s) == 1 else f"{len(untils_s)} parts wait, the first"
+        left_s = max(0.0, min(untils_s) - time.monotonic())
+        return f"{parts} another {left_s:.0f} s for the stage; its page and the log say why"
 
     def until(self) -> datetime:
         """Time until which a part waits that begins to wait now."""
@@ -84,14 +99,17 @@ class TouchQueue:
         now = time.monotonic()
         waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self.store.waiting_for_touch)}
         self._deadlines = {
-            key: self._deadlines[key] if key in self._deadlines else now + self._left_s(one)
+            key: self._deadlines[key]
+            if key in self._deadlines
+            else now + self._left_s(one.changed_at, one.until)
             for key, one in waiting.items()
         }
         for (part_id, _), deadline in self._deadlines.items():
             if deadline <= now and part_id not in self._attempts:
                 await self._given_up(part_id)
         for one in waiting.values():
-            due = one.part_id not in self._attempts and self._rest_until.get(one.part_id, 0.0) <= now
+            _, rest_until_s = self._failures.get(one.part_id, ("", 0.0))
+            due = one.part_id not in self._attempts and rest_until_s <= now
             if one.by_stage and one.line == self.line and due and len(self._attempts) < AT_ONCE:
                 attempt = self._attempts[one.part_id] = asyncio.create_task(self._attempt(one.part_id))
                 attempt.add_done_callback(_looked_at)
@@ -101,28 +119,33 @@ class TouchQueue:
         await end_tasks(self._attempts.values())
 
     async def _attempt(self, part_id: str) -> PartRecord:
+        part: PartRecord | None = None
         try:
             part = await asyncio.to_thread(self.store.part, part_id)
             if part.touch is not None:  # else it was felt, reviewed or given up meanwhile
                 part = await self.feel(part)
-        except BaseException:
-            self._rest_until[part_id] = time.monotonic() + self.retry_s
+        except BaseException as error:
+            before, _ = self._failures.get(part_id, ("", 0.0))
+            self._failures[part_id] = str(error), time.monotonic() + self.retry_s
+            if part is not None and part.touch is not None and str(error) not in ("", before):
+                left_s = round(self._left_s(part.changed_at, part.touch.until))
+                told = {"name": part.name, "why": str(error), "stage": self.stage, "waits_another_s": left_s}
+                log.warning("part not felt yet", part=part.id, **told)
             raise
         else:
-            self._rest_until.pop(part_id, None)
+            self._failures.pop(part_id, None)
             return part
         finally:
             del self._attempts[part_id]
 
-    def _left_s(self, one: Waiting) -> float:
+    def _left_s(self, since: datetime, until: datetime | None) -> float:
         """Seconds that a part may still wait; never more than its limit, even if the clock is wrong."""
-        since, until = one.changed_at, one.until
         if until is None:
             until = since + timedelta(seconds=self.wait_s)
         return max(0.0, min((until - datetime.now(UTC)).total_seconds(), (until - since).total_seconds()))
 
     async def _given_up(self, part_id: str) -> None:
-        self._rest_until.pop(part_id, None)
+        self._failures.pop(part_id, None)
         try:
             part = await asyncio.to_thread(self.store.part, part_id)
             await self.give_up(part, NOBODY)

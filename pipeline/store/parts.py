@@ -375,8 +375,8 @@ def _read_before(tx: Transaction, part: PartRecord) -> Objection | None:
     )
     for row in tx.execute(same_serial.order_by(parts.c.id.desc()).limit(WINDOW)):
         if row.text == part.text and not (part.name and row.name == part.name):
-            of = row.name if row.name else f"the part {row.id}"
-            return Objection(SerialAlarm.READ_BEFORE, f"{part.text} was read before, of {of}", row.id)
+            on = row.name or f"part {row.id}"
+            return Objection(SerialAlarm.READ_BEFORE, f"{part.text} was already read on {on}", row.id)
     return None
 
 

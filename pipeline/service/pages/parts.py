@@ -14,6 +14,7 @@ from pipeline.common.records import PartState
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
 from pipeline.service.pages.pictures import last_felt, picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
+from pipeline.service.touch_queue import RETRY_S
 
 Wanted = Annotated[str, Field(max_length=200)]
 Day = Annotated[date, Field(lt=date(9999, 1, 1))] | Literal[""]
@@ -72,5 +73,8 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             reviews=reviews,
             hidden=len(story.reviews) - len(reviews),
             events=story.events,
+            not_felt=next((e.data["why"] for e in reversed(story.events) if e.kind == "touch_failed"), ""),
+            stage=frame.service.intake.stage.there,
+            retry_s=RETRY_S,
             evidence=story.evidence,
         )

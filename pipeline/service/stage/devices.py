@@ -289,5 +289,7 @@ def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) 
         p for p in sorted(root.glob("*")) if set_of(p.name) == part_name and p.suffix.lower() in suffixes
     ):
         return found
-    where = "camera" if what == "photograph" else "whiskers"
-    raise StageError(f"there is no {what} of {part_name} under the {where}", "put the part in place")
+    raise StageError(
+        f"there is no {what} of {part_name} in the folder {root.name}",
+        f"put it there as {part_name}{suffixes[0]}",
+    )

@@ -11,12 +11,14 @@ from email.message import Message
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fastapi import params
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import Request
 from starlette.responses import Response
 
+from glyphs.plain_text import visible
 from pipeline.common.records import EvidenceKind
 from pipeline.formats.kinds import HEAD_BYTES, READ, file_kind, kind_of, refusal
 from pipeline.service.web.problem import Problem
@@ -156,14 +158,15 @@ class _Parser(MultiPartParser):
 
 
 class FormRoute(APIRoute):
-    """A route for uploads, also those with only `filename*` (RFC 5987).
+    """A route for forms: unknown fields are refused, and files with only `filename*` (RFC 5987) are uploads.
 
-    Older HTTP libraries send it so; the form parser then treats the file as text.
+    Older HTTP libraries send files so; the form parser then treats them as text.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """FastAPI's handler, which treats every file of a form as an upload."""
+        """FastAPI's handler, given a checked form."""
         handle = super().get_route_handler()
+        known = [one.alias for one in self.dependant.body_params if isinstance(one.field_info, params.Form)]
 
         async def handle_form(request: Request) -> Response:
             if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
@@ -172,6 +175,12 @@ class FormRoute(APIRoute):
                         request._form = await _Parser(request.headers, stream).parse()
                 except MultiPartException as error:
                     raise HTTPException(status_code=400, detail=error.message) from error
+            if known:
+                for name in await request.form():
+                    if name not in known:
+                        await request.close()
+                        said = visible(name[:MOST_NAME])
+                        raise Problem(422, f"there is no form field {said!r}; there are {', '.join(known)}")
             return await handle(request)
 
         return handle_form

@@ -167,7 +167,17 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
     ("toml", "message"),
     [
         ("hight_mm = 5", r"unknown setting hight_mm in tactile-marks\.toml; did you mean height_mm"),
-        ("[read]\nheight_mm = 5", "unknown setting read"),
+        (
+            "[read]\nheight_mm = 5",
+            r"unknown section \[read\] in .*the sections are .*\[service\], .*\[workers\]",
+        ),
+        ("[servce]\nport = 1", r"unknown section \[servce\] in .*; did you mean \[service\]\?"),
+        ("[stage]\nfolder = 'x'", r"did you mean \[service.stage\]"),
+        (
+            "[service.stge]\nfolder = 'x'",
+            r"unknown section \[service.stge\] in .*did you mean \[service.stage\]",
+        ),
+        ("[wrokers]\njobs = 2", r"did you mean \[workers\]"),
         ("height_mm = -5", r"height_mm in tactile-marks\.toml is '-5': input should be greater than 0"),
         ('height_mm = "tall"', "height_mm in .* is 'tall'"),
         ("height_mm = {a = 1}", "height_mm in "),
@@ -221,6 +231,28 @@ def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> N
     FILE.write_text(toml, encoding="utf-8")
     with pytest.raises(SettingsError, match=message):
         serving()
+
+
+@pytest.mark.parametrize(
+    ("flag", "near"),
+    [
+        ("--service.folder", "--folder"),
+        ("--service-folder", "--folder"),
+        ("--service.mqtt.url", "--mqtt.url"),
+        ("--tls-certificate", "--tls.certificate"),
+        ("--fodler", "--folder"),
+        ("--conveyor-belt", ""),
+        ("--zz", ""),
+    ],
+)
+def test_an_unknown_flag_names_the_nearest_one_or_none(
+    flag: str, near: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["serve", flag, "x"]) == 2
+    said = capsys.readouterr().err
+    assert f"Unknown option: {flag}." in said
+    assert (f"Did you mean {near}?" if near else "(see ") in said
+    assert ("Did you mean" in said) == bool(near)
 
 
 @pytest.mark.parametrize(

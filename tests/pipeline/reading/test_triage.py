@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import Agreement, PartState, ShadowRecord
-from pipeline.reading.triage import compared
+from pipeline.common.records import Agreement, PartState
+from pipeline.reading.triage import agreement_of, state_after
 
 
 def reading(text: str = "KX407251", decision: str = "accept", source: str = "vision") -> ReadingRecord:
@@ -14,7 +14,7 @@ def reading(text: str = "KX407251", decision: str = "accept", source: str = "vis
 
 
 @pytest.mark.parametrize(
-    ("made", "expected", "agreement", "would_be"),
+    ("made", "expected", "agreement", "state"),
     [
         (reading(), "KX407251", Agreement.SAME, PartState.ACCEPTED),
         (reading("KX40 7251"), " KX4 07251 ", Agreement.SAME, PartState.ACCEPTED),  # blanks are not stamped
@@ -28,6 +28,6 @@ def reading(text: str = "KX407251", decision: str = "accept", source: str = "vis
     ],
 )
 def test_beside_the_lines_own_reader(
-    made: ReadingRecord, expected: str, agreement: Agreement, would_be: PartState
+    made: ReadingRecord, expected: str, agreement: Agreement, state: PartState
 ) -> None:
-    assert compared(made, expected) == ShadowRecord(agreement, would_be)
+    assert (agreement_of(made, expected), state_after(made)) == (agreement, state)

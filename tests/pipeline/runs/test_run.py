@@ -228,5 +228,5 @@ def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Pat
         "p5": "accept", "p4": "accept", "p3": "review", "p2": "review", "p1": "review", "p0": "review",
     }  # fmt: skip
     assert rows["p3"].messages == ("T3 is not in lot-7.csv",)
-    assert rows["p2"].messages == ("T 2 was read before, of p5",)
-    assert rows["p0"].messages == ("T0 was read before, of p4",)
+    assert rows["p2"].messages == ("T 2 was already read on p5",)
+    assert rows["p0"].messages == ("T0 was already read on p4",)

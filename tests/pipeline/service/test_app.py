@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
@@ -180,6 +181,23 @@ def test_a_foreign_page_cannot_reach_a_service_without_tokens(client: TestClient
         assert client.get("/v1/parts", headers={"Host": own}).status_code == 200
     forged = client.post("/v1/parts", files=photo(parts), headers={"Origin": "http://evil.example"})
     assert forged.status_code == 403
+
+
+@pytest.mark.parametrize("as_form", [{"data": {"nmae": "P17"}}, {"files": {"picture": ("a.png", b"x")}}])
+def test_an_unknown_field_of_a_form_is_named_with_the_known_ones(
+    tmp_path: Path, as_form: dict[str, Any]
+) -> None:
+    with inline_service(tmp_path) as (service, client):
+        files = {"photo": ("a.png", b"picture"), **as_form.get("files", {})}
+        for form in (as_form, {**as_form, "files": files}):
+            refused = client.post("/v1/parts", **form)
+            assert (refused.status_code, refused.headers["content-type"]) == (422, "application/problem+json")
+            unknown = "nmae" if "data" in as_form else "picture"
+            known = "photo, scan, name, expected, database, job, touch"
+            assert refused.json()["detail"] == f"there is no form field '{unknown}'; there are {known}"
+        golden = client.post("/v1/golden", files={"scan": ("a.h5", b"x")}, data={"refernce": "true"})
+        assert (golden.status_code, "scan, reference" in golden.json()["detail"]) == (422, True)
+        assert service.store.parts() == ()
 
 
 def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:

@@ -62,8 +62,8 @@ def post(client: TestClient, name: str, expected: str = "", **more: Any) -> dict
     [
         ("KX40", "KX40", {"agreement": "same", "would_be": "accepted"}),
         ("KX40", "KX41", {"agreement": "other", "would_be": "accepted"}),
-        ("KX40?", "KX41", {"agreement": "other", "would_be": "touch_needed"}),
-        ("nothing", "KX41", {"agreement": "nothing", "would_be": "touch_needed"}),
+        ("KX40?", "KX41", {"agreement": "other", "would_be": "review"}),  # there is no stage to feel it
+        ("nothing", "KX41", {"agreement": "nothing", "would_be": "review"}),
         ("KX40", "", {"agreement": "alone", "would_be": "accepted"}),
     ],
 )
@@ -79,6 +79,18 @@ def test_nothing_is_decided(
     assert service.store.undelivered() == 0
     assert service.store.queue() == ()
     assert client.post(f"/v1/parts/{part['id']}/touch").status_code == 409
+
+
+def test_what_the_stage_or_the_sender_would_feel_would_need_touch(
+    served: Served, bench: Bench, tmp_path: Path
+) -> None:
+    planned = post(served[1], "KX40?", touch="plan")
+    assert (planned["state"], planned["shadow"]["would_be"]) == ("shadow", "touch_needed")
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    with inline_service(tmp_path / "other", instead=bench.read, shadow=True, stage={"folder": maps}) as both:
+        unsure = post(both[1], "KX40?", touch="stage")
+        assert (unsure["state"], unsure["shadow"]["would_be"]) == ("shadow", "touch_needed")
 
 
 def test_what_no_serial_can_be_is_compared_all_the_same(served: Served) -> None:

@@ -3,8 +3,10 @@ from __future__ import annotations
 import asyncio
 import os
 import pickle
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +14,12 @@ import pytest
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
+from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
 from pipeline.service.stage.work import CameraWork, StageWork
 from tests.support.scans import feel_plan
-from tests.support.store_samples import STAGE_PLAN
+from tests.support.service_fixtures import inline_service
+from tests.support.store_samples import STAGE_PLAN, reading
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.stage_error import StageError
 
@@ -133,3 +137,37 @@ def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> N
 def test_stage_errors_survive_pickling() -> None:
     error = pickle.loads(pickle.dumps(StageError("jammed", "free it")))
     assert (error.what, error.hint, str(error)) == ("jammed", "free it", "jammed; free it")
+
+
+def test_a_part_whose_file_never_comes_says_what_is_waited_for(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    maps = tmp_path / "maps"
+    maps.mkdir()
+
+    def read(_order: object, _settings: object, _limits: object, *felt_by: Any) -> ReadPart:
+        if felt_by:
+            stage, scan = felt_by
+            stage.open(scan)
+        return ReadPart((reading(source="vision", decision="review"),), plan=STAGE_PLAN)
+
+    with inline_service(tmp_path / "s", instead=read, stage={"folder": maps}) as (
+        service,
+        client,
+    ):
+        photo = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
+        part = client.post("/v1/parts", files=photo, data={"name": "P17", "touch": "stage"}).json()
+        assert part["state"] == "touch_needed"
+        said = caplog.text + capsys.readouterr().out
+        assert "part not felt yet" in said
+        assert str(maps) in said
+        assert "waits_another_s" in said
+        page = client.get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
+        assert "There is no height map of P17 in the folder maps; put it there as P17.npz." in page
+        assert "A person gets it if it is not scanned by" in page
+        assert client.portal is not None
+        client.portal.call(service.intake.touching.look)
+        waits = client.get("/readyz").json()["touch"]
+        assert re.fullmatch(r"1 part waits another \d+ s for the stage; its page and the log say why", waits)
+        asked = client.post("/v1/parts", files=photo, data={"name": "P18"}).json()
+        assert f"/v1/parts/{asked['id']}/touch" in client.get(f"/parts/{asked['id']}").text

@@ -20,7 +20,7 @@ def test_a_serial_that_another_part_bears_goes_to_a_person(store: Store) -> None
     other = received(store, text="KX407252", name="part 3", rules=RULES)
     assert [p.state.value for p in (first, again, other)] == ["accepted", "review", "accepted"]
     assert again.reading is not None
-    assert again.reading.messages[-1] == "KX407251 was read before, of part 1"
+    assert again.reading.messages[-1] == "KX407251 was already read on part 1"
     assert again.reading.decision == "accept"
     assert kinds(store, again.id)[-1] == "serial_alarm"
     # either may be the wrong one: the first one's history says so, and it stands
