@@ -18,8 +18,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
-from pydantic import TypeAdapter
-from pydantic_core import to_json
+from pydantic import ConfigDict, TypeAdapter
 
 from glyphs.atomic import sync_names
 from glyphs.errors import FileError
@@ -82,7 +81,10 @@ class Journal(Generic[Kept]):
         """
         self.path = place / self.file if self.file else place
         self._output = output or self.path
-        self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
+        # a dataclass takes no configuration, a union with it does
+        self._adapter: TypeAdapter[Any] = TypeAdapter(
+            self.keeps | None, config=ConfigDict(ser_json_inf_nan="constants")
+        )
         self._synced_s = time.monotonic()
         with self._faults():
             if self.file:
@@ -251,9 +253,9 @@ class Journal(Generic[Kept]):
 
     def _text(self, kept: Kept) -> str:
         try:
-            return to_json(kept, inf_nan_mode="constants").decode()
+            return self._adapter.dump_json(kept, exclude_defaults=True).decode()
         except ValueError:  # half surrogates, which file names may have: only Python's own JSON writes them
-            return json.dumps(self._adapter.dump_python(kept, mode="json"))
+            return json.dumps(self._adapter.dump_python(kept, mode="json", exclude_defaults=True))
 
     def _parsed(self, text: str) -> Kept:
         try:

@@ -97,13 +97,13 @@ def csv_cells(record: ReadingRecord) -> list[Any]:
     Raises:
         ValueError: a number that is not finite, or a text that is too long.
     """
-    return list(_fitting(list(row_of(record).values()), record.part))
+    return [_fitting(cell, record.part) for cell in row_of(record).values()]
 
 
 def _fitting(value: Any, part: str) -> Any:
     """Convert a value for a table."""
     if isinstance(value, str):
-        text = _ODD.sub(lambda m: f"\\u{ord(m[0]):04x}", value)
+        text = _ODD.sub(lambda m: f"\\u{ord(m[0]):04x}", value) if _ODD.search(value) else value
         if len(text) > MOST_TEXT:
             raise ValueError(
                 f"part {part[:80]!r} has a text of {len(text)} characters; a table holds {MOST_TEXT}"

@@ -34,7 +34,7 @@ from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called, wor
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
-_AHEAD = 4
+_AHEAD = 16
 """Jobs of a run that are handed over for each worker: one at work, the others waiting."""
 _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
