@@ -50,7 +50,7 @@ def main() -> int:
     run_module.read_listed = read_nothing  # type: ignore[assignment]
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "rows.csv"
-        parts = [PartFiles(f"part-{i:06d}", (f"{folder}/part-{i:06d}.npz",)) for i in range(asked.parts)]
+        parts = [PartFiles(f"part-{i:06d}", f"{folder}/part-{i:06d}.npz") for i in range(asked.parts)]
         with (
             WorkPool(asked.workers) as pool,
             opened(RunOptions(out=str(table)), {"noop": asked.parts}) as run,
