@@ -82,7 +82,7 @@ class Journal(Generic[Kept]):
         self.path = place / self.file if self.file else place
         self._output = output or self.path
         # a dataclass takes no configuration, a union with it does
-        self._adapter: TypeAdapter[Any] = TypeAdapter(
+        self._adapter: TypeAdapter[Kept] = TypeAdapter(
             self.keeps | None, config=ConfigDict(ser_json_inf_nan="constants")
         )
         self._synced_s = time.monotonic()
