@@ -1,4 +1,4 @@
-"""Build, start and stop the service."""
+"""Build, start and stop the service, and its inputs and outputs beside HTTP."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import structlog
 from fastapi import FastAPI
@@ -21,10 +22,9 @@ from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
-from pipeline.service.job_folder import JobFolder
+from pipeline.service.jobs import GlyphDatabases, JobFolder
 from pipeline.service.metrics import Metrics
-from pipeline.service.ports import Ports, senders_of
-from pipeline.service.recent_files import GlyphDatabases
+from pipeline.service.outputs.dispatch import Connection, Dispatcher, Sender
 from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.access import Access
 from pipeline.service.web.problem import Problem, without_folders
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.service.settings import ServiceSettings
 
+log = structlog.get_logger("tactile-marks")
 SWEEP_EVERY_S = 3600.0
 # Seconds between checks of jobs and glyph databases that were unusable.
 RECHECK_EVERY_S = 1.0
@@ -52,7 +53,94 @@ LOOK_FOR_ALERTS_S = 5.0
 ORPHAN_AGE_S = 3600.0
 # Days after which a request that is sent again makes a new part.
 KEYS_KEPT_DAYS = 7.0
-log = structlog.get_logger("tactile-marks")
+
+
+class Input(Protocol):
+    """Bring parts to the intake; `title` is its name in the log."""
+
+    title: str
+
+    async def start(self) -> dict[str, object]:
+        """Start; return its address or folder for the log. Raise OSError for an address that is not available."""
+
+    async def stop(self, *, grace_s: float) -> None:
+        """Stop; parts being read get `grace_s`."""
+
+
+class Ports:
+    """Inputs and the dispatcher of one service."""
+
+    def __init__(self, settings: ServiceSettings, intake: Intake) -> None:
+        """Make inputs and outputs from the settings; nothing is opened or sent yet.
+
+        Raises:
+            FileError: an unusable folder to watch.
+            MissingExtraError: a library of an extra is not installed.
+            SettingsError: an invalid webhook secret.
+            ValueError: an invalid address or format.
+        """
+        self._intake, self._grace_s = intake, settings.shutdown_grace_s
+        senders: dict[str, Sender] = {}
+        if settings.webhook.url:
+            from pipeline.service.outputs.webhook import WebhookSender
+
+            senders["webhook"] = WebhookSender(settings.webhook)
+        if settings.mqtt.url:
+            from pipeline.service.outputs.mqtt import MqttSender
+
+            senders["mqtt"] = MqttSender(settings.mqtt)
+        intake.targets = () if settings.shadow else tuple(senders)
+        self._dispatcher = Dispatcher(intake.store, senders)
+        self._inputs: dict[str, Input] = {}
+        self._open: list[Connection] = []
+        if settings.tcp.port is not None:
+            from pipeline.service.inputs.tcp import TcpPort
+
+            self._inputs["tcp"] = TcpPort(settings.tcp, intake.trigger)
+        if settings.opcua.port is not None:
+            from pipeline.service.inputs.opcua import OpcUaPort
+
+            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake.trigger)
+            intake.on_part = opcua.show
+        if settings.watch.folder is not None:
+            from pipeline.service.inputs.watch_folder import WatchedFolder
+
+            self._inputs["watch"] = WatchedFolder(
+                settings.watch, intake, most_bytes=settings.limits.upload_bytes, at_once=settings.jobs
+            )
+
+    def connections(self) -> tuple[Connection, ...]:
+        """The present connections.
+
+        Raises:
+            StoreError: the store does not answer.
+        """
+        states = self._dispatcher.states
+        waiting = self._intake.store.waiting_results() if states else {}
+        targets = (replace(state, waiting=waiting.get(target)) for target, state in states.items())
+        return (*targets, *self._open)
+
+    @contextlib.asynccontextmanager
+    async def opened(self) -> AsyncIterator[None]:
+        """Open the inputs and send waiting results; on leaving, running work may finish first.
+
+        Raises:
+            OSError: an address that cannot be had.
+        """
+        async with contextlib.AsyncExitStack() as stack:
+            self._dispatcher.start()
+            # results come from threads as well
+            wake = partial(asyncio.get_running_loop().call_soon_threadsafe, self._dispatcher.wake)
+            self._intake.on_result = wake
+            stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
+            for key, one in self._inputs.items():
+                place = await one.start()
+                stack.push_async_callback(one.stop, grace_s=self._grace_s)
+                log.info(one.title, **place)
+                if "port" in place:
+                    address = f"{place['host']}:{place['port']}"
+                    self._open.append(Connection(key, one.title, datetime.now(UTC), address))
+            yield
 
 
 class Service:
@@ -103,11 +191,8 @@ class Service:
             warm_up=partial(warm_up, reading, settings.limits),
         )
         calls = WorkerCalls(self.pool, self.jobs, settings.limits, self.metrics)
-        senders = senders_of(settings)
-        self.intake = Intake(
-            settings, store=self.store, evidence=self.evidence, calls=calls, targets=tuple(senders)
-        )
-        self.ports = Ports(settings, self.intake, senders)
+        self.intake = Intake(settings, store=self.store, evidence=self.evidence, calls=calls)
+        self.ports = Ports(settings, self.intake)
         self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line)
         self._add_gauges()
 

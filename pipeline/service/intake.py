@@ -125,7 +125,6 @@ class Intake:
         store: Store,
         evidence: EvidenceFolder,
         calls: WorkerCalls,
-        targets: Sequence[str] = (),
     ) -> None:
         """Make the intake of a service.
 
@@ -147,7 +146,7 @@ class Intake:
             wait_s=stage.wait_s,
         )
         self.bench = BenchWatch()
-        self.targets = () if settings.shadow else tuple(targets)
+        self.targets: tuple[str, ...] = ()
         self.policy = settings.review
         order = None if serials.order is None else read_order(serials.order)
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
@@ -470,13 +469,15 @@ class Intake:
 
     # ----------------------------------------------------------------------------------------------------- answer
 
-    def review(self, part_id: str, **said: Any) -> PartRecord:
+    def review(self, part_id: str, person: Person, **said: Any) -> PartRecord:
         """Store a person's review of a part, and publish the part; arguments as in `Store.review`.
 
         Raises:
             StoreError: as in `Store.review`.
         """
-        part = self.store.review(part_id, targets=self.targets, readers=self.policy.readers, **said)
+        part = self.store.review(
+            part_id, person=person, targets=self.targets, readers=self.policy.readers, **said
+        )
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()

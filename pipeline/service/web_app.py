@@ -10,26 +10,16 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from pipeline.common.version import program_version
-from pipeline.service.api.lookup import lookup_router
-from pipeline.service.api.parts import parts_router
-from pipeline.service.api.service import service_router
+from pipeline.service.api import parts_router, service_router
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.web.access import COOKIE
 from pipeline.service.web.door import Door
-from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody, add_problem_handlers
+from pipeline.service.web.problem import ProblemBody, add_problem_handlers
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
     from pipeline.service.settings import ServiceSettings
-
-_PROBLEMS = {
-    "4XX": "refused; the detail says why and what to do",
-    "422": "a file or value that cannot be used; the detail says which and what to do",
-    "5XX": "a fault of the service; its log says more",
-    "503": "not now: the queue is full, say, or the store does not answer; Retry-After tells when to ask again",
-}
-_PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
 
 
 def create_app(service: Service) -> FastAPI:
@@ -38,7 +28,6 @@ def create_app(service: Service) -> FastAPI:
     frame = Frame(service)
     routers = (
         parts_router(service),
-        lookup_router(service),
         service_router(service),
         pages_router(frame),
     )
@@ -98,13 +87,7 @@ def _describe_api(app: FastAPI, *, asked: bool) -> dict[str, Any]:
         # the first sentence of a route's docstring is its summary
         summary, _, rest = one.pop("description", "").partition("\n\n")
         one |= ({"summary": summary.rstrip(".")} if summary else {}) | ({"description": rest} if rest else {})
-        one["responses"] |= {
-            status: {"description": what, "content": _PROBLEM} for status, what in _PROBLEMS.items()
-        }
-    schemas = made["components"]["schemas"]
-    schemas[ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
-    for name in ("HTTPValidationError", "ValidationError"):
-        schemas.pop(name, None)
+    made["components"]["schemas"][ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
     about = "tactile-marks tokens add NAME --scope write"
     made["components"]["securitySchemes"] = {
         "token": {"type": "http", "scheme": "bearer", "description": about},

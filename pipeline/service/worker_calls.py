@@ -26,7 +26,7 @@ from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import Limits, ReadSettings
-    from pipeline.service.job_folder import JobFolder
+    from pipeline.service.jobs import JobFolder
     from pipeline.service.metrics import Metrics
     from pipeline.service.stage.devices import ScanOrder
     from pipeline.workers.pool import WorkPool
@@ -159,7 +159,7 @@ class WorkerCalls:
                 raise Problem(422, f"it takes longer than {CHECK_S:g} s to check; make it simpler") from error
             if error.crashed:
                 raise Problem(422, f"the worker that checked it was lost: {error}") from error
-            raise Problem(503, f"{error}; send it again", headers={"Retry-After": "5"}) from error
+            raise _lost_problem(error, 1) from error
         return found
 
     async def _call_once(self, function: Callable[..., T], *arguments: Any) -> T:

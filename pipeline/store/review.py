@@ -115,11 +115,9 @@ def review(
     tx: Transaction,
     part_id: str,
     *,
+    person: Person,
     action: ReviewAction,
-    text: str,
-    who: str,
-    token: str = "",
-    seat: str = "",
+    text: str = "",
     note: str = "",
     before: str | None = None,
     targets: Sequence[str] = (),
@@ -133,11 +131,9 @@ def review(
     Args:
         tx: the transaction.
         part_id: id of the part.
+        person: the reviewer.
         action: action of the person; an unreadable part has no text, whatever is given.
         text: the correct text; to confirm, the present text or an empty one.
-        who: name of the person.
-        token: name of the token used.
-        seat: seat of the person, as `Person.seat`.
         note: free text.
         before: the text that the person saw.
         targets: targets to which the part is published, once it is reviewed.
@@ -148,7 +144,7 @@ def review(
         ConflictError: the text has changed since the person saw it, or the part does not wait for an audit.
         ClaimedError: another person has claimed the part.
     """
-    person, part = Person(who, token, seat), part_by_id(tx, part_id, lock=True)
+    part = part_by_id(tx, part_id, lock=True)
     if audit and not _awaits_audit(tx, part_id):
         raise ConflictError(f"part {part_id} does not wait for an audit", hint="take the next one")
     _refuse_if_held(tx, part_id, person)
@@ -157,11 +153,10 @@ def review(
         what = f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}"
         raise ConflictError(what, hint="look at it again")
     after = _text_after(part, action, text)
-    if not who.strip():
+    if not person.name.strip():
         raise UnfitError("no name is given", hint="say who reviews the part")
-    texts = {"who": fit(who, "the person's name"), "token": fit(token, "the token's name")}
-    texts["note"] = fit(note, "the note", limit=MAX_NOTE)
-    said = ReviewRecord(action, part.text, after, at=tx.now, **texts)
+    who, token = fit(person.name, "the person's name"), fit(person.token, "the token's name")
+    said = ReviewRecord(action, part.text, after, who, token, fit(note, "the note", limit=MAX_NOTE), tx.now)
     unreadable = action is ReviewAction.UNREADABLE
     if audit:
         found = _NOT_JUDGED if unreadable else _RIGHT if after == part.text else _DISPUTED

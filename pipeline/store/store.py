@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
 
-from pipeline.store import access, figures, lists, outbox, rows
+from pipeline.store import access, lists, outbox, rows
 from pipeline.store import alerts as _alerts
 from pipeline.store import parts as _parts
 from pipeline.store import review as _review
@@ -94,8 +94,8 @@ class Store(Database):
     queue = _reads(lists.queue)
     queue_length = _reads(lists.queue_length)
     next_in_queue = _reads(lists.next_in_queue)
-    statistics = _reads(figures.statistics)
-    agreement_by_day = _reads(figures.agreement_by_day)
+    statistics = _reads(lists.statistics)
+    agreement_by_day = _reads(lists.agreement_by_day)
 
     # alerts and golden parts
     alerts = _reads(_alerts.raised_alerts)

@@ -33,7 +33,6 @@ import numpy as np
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.triage import ReadPart
 from pipeline.service import app as service_module
-from pipeline.service import ports as ports_module
 from pipeline.service.app import Service
 from pipeline.service.logs import set_up_logs
 from pipeline.service.outputs.dispatch import Dispatcher, Pace
@@ -62,7 +61,7 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
     pace = Pace(**{name: seconds for name, seconds in PACE.items() if name in paces})
     postgres.SILENT_S = SILENT_S
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
-    ports_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
+    service_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
     settings = ServiceSettings(
         folder=folder, store=store, webhook=WebhookSettings(url=webhook), port=port, tokens="off", log="text"
     )

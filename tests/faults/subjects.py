@@ -34,7 +34,7 @@ from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.intake import NewPart, Received
-from pipeline.service.job_folder import JobFolder
+from pipeline.service.jobs import JobFolder
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import AlreadyDoneError, StoreError

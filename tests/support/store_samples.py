@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TypeVar
 
 from pipeline.common.part_id import new_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
 from pipeline.common.records import (
     Delivery,
@@ -99,10 +100,13 @@ def received(
     return store.add_part(part_id=new_part_id(), name=name, state=state, **given)
 
 
-def correct(store: Store, part_id: str, text: str, who: str = "Ada", **more: object) -> PartRecord:
+def correct(
+    store: Store, part_id: str, text: str, person: str | Person = "Ada", **more: object
+) -> PartRecord:
     """What a person says of a part; an empty text: that it is unreadable."""
     action = ReviewAction.CORRECT if text else ReviewAction.UNREADABLE
-    return store.review(part_id, action=action, text=text, who=who, **more)
+    by = Person(person) if isinstance(person, str) else person
+    return store.review(part_id, person=by, action=action, text=text, **more)
 
 
 def race(run: Callable[[int], T], n: int = 12) -> list[T]:

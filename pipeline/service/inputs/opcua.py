@@ -29,8 +29,15 @@ from typing import TYPE_CHECKING, Any
 from glyphs.plain_text import is_hidden
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.inputs.opcua_device import Users, bad, set_up_device, settings_fit, ua, variant
-from pipeline.service.inputs.opcua_guard import GuardedServer
+from pipeline.service.inputs.opcua_server import (
+    GuardedServer,
+    Users,
+    bad,
+    set_up_device,
+    settings_fit,
+    ua,
+    variant,
+)
 from pipeline.service.inputs.trigger import (
     NO_READING,
     LineDecision,

@@ -6,7 +6,10 @@ PING<CR><LF>                       -->  PONG<CR><LF>
 anything else                      -->  ERROR;what is wrong<CR><LF>
 an HTTP request, or TLS            -->  closed
 
-The answer is made by `pipeline.service.inputs.result_string`.
+The result string is made from a format with named fields: {name};{decision};{text};{confidence:.3f};{source};{id}
+Characters of a value that could be mistaken for the format's own punctuation, invisible characters and % itself are
+written as %XX (the bytes of their UTF-8, as in web addresses): a serial A;B is sent as A%3BB. A controller whose
+serials contain no such characters need not decode; one that decodes %XX gets back exactly what was read.
 
 Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. Answers come in the order of
 the lines. The port has neither sign-in nor encryption: anyone with access to it can trigger. So by default it listens
@@ -20,19 +23,44 @@ import contextlib
 import ipaddress
 import re
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
+from string import Formatter
 from typing import TYPE_CHECKING
 
+from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden
-from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.inputs.trigger import SparingLog, Trigger, in_words, one_of_the_busiest
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import PartRecord
+from pipeline.common.row import codes_text, fields_text, lines_text
+from pipeline.service.inputs.trigger import (
+    NO_READING,
+    SparingLog,
+    Trigger,
+    decision_of,
+    in_words,
+    one_of_the_busiest,
+)
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
 
 if TYPE_CHECKING:
     from pipeline.service.settings import TcpSettings
 
+DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
+# fields of the part, and of its reading
+_OF_PART = ("name", "text", "id", "state", "expected", "database", "job")
+_OF_READING = ("source", "verdict", "font")
+_MADE: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
+    "decision": lambda part, _: decision_of(part).value,
+    "lines": lambda _, reading: lines_text(reading.lines),
+    "codes": lambda _, reading: codes_text(reading.codes),
+    "fields": lambda _, reading: fields_text(reading.fields),
+}
+TEXT_FIELDS = (*_OF_PART, *_OF_READING, *_MADE)
+NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
+_SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
+_LONGEST = 500
 LINE_END = b"\r\n"
 _LINGER_S = 0.5
 # seconds of silence until the system asks whether a controller is there, seconds between questions, and their number
@@ -40,6 +68,72 @@ _KEEPALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 _END = re.compile(rb"[\r\n]")
 # NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
 _PADDING = b"\0\r\n"
+_WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
+"""The first line of an HTTP request, or the first bytes of TLS."""
+
+
+class ResultStringError(MarksError):
+    """An invalid format of result strings."""
+
+
+class ResultString:
+    """Makes result strings of one format."""
+
+    def __init__(self, template: str = DEFAULT_FORMAT) -> None:
+        """Check the format.
+
+        Raises:
+            ResultStringError: an unknown field, one written as no number can be, or a control character.
+        """
+        self.template = template
+        if not template or len(template) > _LONGEST:
+            raise ResultStringError(
+                f"a result format has 1 to {_LONGEST} characters, this one {len(template)}"
+            )
+        try:
+            parsed = list(Formatter().parse(template))
+        except ValueError as error:
+            raise ResultStringError(f"the result format {template!r} is broken: {error}") from error
+        literals = "".join(literal for literal, *_ in parsed)
+        if any(map(is_hidden, literals)):
+            raise ResultStringError(
+                "a result format has no control characters", hint="the line's end is added"
+            )
+        for _, field, spec, conversion in parsed:
+            if field is not None:
+                _check_field(field, spec or "", conversion)
+        if not any(field for _, field, *_ in parsed):
+            raise ResultStringError(f"the result format {template!r} names no field, such as {{text}}")
+        self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
+
+    def of(self, part: PartRecord) -> str:
+        """The result string of a part, without the line's end."""
+        reading = part.reading or NO_READING
+        texts = {name: str(getattr(part, name)) for name in _OF_PART}
+        texts |= {name: getattr(reading, name) for name in _OF_READING}
+        texts |= {name: make(part, reading) for name, make in _MADE.items()}
+        texts = {name: self._quoted(text) for name, text in texts.items()}
+        numbers = {name: getattr(reading, name) or 0.0 for name in NUMBER_FIELDS}
+        return self.template.format(**texts, **numbers)
+
+    def _quoted(self, text: str) -> str:
+        return "".join(
+            _percent(char) if char in self._kept_apart or is_hidden(char) else char for char in text
+        )
+
+
+def _percent(char: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in char.encode("utf-8", "surrogatepass"))
+
+
+def _check_field(field: str, spec: str, conversion: str | None) -> None:
+    known = (*TEXT_FIELDS, *NUMBER_FIELDS)
+    if field not in known:  # so no attribute or index can be reached through a format
+        raise ResultStringError(f"the result format asks for {field!r}", hint=f"there are {', '.join(known)}")
+    if conversion or (spec and (field in TEXT_FIELDS or not _SPEC.fullmatch(spec))):
+        raise ResultStringError(
+            f"the field {field} cannot be written as {spec or conversion!r}", hint="numbers as .3f"
+        )
 
 
 @dataclass(frozen=True)
@@ -61,10 +155,6 @@ class TcpLimits:
     line_s: float = 10.0
     answer_s: float = 120.0
     write_s: float = 10.0
-
-
-_WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
-"""The first line of an HTTP request, or the first bytes of TLS."""
 
 
 class _LineError(Exception):

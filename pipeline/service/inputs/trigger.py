@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from enum import StrEnum
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from glyphs.plain_text import is_hidden, visible
 from pipeline.common.reading_records import ReadingRecord
@@ -22,13 +22,8 @@ _MOST_KINDS = 1000
 """Most kinds of lines that are remembered: callers may invent addresses."""
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
-
-
-class Trigger(Protocol):
-    """Photograph a part and read it."""
-
-    async def __call__(self, name: str, job: str = "", /) -> PartRecord:
-        """Read the part with a name (may be empty) by a job; return it once it is stored."""
+Trigger = Callable[[str, str], Awaitable[PartRecord]]
+"""Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
 
 
 class SparingLog(logging.Handler):

@@ -38,7 +38,7 @@ from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
 from pipeline.formats.part_files import set_of
 from pipeline.service.intake import Intake, NewPart, Touch
-from pipeline.service.recent_files import NO_TEXT, FileStamp, is_text, stamp_of
+from pipeline.service.jobs import NO_TEXT, FileStamp, is_text, stamp_of
 from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.problem import OwnProblem, Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of

@@ -19,7 +19,7 @@ from pipeline.common.texts import same_text
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
 from pipeline.service.pages.places import Cell, expected_cells
 from pipeline.store.alerts import DRIFT
-from pipeline.store.figures import DAY, HOUR
+from pipeline.store.lists import DAY, HOUR
 
 Span = Literal["hour", "day", "week", "month", "year"]
 SPANS = {

@@ -24,8 +24,7 @@ from pipeline.common.records import PartRecord, Scope
 from pipeline.common.shares import share
 from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.web.access import Caller
-from pipeline.service.web.addresses import relative, to_root
-from pipeline.service.web.problem import Problem
+from pipeline.service.web.problem import Problem, relative, to_root
 from recognition.active.active_reading import StopReason
 
 if TYPE_CHECKING:

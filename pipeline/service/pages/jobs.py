@@ -18,8 +18,7 @@ from pipeline.common.reading_records import Box, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartStory
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
-from pipeline.service.job_edit import Taught, name_like, save_edited, teach, text_to_edit
-from pipeline.service.job_folder import JobAnswer, JobFolder
+from pipeline.service.jobs import JobAnswer, JobFolder, Taught, name_like, save_edited, teach, text_to_edit
 from pipeline.service.pages.frame import Frame, View
 from pipeline.service.pages.pictures import TOUCH, PictureFrame, PictureView, last_reading, picture_pair
 from pipeline.service.web.problem import Problem

@@ -162,17 +162,9 @@ def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
     before = said.before if said.mode is ReviewMode.OPEN else None
     stands = text == (part.text if before is None else before.strip())
     action = ReviewAction.UNREADABLE if not text else ReviewAction.CONFIRM if stands else ReviewAction.CORRECT
-    view.frame.service.intake.review(
-        part.id,
-        action=action,
-        text=text if action is ReviewAction.CORRECT else "",
-        who=person.name,
-        token=person.token,
-        seat=person.seat,
-        note=said.note,
-        before=before,
-        audit=audit,
-    )
+    text = text if action is ReviewAction.CORRECT else ""
+    answer = {"action": action, "text": text, "note": said.note, "before": before, "audit": audit}
+    view.frame.service.intake.review(part.id, person, **answer)
     return view.frame.store.next_in_queue(part.id, person=person, audits=audit)
 
 

@@ -1,4 +1,4 @@
-"""The operator's pages: queue, review, parts and dashboard, made on the server; they work without script and internet.
+"""The operator's pages, made on the server; they work without script and internet.
 
 /review  /review/{id}  /audit  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /docs  /login  /static/{name}
 """
@@ -6,23 +6,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from datetime import UTC, date, datetime, time, timedelta
+from typing import Annotated, Any, Literal
+from urllib.parse import urlencode
 
-from fastapi import APIRouter, Form
+from fastapi import APIRouter, Depends, Form, Query
+from pydantic import BaseModel, Field
 from starlette.requests import Request
 from starlette.responses import Response
 
+from pipeline.common.records import PartState
 from pipeline.service.pages.dashboard import add_dashboard
-from pipeline.service.pages.frame import Frame, redirect, set_cookie
+from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of, redirect, set_cookie
 from pipeline.service.pages.jobs import add_job_pages
-from pipeline.service.pages.parts import add_part_pages
+from pipeline.service.pages.pictures import last_felt, picture_pair
+from pipeline.service.pages.places import cells_of, expected_cells, places_of
 from pipeline.service.pages.review import add_review_pages
+from pipeline.service.touch_queue import RETRY_S
 from pipeline.service.web.access import COOKIE
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.access import SIGNED_IN_S
 
 Described = Mapping[str, Any]
 _KINDS = {"string": "text", "integer": "whole number", "number": "number", "boolean": "true or false"}
+Wanted = Annotated[str, Field(max_length=200)]
+Day = Annotated[date, Field(lt=date(9999, 1, 1))] | Literal[""]
 
 
 def pages_router(frame: Frame) -> APIRouter:
@@ -46,6 +54,66 @@ def pages_router(frame: Frame) -> APIRouter:
         return answer
 
     return router
+
+
+class Search(BaseModel):
+    """Search terms of the list; days by UTC."""
+
+    text: Wanted = ""
+    name: Wanted = ""
+    state: PartState | Literal[""] = ""
+    job: Wanted = ""
+    line: Wanted = ""
+    first: Day = ""
+    last: Day = ""
+    before: str = ""
+
+
+def add_part_pages(router: APIRouter, frame: Frame) -> None:
+    """The routes of the list and of one part."""
+    looks, store = Depends(frame.reader_view), frame.store
+
+    @router.get("/parts")
+    def parts(search: Annotated[Search, Query()], view: View = looks) -> Response:
+        asked = search.model_dump(mode="json", exclude={"before"}, exclude_defaults=True)
+        sought: dict[str, Any] = {
+            **{name: getattr(search, name).strip() for name in ("text", "name", "job", "line")},
+            "state": search.state,
+            "since": datetime.combine(search.first, time(), UTC) if search.first else None,
+            "until": datetime.combine(search.last, time(), UTC) + timedelta(days=1) if search.last else None,
+        }
+        sought = {name: value for name, value in sought.items() if value}
+        found = store.parts(**sought, before=search.before or None, limit=PARTS_SHOWN + 1)
+        return view.page(
+            "parts.html.j2",
+            asked=search,
+            searched=bool(asked),
+            table="/v1/parts.csv?" + urlencode(sought),
+            states=tuple(PartState),
+            **page_of(found, "/parts", asked, search.before),
+        )
+
+    @router.get("/parts/{part_id}")
+    def part(part_id: str, view: View = looks) -> Response:
+        story = store.story(part_id)
+        pictures = picture_pair(story, frame.service.evidence)
+        places = [places_of(reading) for reading in story.readings]
+        reviews = frame.service.intake.policy.shown(story, view.person)
+        return view.page(
+            "part.html.j2",
+            part=story.part,
+            readings=[(r, p, cells_of(r.text, p)) for r, p in zip(story.readings, places, strict=True)],
+            pictures=pictures,
+            felt=last_felt(story.readings),
+            expected=expected_cells(story.part),
+            reviews=reviews,
+            hidden=len(story.reviews) - len(reviews),
+            events=story.events,
+            not_felt=next((e.data["why"] for e in reversed(story.events) if e.kind == "touch_failed"), ""),
+            stage=frame.service.intake.stage.there,
+            retry_s=RETRY_S,
+            evidence=story.evidence,
+        )
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:

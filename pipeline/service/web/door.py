@@ -16,7 +16,7 @@ import re
 import secrets
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import anyio.to_thread
 import structlog
@@ -25,7 +25,6 @@ from starlette.middleware import body_limit
 from starlette.requests import ClientDisconnect, HTTPConnection
 
 from pipeline.service.web.access import is_in, is_own_user
-from pipeline.service.web.addresses import without_prefix
 from pipeline.service.web.problem import Problem, busy, problem_answer, problem_of, stopping
 
 if TYPE_CHECKING:
@@ -85,7 +84,7 @@ class Door:
         request_id = given if _SANE_ID.fullmatch(given) else secrets.token_hex(8)
         scope.setdefault("state", {})["request_id"] = request_id
         method = scope["method"]
-        scope = without_prefix(scope, self._settings.root_path)
+        scope = _without_prefix(scope, self._settings.root_path)
         if method == "HEAD":
             scope = {**scope, "method": "GET"}
         start, status, begun = time.perf_counter(), 500, False
@@ -196,6 +195,23 @@ class Door:
                 seconds=round(seconds, 4),
                 client=(scope.get("client") or ("",))[0],
             )
+
+
+def _without_prefix(scope: Scope, root_path: str) -> Scope:
+    """The request without a prefix that a proxy passes on.
+
+    Args:
+        scope: scope of the request.
+        root_path: prefix of the proxy, such as /marks; empty: there is none.
+    """
+    if not root_path or not f"{scope['path']}/".startswith(f"{root_path}/"):
+        return scope
+    n = len(root_path)
+    inner: dict[str, Any] = {**scope, "path": scope["path"][n:] or "/"}
+    raw = scope.get("raw_path")
+    if raw is not None and raw.startswith(root_path.encode()):
+        inner["raw_path"] = raw[n:] or b"/"
+    return inner
 
 
 def _with_timeouts(receive: Receive) -> Receive:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import structlog
@@ -19,7 +19,6 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from glyphs.errors import FileError, MarksError
-from pipeline.service.web.addresses import relative
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 from whisker_array.scan.stage_error import StageError
 
@@ -59,6 +58,22 @@ class ProblemBody:
     detail: str
     request_id: str
     type: str = "about:blank"
+
+
+_CONTENT = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    status: {"description": what, "content": _CONTENT}
+    for status, what in (
+        ("4XX", "refused; the detail says why and what to do"),
+        ("422", "a file or value that cannot be used; the detail says which and what to do"),
+        ("5XX", "a fault of the service; its log says more"),
+        (
+            "503",
+            "not now: the queue is full, or the store does not answer; Retry-After tells when to ask again",
+        ),
+    )
+}
+"""Answers to failed requests, as the description of the interface has them."""
 
 
 def without_folders(text: str) -> str:
@@ -135,6 +150,21 @@ def _problem(error: BaseException, scope: Scope) -> Problem:
     if error.status_code == 404:
         detail = f"there is nothing at {scope['path'][:200]}; see /docs for the addresses"
     return Problem(error.status_code, detail, headers=dict(error.headers or {}))
+
+
+# Addresses are relative to their page, so that they work under any path prefix of a proxy: on
+# https://plant.example/marks/review/01JD... the list of parts is ../parts, not /parts.
+
+
+def to_root(scope: Scope) -> str:
+    """The relative path from the requested address to the service's first page: "./", "../", "../../" ..."""
+    path = scope.get("raw_path") or scope["path"].encode("utf-8", "surrogateescape")
+    return "../" * (path.partition(b"?")[0].count(b"/") - 1) or "./"
+
+
+def relative(scope: Scope, address: str) -> str:
+    """An address of the service, such as /parts, relative to the requested one."""
+    return to_root(scope) + address.removeprefix("/")
 
 
 def problem_answer(problem: Problem, scope: Scope) -> Response:

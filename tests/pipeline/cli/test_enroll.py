@@ -10,6 +10,7 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.main import main
 from pipeline.common.part_id import new_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
@@ -271,7 +272,7 @@ def reviewed_store(folder, root, *, actions):
         evidence = [kept] if k != 3 else []
         store.add_part(part_id=ids[-1], name="", state=PartState.REVIEW, readings=[read], evidence=evidence)
         if action is not None:
-            store.review(ids[-1], action=action, text=stamped(k).text, who="Ann")
+            store.review(ids[-1], action=action, text=stamped(k).text, person=Person("Ann"))
     store.close()
     return ids
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.plain_text import is_hidden
-from pipeline.service.api.answers import HIDDEN
+from pipeline.service.api import HIDDEN
 
 
 @given(st.characters(max_codepoint=0xFFFF))

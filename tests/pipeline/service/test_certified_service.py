@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.common.people_records import Person
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.drift import EVERY
@@ -36,7 +37,7 @@ def test_a_trigger_has_the_stage_feel_what_the_certificate_does_not_cover(
         assert last.passes
         assert store.undelivered() == 2  # that touch is needed, and what it has read
         assert part.state is not PartState.TOUCH_NEEDED
-        store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Anna")
+        store.review(part.id, action=ReviewAction.CONFIRM, text="", person=Person("Anna"))
         assert store.part(part.id).state is PartState.REVIEWED
 
 

@@ -326,14 +326,14 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     import sys
 
     from glyphs.errors import MissingExtraError
-    from pipeline.service.inputs import opcua_device
+    from pipeline.service.inputs import opcua_server
     from pipeline.service.outputs.mqtt import MqttSender
     from pipeline.service.settings import MqttSettings
 
     for module, extra, make in (
         ("httpx", "service", lambda: Client("http://127.0.0.1")),
         ("paho.mqtt.client", "mqtt", lambda: MqttSender(MqttSettings(url="mqtt://127.0.0.1"))),
-        ("asyncua", "opcua", lambda: importlib.reload(opcua_device)),
+        ("asyncua", "opcua", lambda: importlib.reload(opcua_server)),
     ):
         with monkeypatch.context() as without:
             without.setitem(sys.modules, module, None)

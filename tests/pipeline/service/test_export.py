@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
+from pipeline.common.people_records import Person
 from pipeline.common.records import PartState, ReviewAction
-from pipeline.service.api import lookup
-from pipeline.service.api.lookup import COLUMNS
+from pipeline.service import api
+from pipeline.service.api import COLUMNS
 from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import START, Clock, received
 
@@ -34,7 +35,7 @@ def rows(client: TestClient, **sought: str) -> list[dict[str, str]]:
 
 def test_every_part_is_a_row_however_many_there_are(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     store, client = served[0].store, served[1]
-    monkeypatch.setattr(lookup, "_AT_ONCE", 3)
+    monkeypatch.setattr(api, "_AT_ONCE", 3)
     assert rows(client) == []
     ids = [received(store, name=f'Größe {k}, "left"').id for k in range(8)]
     found = rows(client)
@@ -51,7 +52,7 @@ def test_filters(served: Served, clock: Clock) -> None:
     first = received(store, job="left", line="north").id
     clock.go_on(days=1)
     second = received(store, PartState.REVIEW, job="right").id
-    store.review(second, action=ReviewAction.CORRECT, text="KX407257", who="Ada", note="worn")
+    store.review(second, action=ReviewAction.CORRECT, text="KX407257", person=Person("Ada"), note="worn")
     day = f"{START + timedelta(days=1):%Y-%m-%d}"
     assert [r["id"] for r in rows(client, since=day)] == [second]
     assert [r["id"] for r in rows(client, until=day)] == [first]

@@ -20,8 +20,7 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.triage import ReadPart
-from pipeline.service.job_edit import Taught, name_like, teach
-from pipeline.service.job_folder import JobFolder
+from pipeline.service.jobs import JobFolder, Taught, name_like, teach
 from pipeline.service.web.problem import Problem
 from recognition.reader import Reader
 from tests.support import certificates
@@ -97,7 +96,7 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
     assert away.json()["detail"] == "the job right has disappeared; put right.toml back"
     assert "right" in client.get("/readyz").json()["of_no_use"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.service.recent_files.MOST_AWAY_S", 0.0)
+        patch.setattr("pipeline.service.jobs.MOST_AWAY_S", 0.0)
         assert post(client, job="right").status_code == 422
     put(tmp_path / "jobs", "new", "font = 'nowhere.ttf'\n")
     refused = post(client, job="new")

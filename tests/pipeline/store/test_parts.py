@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pipeline.common.people_records import Person
 from pipeline.common.reading_records import ScanPlanRecord, to_json
 from pipeline.common.records import EvidenceKind, PartState, ReviewAction
 from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
@@ -61,8 +62,8 @@ def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> Non
     assert [e.kind for e in store.evidence(part.id)] == [EvidenceKind.PHOTO, EvidenceKind.SCAN]
 
     said_at = clock.go_on(minutes=3)
-    said = {"text": "KX407251", "who": "Ada", "token": "line-3", "note": "worn 1", "before": "KX40725"}
-    part = store.review(part.id, action=ReviewAction.CORRECT, **said)
+    said = {"text": "KX407251", "note": "worn 1", "before": "KX40725"}
+    part = store.review(part.id, person=Person("Ada", "line-3"), action=ReviewAction.CORRECT, **said)
     assert (part.state, part.text, part.reading) == (PartState.REVIEWED, "KX407251", felt)
     review = part.review
     assert review is not None
@@ -97,23 +98,23 @@ def test_reviews_are_added_never_replaced(store: Store, clock: Clock) -> None:
     )
     for action, text, before, _ in said:
         clock.go_on(seconds=1)
-        part = store.review(part.id, action=action, text=text, who="Ada", before=before)
+        part = store.review(part.id, action=action, text=text, person=Person("Ada"), before=before)
     assert [(r.before, r.after) for r in store.story(part.id).reviews] == [
         (before, after) for *_, before, after in said
     ]
     assert part.review == store.story(part.id).reviews[-1]
     accepted = received(store)
-    part = store.review(accepted.id, action=ReviewAction.CORRECT, text="KX407257", who="Ada")
+    part = store.review(accepted.id, action=ReviewAction.CORRECT, text="KX407257", person=Person("Ada"))
     assert (part.state, part.text) == (PartState.REVIEWED, "KX407257")
 
 
 def test_the_second_of_two_people_is_told(store: Store) -> None:
     part = received(store, PartState.REVIEW, "KX4")
-    store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", before="KX4")
+    store.review(part.id, action=ReviewAction.CORRECT, text="KX5", person=Person("Ada"), before="KX4")
     with pytest.raises(ConflictError, match=r"'KX5' by Ada meanwhile, no longer 'KX4'"):
-        store.review(part.id, action=ReviewAction.CORRECT, text="KX6", who="Bob", before="KX4")
+        store.review(part.id, action=ReviewAction.CORRECT, text="KX6", person=Person("Bob"), before="KX4")
     with pytest.raises(ConflictError, match=r"'KX4' cannot be confirmed, for the text is 'KX5'"):
-        store.review(part.id, action=ReviewAction.CONFIRM, text="KX4", who="Bob")
+        store.review(part.id, action=ReviewAction.CONFIRM, text="KX4", person=Person("Bob"))
     with pytest.raises(ConflictError, match="reviewed by Ada meanwhile"):
         store.add_readings(part.id, readings=(reading(),), state=PartState.ACCEPTED)
     assert (len(store.story(part.id).reviews), len(store.story(part.id).readings)) == (1, 1)
@@ -126,7 +127,7 @@ def test_the_second_of_two_people_is_told(store: Store) -> None:
         ("KX4", {"action": ReviewAction.CORRECT, "text": "x" * 201}, "201 characters; give at most 200"),
         ("KX4", {"action": ReviewAction.CORRECT, "text": "K\x00"}, "NUL"),
         ("KX4", {"action": ReviewAction.CORRECT, "text": "K\ud800"}, "not UTF-8"),
-        ("KX4", {"action": ReviewAction.CONFIRM, "text": "", "who": " "}, "say who"),
+        ("KX4", {"action": ReviewAction.CONFIRM, "text": "", "person": Person(" ")}, "say who"),
         ("KX4", {"action": ReviewAction.CONFIRM, "text": "", "note": "n" * 4001}, "the note has 4001"),
         ("", {"action": ReviewAction.CONFIRM, "text": ""}, "no text to confirm"),
     ],
@@ -134,7 +135,7 @@ def test_the_second_of_two_people_is_told(store: Store) -> None:
 def test_reviews_that_make_no_sense(store: Store, read: str, said: dict[str, Any], message: str) -> None:
     part = received(store, PartState.REVIEW, read)
     with pytest.raises(UnfitError, match=message):
-        store.review(part.id, **{"who": "Ada", **said})
+        store.review(part.id, **{"person": Person("Ada"), **said})
     assert store.part(part.id) == part
     assert _kinds(store, part.id) == ["received", "read"]
 
@@ -147,7 +148,7 @@ def test_a_request_is_done_once(store: Store) -> None:
     with pytest.raises(AlreadyDoneError) as caught:
         received(store, idempotency=replace(request, fingerprint="photo b"), targets=("mqtt",))
     assert (caught.value.part_id, caught.value.fingerprint) == (part.id, "photo a")
-    store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    store.review(part.id, action=ReviewAction.CONFIRM, text="", person=Person("Ada"))
     with pytest.raises(AlreadyDoneError):
         store.add_readings(part.id, readings=(reading(),), state=PartState.REVIEW, idempotency=request)
     assert (len(store.parts()), len(store.story(part.id).readings), store.undelivered()) == (1, 1, 0)
@@ -184,7 +185,7 @@ def test_parts_that_are_not_there(store: Store, part_id: str) -> None:
             ask(part_id)
     for change in (
         lambda: store.add_readings(part_id, readings=(reading(),), state=PartState.REVIEW),
-        lambda: store.review(part_id, action=ReviewAction.UNREADABLE, text="", who="Ada"),
+        lambda: store.review(part_id, action=ReviewAction.UNREADABLE, text="", person=Person("Ada")),
         lambda: store.note_event(part_id, "enrolled", {}),
         lambda: store.evidence_gone(part_id, PHOTO.sha256),
     ):

@@ -22,8 +22,8 @@ def said(
     store: Store, part_id: str, by: Person, text: str, *, readers: int = 2, audit: bool = False
 ) -> PartState:
     """Where a part stands after a person has said what it reads."""
-    about = {"token": by.token, "seat": by.seat, "readers": readers, "audit": audit}
-    return correct(store, part_id, text, by.name, **about).state
+    about = {"readers": readers, "audit": audit}
+    return correct(store, part_id, text, by, **about).state
 
 
 # ---- claims

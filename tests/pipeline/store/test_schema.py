@@ -90,7 +90,9 @@ def test_a_store_of_the_first_version_is_read_and_used_on(tmp_path: Path) -> Non
         assert [e.kind for e in store.story(reviewed.id).events][-1] == "reviewed"
         assert store.find_request("line-3:1") == ("f", accepted.id)
         assert [token.name for token in store.tokens()] == ["line-3"]
-        store.review(reviewed.id, action=ReviewAction.CORRECT, text="KX1", who="Bea", targets=("mqtt",))
+        store.review(
+            reviewed.id, action=ReviewAction.CORRECT, text="KX1", person=Person("Bea"), targets=("mqtt",)
+        )
         new = received(store, targets=("mqtt",))
         assert {d.part_id for d in due(store)} == {accepted.id, reviewed.id, new.id}
         faults = {found.fault.value for found in check(store, evidence, read_files=False).findings}

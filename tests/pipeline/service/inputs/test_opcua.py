@@ -24,7 +24,7 @@ from pipeline.common.version import program_version
 from pipeline.reading.part_orders import RECORDING, PartOrder
 from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result, status_of
-from pipeline.service.inputs.opcua_device import settings_fit
+from pipeline.service.inputs.opcua_server import settings_fit
 from pipeline.service.settings import OpcUaSettings
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from glyphs.plain_text import is_hidden
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
-from pipeline.service.inputs.tcp import TcpLimits, TcpPort
+from pipeline.service.inputs.tcp import DEFAULT_FORMAT, ResultString, ResultStringError, TcpLimits, TcpPort
 from pipeline.service.inputs.trigger import LineDecision, decision_of, in_words
 from pipeline.service.settings import TcpSettings
 from pipeline.service.web.problem import Problem

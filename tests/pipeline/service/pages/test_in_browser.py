@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from tests.support.line_fakes import serving
 from tests.support.page_shop import MM, Shop, character, reading
@@ -363,7 +364,9 @@ def test_pages_fit_their_window(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
     long_id = service.put("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")
     odd_id = service.put("<b>\"x'&", name="<script>alert(1)</script>", unsure={2: "})|"})
-    service.store.review(odd_id, action=ReviewAction.CORRECT, text="<i>\"x'&", who="<Ada>", note="'\"&")
+    service.store.review(
+        odd_id, action=ReviewAction.CORRECT, text="<i>\"x'&", person=Person("<Ada>"), note="'\"&"
+    )
     page = sit_down("")
     pages = {
         "queue": "/review", "part": f"/review/{part_id}", "long": f"/review/{long_id}",

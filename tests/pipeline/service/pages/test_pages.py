@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.common.part_id import new_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.reading_records import (
     CharacterRecord,
     CodeRecord,
@@ -260,7 +261,7 @@ def test_what_is_read_surely_and_still_not_accepted_is_explained(shop: Shop, ver
 
 def test_another_person_being_quicker_is_told_and_nothing_is_lost(shop: Shop) -> None:
     part_id = shop.add("KX407251")
-    shop.store.review(part_id, action=ReviewAction.CORRECT, text="KX407259", who="Grace")
+    shop.store.review(part_id, action=ReviewAction.CORRECT, text="KX407259", person=Person("Grace"))
     assert shop.say(part_id, "KX407257", before="KX407251") == 409
     page = shop.answer.text
     assert "Grace was quicker" in page

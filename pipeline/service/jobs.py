@@ -1,6 +1,7 @@
-"""The jobs of a service: the files of one folder, by name.
+"""Jobs and glyph databases: the files of two folders, by name; jobs are also written, edited as text, and taught.
 
     jobs/housing-left.toml --checked with all files that it names--> settings for parts of job housing-left
+    box, text --> Taught --into the job as it is, or a new one--> settings --JobFolder.save--> housing-left.toml
 
 * A file is checked whenever its job is named, so jobs can be added, changed and removed while the service
   runs. A file that was there within the last hour may come back: until then, requests that name it are asked
@@ -9,15 +10,19 @@
   working job becomes unusable, the job keeps its previous settings. The log and the list say so.
 * Jobs that are added or changed while the service runs are checked by a worker process, within its limits.
 * Without a name, parts are read by the service's own settings.
+* Jobs are shown and edited without paths of the service's machine.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import threading
+import time
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -26,15 +31,111 @@ import structlog
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
-from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
-from pipeline.common.settings import ReadSettings
+from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys, with_whole_paths
+from pipeline.common.settings import NamedLine, ReadSettings, Region, SettingsError
 from pipeline.errors import OwnFileError, describe_fault
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
-from pipeline.reading.job_check import check_job
-from pipeline.service.recent_files import FileStamp, GlyphDatabases, RecentFiles, stamp_of
+from pipeline.reading.job_check import check_job, check_line
 from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 
+MOST_AWAY_S = 3600.0
+"""Seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back. After
+that its removal counts as meant."""
+NO_TEXT = "its name is not UTF-8 text; rename it"
+FileStamp = tuple[int, int]
+"""Size and modification time of a file, ns, at one look."""
+_FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
+_OF_THE_SERIAL = {"format", "lexicon", "check", "exclude", "region", "line"}
+_NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}
 log = structlog.get_logger("tactile-marks")
+
+
+class RecentFiles:
+    """The files of one folder with one suffix, without hidden ones.
+
+    Attributes:
+        folder: folder of the files.
+        needed: name of one that the settings name.
+    """
+
+    def __init__(self, folder: Path, suffix: str, what: str, *, needed: str = "") -> None:
+        """Take the folder.
+
+        Args:
+            folder: folder of the files; it need not exist.
+            suffix: suffix of their names.
+            what: one of them, in words.
+            needed: name of one that the settings name: if it is away, it is expected to come back.
+        """
+        self.folder, self._suffix, self._what, self.needed = folder, suffix, what, needed
+        self._seen_s: dict[str, float] = {}
+
+    def files(self) -> dict[str, Path]:
+        """The present files by stem, without those whose name is not text."""
+        found = {}
+        try:
+            paths = sorted(self.folder.glob(f"[!.]*{self._suffix}"))
+            found = {path.stem: path for path in paths if is_text(path.name) and path.is_file()}
+        except OSError as error:
+            log.warning("folder cannot be looked at", folder=str(self.folder), why=str(error))
+        self._seen_s |= dict.fromkeys(found, time.monotonic())
+        return found
+
+    def find(self, name: str) -> Path:
+        """The file of a name.
+
+        Raises:
+            OwnProblem: it was there lately, and is away.
+            Problem: there is none.
+        """
+        files = self.files()
+        if name in files:
+            return files[name]
+        seen_s = self._seen_s.get(name)
+        if seen_s is not None and (name == self.needed or time.monotonic() - seen_s < MOST_AWAY_S):
+            raise OwnProblem(f"the {self._what} {name} has disappeared; put {name}{self._suffix} back")
+        there = ", ".join(files) or "none at all"
+        raise Problem(422, f"there is no {self._what} {name[:100]!r}; there is {there}")
+
+
+def stamp_of(status: os.stat_result) -> FileStamp:
+    """The stamp of a file, from the system's answer."""
+    return status.st_size, status.st_mtime_ns
+
+
+def is_text(name: str) -> bool:
+    """Whether a file's name can be stored: one that is not UTF-8 has half surrogates."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+class GlyphDatabases(RecentFiles):
+    """Glyph databases by name; looked up on every use, so that one may be added while the service runs."""
+
+    def __init__(self, folder: Path, *, default: Path | None = None) -> None:
+        """Take the folder.
+
+        Args:
+            folder: folder of the files; it need not be there.
+            default: database where none is asked for; None for the built-in fonts.
+
+        Raises:
+            SettingsError: there is no such default.
+        """
+        super().__init__(folder, ".glyphs", "glyph database")
+        self._default = default
+        if default is not None and not default.is_file():
+            raise SettingsError(
+                f"there is no glyph database {default}", hint="make it with enroll, or name another"
+            )
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Name of each, and whether it is the default."""
+        default = None if self._default is None else self._default.absolute()
+        return [{"name": name, "default": path.absolute() == default} for name, path in self.files().items()]
 
 
 @dataclass(frozen=True)
@@ -220,7 +321,7 @@ class JobFolder(RecentFiles):
             raise Problem(409, f"the watched folder uses the job {name}; set watch.job to another first")
         with self.lock:
             path.unlink(missing_ok=True)
-            self.forget(name)
+            self._seen_s.pop(name, None)  # it was meant
             self._known.pop(name, None)
         log.info("job deleted", job=name)
 
@@ -284,3 +385,136 @@ def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, D
     except Exception as error:
         log.exception("fault of the program while reading a job", job=path.stem)
         raise FileError(path, describe_fault(error), "remove it and report this") from error
+
+
+def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
+    """Convert requested settings to those of a job's file.
+
+    Raises:
+        Problem: invalid settings, or settings that name a file of the service's machine.
+    """
+    if not isinstance(asked, dict):
+        raise Problem(422, "the body is not a JSON object of settings")
+    try:
+        settings: ReadSettings = jobs.call(partial(ReadSettings.of, **asked))
+    except MarksError as error:
+        raise Problem(422, str(error)) from error
+    written: dict[str, Any] = settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+    if settings.database is not None:
+        written["database"] = str(jobs.databases.find(str(settings.database)))
+    named: list[str] = [key for key in ("lexicon", "certificate") if key in written]
+    named += [font for font in settings.font if Path(font).name != font or "." in font]
+    if named:
+        raise Problem(422, f"{named[0]} {_FILES_BY_HAND}")
+    return written
+
+
+def text_to_edit(jobs: JobFolder, name: str) -> str:
+    """The settings of a job, with file names without paths; empty if its file cannot be used.
+
+    Raises:
+        Problem: 404, there is no such job.
+    """
+    try:
+        written = jobs.written(name)
+    except Problem:
+        return ""
+    if written is None:
+        raise Problem(404, f"there is no job {name[:100]!r}; /jobs lists them")
+    return job_text(without_paths(written), written.get("line", ()))
+
+
+def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
+    """Save the text of a job; files that it already names may stay.
+
+    Args:
+        jobs: jobs of the service.
+        name: name of the job.
+        text: edited text.
+        before: text that was shown.
+
+    Raises:
+        Problem: no such job, one that has changed meanwhile, invalid settings.
+    """
+    with jobs.lock:
+        if text_to_edit(jobs, name) != before:
+            raise Problem(409, f"the job {name} has changed meanwhile; load the page again")
+        try:
+            asked = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise Problem(422, f"this is not TOML: {str(error)[:200]}") from error
+        kept = (jobs.written(name) or {}) if before else {}
+        shown = without_paths(kept)
+        files = {key: kept[key] for key in FILES if key in kept and asked.get(key) == shown[key]}
+        rest = {key: value for key, value in asked.items() if key not in files}
+        jobs.save(name, {**written_job(jobs, rest), **files})
+
+
+@dataclass(frozen=True)
+class Taught:
+    """A line of a part that a person has marked.
+
+    Attributes:
+        line: name; empty for the serial.
+        text: text on the part.
+        format: format of such texts.
+        region: where its middle may lie.
+        height_mm: height of its characters; None to measure it.
+        database: name of the glyph database of a die that was learned; empty for none. Of the serial.
+    """
+
+    line: str
+    text: str
+    format: str
+    region: Region
+    height_mm: float | None = None
+    database: str = ""
+
+
+def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
+    """Add a line to a job; a new job starts with the service's own fonts, experts and thresholds.
+
+    Args:
+        jobs: jobs in which it is kept.
+        name: name of the job.
+        taught: the line.
+        replace: whether a line of that name may stand there already.
+
+    Raises:
+        Problem: no such line can be, the text is not of its format, or the line stands in the job (409).
+    """
+    try:
+        objections = jobs.call(check_line, taught.format, taught.text)
+        line = NamedLine.parse(f"{taught.line}={taught.format}") if taught.line else None
+    except (MarksError, ValueError) as error:
+        raise Problem(422, str(error)) from error
+    if objections:
+        raise Problem(422, f"{taught.text!r} is not of the format {taught.format}: {objections[0]}")
+    with jobs.lock:
+        written = jobs.written(name)
+        if written is None:
+            own = with_whole_paths(jobs.own, Path())
+            written = own.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
+        lines = {one.name: one for one in map(NamedLine.parse, written.get("line", ()))}
+        serial = bool(written.get("format") or written.get("region"))
+        if not replace and (serial if line is None else line.name in lines):
+            which = "a serial" if line is None else f"the line {line.name}"
+            raise Problem(
+                409,
+                f"the job {name} has {which} already; name the line that you mean, or say that it may be replaced",
+            )
+        if line is not None:
+            lines[line.name] = NamedLine(line.name, line.format, taught.region)
+            written["line"] = list(map(str, lines.values()))
+        else:
+            written |= {"format": taught.format, "region": list(taught.region), "height_mm": taught.height_mm}
+            if taught.database:
+                written["database"] = str(jobs.databases.find(taught.database).absolute())
+        jobs.save(name, {key: value for key, value in written.items() if value is not None})
+
+
+def name_like(part_name: str) -> str:
+    """A name for the job of parts with names like this one: housing-left of tray-7/housing-left-0012."""
+    words = re.split(r"[/\\]", part_name)[-1]
+    stem = re.sub(r"[^A-Za-z0-9_.-]+", "-", words).rstrip("0123456789").strip("-_.")
+    return stem if re.fullmatch(NAME, stem) else ""

@@ -1,0 +1,527 @@
+"""The service over HTTP: parts are sent, looked up and reviewed; health, numbers, jobs and the golden part."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, File, Form, Header, Path, Query, Request, Response, UploadFile
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import FileResponse, StreamingResponse
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SkipValidation
+
+from pipeline.common.golden_record import GoldenRecord
+from pipeline.common.job_file import NAME
+from pipeline.common.people_records import AuditFigures
+from pipeline.common.reading_records import to_json_bytes
+from pipeline.common.records import (
+    EvidenceKind,
+    EvidenceRecord,
+    History,
+    PartRecord,
+    PartState,
+    ReviewAction,
+    Scope,
+    Statistics,
+)
+from pipeline.common.settings import ReadSettings
+from pipeline.common.texts import harmless
+from pipeline.plots.boxes_picture import boxes_picture
+from pipeline.service.intake import NewPart, Received, Touch
+from pipeline.service.jobs import JobAnswer, written_job
+from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.problem import PROBLEMS, Problem
+from pipeline.service.web.uploads import SMALL_BODY, FormRoute, Upload, check_count, receive
+from pipeline.store.evidence_folder import EvidenceFolder, FileState
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
+
+if TYPE_CHECKING:
+    from pipeline.service.app import Service
+
+HIDDEN = r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ue000-\uf8ff\ufeff\ufff9-\ufffb"
+"""Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
+
+Without half surrogates, which never come out of UTF-8.
+"""
+TEXT = f"^[^{HIDDEN}]*$"
+NOTE = f"^(?:[\\t\\n\\r]|[^{HIDDEN}])*$"
+PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
+PictureName = Literal["photo", "edges", "boxes"]
+COLUMNS = {
+    "id": "id", "name": "name", "received": "created_at", "state": "state", "serial": "text",
+    "read_by": "reading.source", "decision": "reading.decision", "confidence": "reading.confidence",
+    "expected": "expected", "verdict": "reading.verdict", "line": "line", "job": "job", "database": "database",
+    "reviewed_by": "review.who", "review": "review.action", "reviewed": "review.at", "note": "review.note",
+}  # fmt: skip
+"""Columns of the table, and the field of a part's record that fills each."""
+_AT_ONCE = 500
+_LASTING = "private, max-age=31536000, immutable"
+
+
+@dataclass(frozen=True)
+class PartAnswer(PartRecord):
+    """A part in its present state, with links to more.
+
+    Attributes:
+        links: addresses of the part, its history, and of its pictures by name.
+    """
+
+    links: Mapping[str, str] = field(default_factory=dict)
+
+
+def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
+    """The part with its links, with the prefix of a proxy, if any."""
+    here = f"{root_path}/v1/parts/{part.id}"
+    pictures = {name: f"{here}/pictures/{name}" for name in (*PICTURES, "boxes")}
+    return PartAnswer(**part.__dict__, links={"self": here, "history": f"{here}/history", **pictures})
+
+
+class ReviewBody(BaseModel):
+    """A person's review of a part."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "examples": [{"action": "correct", "text": "KX407251", "who": "Anna", "before": "KX4O7251"}]
+        },
+    )
+
+    action: ReviewAction
+    text: str = Field("", max_length=200, pattern=TEXT, description="the serial; empty for unreadable")
+    who: str = Field(
+        "", max_length=100, pattern=TEXT, description="the person; a token signs with its own name"
+    )
+    note: str = Field("", max_length=2000, pattern=NOTE)
+    outside_format: bool = Field(
+        False, description="save a serial that does not fit the format; else that is answered 422"
+    )
+    before: str | None = Field(
+        None, max_length=200, description="the text as it was; if it has changed since, the answer is 409"
+    )
+
+
+def _text(description: str, **more: Any) -> Any:
+    return Form(max_length=200, pattern=TEXT, description=description, **more)
+
+
+def _sought(description: str) -> Any:
+    return Field("", max_length=200, pattern=TEXT, description=description)
+
+
+Name = Annotated[str, _text("what the line calls the part", examples=["tray-7/part-3"])]
+Expected = Annotated[str, _text("the serial it should read: confirmed, refuted or undecided")]
+Database = Annotated[str, _text("glyph database, as /v1/databases lists them")]
+JobName = Annotated[
+    str, _text("job that says how to read, as /v1/jobs lists them", examples=["housing-left"])
+]
+Time = Annotated[datetime, AfterValidator(lambda at: at if at.tzinfo else at.replace(tzinfo=UTC))]
+PartId = Annotated[
+    str, Path(max_length=64, description="of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
+]
+Key = Annotated[
+    str | None,
+    Header(
+        max_length=200,
+        pattern=r"^[\x21-\x7e]+$",
+        description="made by the sender for each part; a request that is sent again with it makes no second part",
+    ),
+]
+
+
+class Sought(BaseModel):
+    """Filters of a list of parts; times without a zone are UTC."""
+
+    state: PartState | None = None
+    text: str = _sought("that its serial holds")
+    name: str = _sought("that its name holds")
+    job: str = _sought("that it was read by")
+    line: str = _sought("that it comes from")
+    since: Time | None = Field(
+        None, description="received then or later: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
+    )
+    until: Time | None = Field(None, description="received before then", examples=["2026-11-22"])
+
+
+class SoughtPage(Sought):
+    """A page of a list of parts."""
+
+    before: str | None = Field(None, max_length=64, pattern=TEXT, description="id after which to continue")
+    limit: int = Field(50, ge=1, le=500)
+
+
+def may(access: Access, scope: Scope) -> Any:
+    """The dependency of a route that only callers with a scope may use."""
+
+    def check(request: Request) -> Caller:
+        return access.caller(request, scope)
+
+    return Depends(check)
+
+
+Photos = Annotated[
+    list[UploadFile] | None,
+    File(
+        description="PNG, JPEG, BMP, TIFF, WebP or GIF; several of one part under other lights are read as one"
+    ),
+]
+_SCAN = File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")
+Scan = Annotated[UploadFile, _SCAN]
+TouchBy = Annotated[
+    Touch,
+    Form(
+        description="who feels the part where the camera is unsure: stage, the service's at once; plan, the sender by "
+        "the plan in the answer; asked, the service's stage once it is asked to (/touch). Without a stage a person "
+        "gets it, unless it is plan"
+    ),
+]
+_REPLAYED: dict[int | str, dict[str, Any]] = {
+    200: {"model": PartAnswer, "description": "the same request was answered before; the part as it stands"}
+}
+
+
+def parts_router(service: Service) -> APIRouter:
+    """The routes of /v1/parts."""
+    router = APIRouter(
+        prefix="/v1", tags=["parts"], route_class=FormRoute, max_body_size=SMALL_BODY, responses=PROBLEMS
+    )
+    Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
+    intake, store, files = service.intake, service.store, service.evidence
+    root_path, upload_bytes = service.settings.root_path, service.settings.limits.upload_bytes
+
+    @router.post(
+        "/parts",
+        status_code=201,
+        response_model=PartAnswer,
+        responses=_REPLAYED,
+        max_body_size=upload_bytes,
+    )
+    async def read_part(
+        request: Request,
+        photo: Photos = None,
+        scan: Annotated[UploadFile | None, _SCAN] = None,
+        name: Name = "",
+        expected: Expected = "",
+        database: Database = "",
+        job: JobName = "",
+        touch: TouchBy = Touch.ASKED,
+        idempotency_key: Key = None,
+        caller: Caller = Writes,
+    ) -> Response:
+        """Read a part from its photograph, its scan, or both.
+
+        The answer is the reading, or that touch is needed, with the scan plan.
+        """
+        new = NewPart(name=name, expected=expected.strip(), database=database, job=job, touch=touch)
+        with intake.work_folder() as folder:
+            check_count(len(photo or ()))
+            sent = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
+            sent += [await receive(scan, "scan", folder)] if scan is not None else []
+            key = _idempotency(request, caller, idempotency_key, sent, *vars(new).values())
+            done = await intake.receive(new, sent, idempotency=key)
+        return replied(done, 201)
+
+    @router.post("/parts/{part_id}/scan", response_model=PartAnswer, max_body_size=upload_bytes)
+    async def add_scan(
+        request: Request,
+        part_id: PartId,
+        scan: Scan,
+        idempotency_key: Key = None,
+        caller: Caller = Writes,
+    ) -> Response:
+        """Add a scan; the answer is the fused reading."""
+        with intake.work_folder() as folder:
+            scanned = await receive(scan, "scan", folder)
+            key = _idempotency(request, caller, idempotency_key, [scanned], part_id)
+            done = await intake.add_scan(part_id, scanned, idempotency=key)
+        return replied(done, 200)
+
+    def replied(done: Received, status: int) -> Response:
+        # made here, for of an answer that it makes FastAPI checks again what the store has checked
+        made = to_json_bytes(answer(done.part, root_path))
+        headers = {"Idempotent-Replayed": "true"} if done.replayed else None
+        return Response(made, 200 if done.replayed else status, headers, media_type="application/json")
+
+    @router.post("/parts/{part_id}/touch")
+    async def touch_part(part_id: PartId, caller: Caller = Writes) -> PartAnswer:
+        """Have the service's own stage scan a part that waits for touch."""
+        return answer(await intake.touch(part_id), root_path)
+
+    @router.post("/parts/{part_id}/review")
+    def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:
+        """Confirm or correct what was read."""
+        text = body.text.strip()
+        if body.action is not ReviewAction.UNREADABLE and not text:
+            raise Problem(422, "the text is empty; give the serial, or the action unreadable")
+        standing = store.part(part_id)
+        checked = body.action is not ReviewAction.UNREADABLE and not body.outside_format
+        if checked and (against := intake.calls.outside_format(text, standing.job)):
+            raise Problem(
+                422, f"{text!r}: {against}; if the part reads so, send it with outside_format: true"
+            )
+        said = {"action": body.action, "text": text, "note": body.note, "before": body.before}
+        return answer(intake.review(part_id, caller.person(body.who), **said), root_path)
+
+    @router.delete("/parts/{part_id}/review")
+    def undo_review(
+        part_id: PartId,
+        who: Annotated[str, Query(max_length=100, description="the person, where no token is used")] = "",
+        caller: Caller = Reviews,
+    ) -> PartAnswer:
+        """Undo one's own review: the part waits for review again."""
+        return answer(intake.undo_review(part_id, caller.person(who)), root_path)
+
+    @router.get("/parts")
+    def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = Reads) -> list[PartAnswer]:
+        """Parts, newest first."""
+        return [answer(part, root_path) for part in store.parts(**sought.model_dump())]
+
+    @router.get(
+        "/parts.csv", response_class=StreamingResponse, responses={200: {"content": {"text/csv": {}}}}
+    )
+    def table(sought: Annotated[Sought, Query()], caller: Caller = Reads) -> StreamingResponse:
+        """Parts as CSV, newest first."""
+        # the first page is read before anything is answered, so that what cannot be sought is a problem, not a table
+        first = store.parts(**sought.model_dump(), limit=_AT_ONCE)
+        name = f"parts-{datetime.now(UTC):%Y-%m-%d}.csv"
+        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+        return StreamingResponse(
+            _lines(store, sought, first), media_type="text/csv; charset=utf-8", headers=headers
+        )
+
+    @router.get("/parts/{part_id}")
+    def one_part(part_id: PartId, caller: Caller = Reads) -> PartAnswer:
+        """A part as it stands."""
+        return answer(store.part(part_id), root_path)
+
+    @router.get("/parts/{part_id}/history")
+    def history(part_id: PartId, caller: Caller = Reads) -> History:
+        """All that happened to a part.
+
+        Where two people must agree, what the first has read is left out until the second has read it.
+        """
+        story = store.story(part_id)
+        reviews = intake.policy.shown(story, caller.person())
+        return History(story.events, story.readings, reviews, story.evidence)
+
+    @router.get(
+        "/parts/{part_id}/pictures/{picture}",
+        response_class=Response,
+        responses={200: {"content": {"image/*": {}}}},
+    )
+    def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Response:
+        """A picture of a part: as photographed, as scanned, or the last reading's with the boxes of its characters."""
+        part, evidence = store.part(part_id), store.evidence(part_id)
+        reading = part.reading
+        if picture != "boxes":
+            return _file(files, _last(evidence, PICTURES[picture], part_id))
+        if reading is None:
+            raise Problem(404, f"the part {part_id} has no reading to draw boxes of")
+        record = _last(evidence, PICTURES["photo" if reading.source == "vision" else "edges"], part_id)
+        return Response(boxes_picture(_whole(files, record), record.meta, reading), media_type="image/png")
+
+    @router.get(
+        "/parts/{part_id}/evidence/{sha256}",
+        response_class=Response,
+        responses={200: {"content": {"application/octet-stream": {}}}},
+    )
+    def evidence_file(
+        part_id: PartId, sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")], caller: Caller = Reads
+    ) -> Response:
+        """A file kept for a part."""
+        records = [e for e in store.evidence(part_id) if e.sha256 == sha256]
+        if not records:
+            raise Problem(404, f"the part {part_id} has no such file; its history lists them")
+        return _file(files, records[0], download=True)
+
+    return router
+
+
+def _idempotency(
+    request: Request, caller: Caller, key: str | None, sent: Sequence[Upload], *fields: str
+) -> IdempotencyKey | None:
+    """The key with its owner, and a digest of the whole request."""
+    if key is None:
+        return None
+    digest = hashlib.sha256(request.url.path.encode())
+    for part in (*(f"{upload.kind} {upload.sha256}" for upload in sent), *fields):
+        digest.update(b"\0" + part.encode())
+    return IdempotencyKey(f"{caller.token or 'local'}:{key}", digest.hexdigest())
+
+
+def _last(evidence: Sequence[EvidenceRecord], kind: EvidenceKind, part_id: str) -> EvidenceRecord:
+    for record in reversed(evidence):
+        if record.kind is kind:
+            return record
+    raise Problem(404, f"the part {part_id} has no such picture")
+
+
+def _file(files: EvidenceFolder, record: EvidenceRecord, *, download: bool = False) -> Response:
+    return FileResponse(
+        _whole(files, record),
+        media_type="application/octet-stream" if download else record.media_type,
+        filename=(record.name or record.sha256) if download else None,
+        headers={"Cache-Control": _LASTING, "ETag": f'"{record.sha256}"'},
+    )
+
+
+def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
+    """Path of a kept file whose content is unchanged."""
+    what = record.kind.value
+    if record.gone:
+        raise Problem(404, f"the {what} is no longer kept; its time was up")
+    for path in files.whole((record.sha256,)):
+        return path
+    if files.state(record.sha256, read=False) is FileState.MISSING:
+        raise Problem(404, f"the {what} is missing from the service's folder; restore it from a backup")
+    raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")
+
+
+def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterator[str]:
+    rows: list[Iterable[str]] = [COLUMNS]
+    while rows:
+        text = io.StringIO(newline="")
+        csv.writer(text).writerows(rows)
+        yield text.getvalue()
+        rows = [[harmless(_cell(part, path)) for path in COLUMNS.values()] for part in page]
+        page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE) if page else ()
+
+
+def _cell(value: Any, path: str) -> str:
+    for name in path.split("."):
+        value = None if value is None else getattr(value, name)
+    if isinstance(value, datetime):
+        return value.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)
+
+
+JobOfPath = Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])]
+_OVER: dict[int | str, dict[str, Any]] = {
+    200: {"model": JobAnswer, "description": "written over the job that was there"}
+}
+
+
+@dataclass(frozen=True)
+class FiguresAnswer(Statistics):
+    """The dashboard's numbers.
+
+    Attributes:
+        audits: number of accepted parts that were accepted wrong, by those that people have audited.
+    """
+
+    audits: AuditFigures
+
+
+@dataclass(frozen=True)
+class GoldenAnswer(GoldenRecord):
+    """A scan of the golden part.
+
+    Attributes:
+        worn: measures beyond their limits now, and what to do about them.
+    """
+
+    worn: tuple[str, ...] = ()
+
+
+def service_router(service: Service) -> APIRouter:
+    """The routes; the first three need no token."""
+    upload_bytes = service.settings.limits.upload_bytes
+    router = APIRouter(route_class=FormRoute, max_body_size=SMALL_BODY, responses=PROBLEMS)
+    Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
+    store, jobs, golden = service.store, service.jobs, service.golden
+
+    @router.get("/healthz", tags=["service"])
+    async def healthz() -> dict[str, str]:
+        """Whether the service is alive."""
+        return {"status": "alive"}
+
+    @router.get("/readyz", tags=["service"])
+    def readyz() -> dict[str, str]:
+        """Whether parts can be read."""
+        if why := service.why_not_ready():
+            raise Problem(503, why, headers={"Retry-After": "1"})
+        return service.state()
+
+    @router.get(
+        "/metrics",
+        tags=["service"],
+        response_class=Response,
+        responses={200: {"content": {"text/plain": {}}}},
+    )
+    def metrics() -> Response:
+        """Numbers for Prometheus."""
+        return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
+
+    @router.get("/v1/databases", tags=["service"])
+    def databases(caller: Caller = Reads) -> list[dict[str, Any]]:
+        """Glyph databases that a part may be read with."""
+        return jobs.databases.listed()
+
+    @router.get("/v1/figures", tags=["service"])
+    def figures(
+        hours: Annotated[float, Query(gt=0.0, le=24.0 * 366, allow_inf_nan=False)] = 24.0,
+        caller: Caller = Reads,
+    ) -> FiguresAnswer:
+        """Reads, fallbacks, rejects, accuracy and times of the last hours."""
+        since = datetime.now(UTC) - timedelta(hours=hours)
+        return FiguresAnswer(**store.statistics(since).__dict__, audits=store.audit_figures(since))
+
+    @router.get("/v1/jobs", tags=["jobs"])
+    def list_jobs(caller: Caller = Reads) -> list[JobAnswer]:
+        """Jobs that a part may be read by."""
+        return jobs.listed()
+
+    @router.get("/v1/jobs/{name}", tags=["jobs"])
+    def one_job(name: JobOfPath, caller: Caller = Reads) -> JobAnswer:
+        """One job."""
+        return jobs.answer(name)
+
+    @router.delete("/v1/jobs/{name}", status_code=204, tags=["jobs"])
+    def delete_job(name: JobOfPath, caller: Caller = Reviews) -> None:
+        """Delete a job; parts that were read by it stay as they are."""
+        jobs.delete(name)
+
+    @router.put("/v1/jobs/{name}", status_code=201, responses=_OVER, tags=["jobs"])
+    def write_job(
+        response: Response,
+        name: JobOfPath,
+        body: Annotated[ReadSettings, SkipValidation],  # a worker does it
+        caller: Caller = Reviews,
+    ) -> JobAnswer:
+        """Write a job: settings of reading that hold for the parts that name it.
+
+        A `database` is one that /v1/databases lists; other files are named in the job file itself.
+        """
+        if not jobs.save(name, written_job(jobs, body)):
+            response.status_code = 200
+        return jobs.answer(name)
+
+    @router.post("/v1/golden", status_code=201, max_body_size=upload_bytes, tags=["golden part"])
+    async def scan_golden(
+        scan: UploadFile,
+        reference: Annotated[bool, Form(description="Compare later ones with this one.")] = False,
+        caller: Caller = Writes,
+    ) -> GoldenAnswer:
+        """A scan of the golden part, which shows how the whiskers wear.
+
+        It is no part: it is in no list, no figure and no result. The first one is the reference.
+        """
+        with service.intake.work_folder() as folder:
+            await golden.measure(await receive(scan, "scan", folder), reference=reference)
+        return (await run_in_threadpool(golden_scans))[0]
+
+    @router.get("/v1/golden", tags=["golden part"])
+    def golden_scans(caller: Caller = Reads) -> list[GoldenAnswer]:
+        """Scans of the golden part, the newest first."""
+        scans = golden.scans()
+        worn = golden.worn(scans) if scans else ()
+        return [GoldenAnswer(**scan.__dict__, worn=() if k else worn) for k, scan in enumerate(scans)]
+
+    return router

@@ -1,1 +1,0 @@
-"""The service over HTTP: sending and looking up parts."""
