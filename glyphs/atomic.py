@@ -13,13 +13,13 @@ from glyphs.errors import FileError
 
 @contextlib.contextmanager
 def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
-    """A temporary path beside `path`, with its suffix; on leaving without an exception it becomes `path`.
+    """Yield a temporary path beside `path`; if the block raises nothing, the file is renamed to `path`.
 
-    When it has become `path` it survives a loss of power.
+    The renamed file survives a power failure.
 
     Args:
-        path: path to be written.
-        private: whether only the owner may read the file; otherwise whoever may read the folder.
+        path: the file to write.
+        private: whether only the owner may read the file; otherwise the umask decides.
 
     Raises:
         FileError: the folder is missing or not writable, or the disk is full.
@@ -32,7 +32,7 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
                 yield temporary
             with temporary.open("rb+") as stream:
                 os.fsync(stream.fileno())
-            if not private:  # as mkstemp has made it
+            if not private:  # mkstemp makes it readable by the owner only
                 temporary.chmod(0o666 & ~_umask())
             os.replace(temporary, path)
             sync_names(path.parent)
@@ -47,10 +47,10 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the names of a folder's files to the disk; Windows does so by itself.
+    """Flush the list of a folder's files to the disk; Windows needs no such call.
 
     Raises:
-        OSError: it cannot be done.
+        OSError: the folder cannot be opened or flushed.
     """
     if not hasattr(os, "O_DIRECTORY"):
         return
@@ -62,7 +62,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def sync_names(folder: Path) -> None:
-    """Call `sync_folder` if the file system supports it; others keep names by themselves."""
+    """Call `sync_folder`; do nothing on file systems that do not support it."""
     with contextlib.suppress(OSError):
         sync_folder(folder)
 

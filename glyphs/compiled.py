@@ -1,13 +1,14 @@
 """Kernels: loops that numba compiles at their first call and caches on disk.
 
-The first reading on a machine waits for all kernels to be compiled, a tenth of a second for the least of them, so
-they are lean:
+The first reading on a machine waits for all kernels to be compiled, which takes at least 0.1 s each, so they are kept
+small:
 
-- arrays come in contiguous and of one type each, so that there is one specialisation; room to work in comes in, too;
-- they look at rows and elements: a slice costs as much as half a kernel, a slice assigned to more than two;
-- what is no loop is done before and after, by numpy;
-- no `parallel=True`, which costs seven times as much: kernels let go of Python's lock, and threads share their rows;
-- a few kinds of arithmetic only, because numba compiles `max` and its like for each kind anew.
+- array arguments are contiguous and always of the same type, so that there is one specialisation; work arrays are
+  arguments, too;
+- they index rows and elements: a slice takes as long to compile as half a kernel, an assigned slice as long as two;
+- numpy does everything but the loops, before and after the kernel;
+- no `parallel=True`, which takes seven times as long to compile: kernels release the GIL, and threads share the rows;
+- few sets of fast-math flags, because numba compiles `max` and similar functions again for each.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ from glyphs.kernel_cache import cache_of
 Function: TypeAlias = Callable[..., Any]
 
 ANY_ORDER = frozenset({"reassoc", "contract", "arcp", "nsz"})
-"""Sums in any order, so that they run in vectors; NaN keep their meaning."""
+"""Allow sums in any order, so that they are vectorised; NaN are respected."""
 CONTRACTED = frozenset({"contract"})
-"""Products and sums in one step, rounded once."""
+"""Allow fused multiply-add, rounded once."""
 FAST = frozenset({"fast"})
-"""All relaxations, as if there were no NaN."""
+"""Allow all relaxations; there must be no NaN."""
 
 
 def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Function]:
-    """Make a decorator that compiles a function; `allow`: relaxations of its arithmetic. Division by zero gives inf."""
+    """Return a decorator that compiles a function; `allow`: its fast-math flags. Division by zero gives inf."""
 
     def made(function: Function) -> Function:
         dispatcher: Any = njit(error_model="numpy", nogil=True, fastmath=set(allow) if allow else False)(
             function
         )
-        # in place of njit(cache=True), whose files may be damaged, full or not to be written
+        # in place of njit(cache=True), which fails on damaged files, full disks and read-only folders
         dispatcher._cache = cache_of(function)
         kept = not isinstance(dispatcher._cache, NullCache)
         _Compiling.kept = _Compiling.kept and kept
@@ -52,7 +53,7 @@ def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Funct
 
 
 def inline_kernel(function: Function) -> Function:
-    """Inline a function in the kernels that call it, with their arithmetic."""
+    """Inline a function in the kernels that call it, with their fast-math flags."""
     made: Function = njit(error_model="numpy", inline="always")(function)
     return made
 
@@ -60,7 +61,7 @@ def inline_kernel(function: Function) -> Function:
 def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
     """Return a contiguous read-only view of an array with a given dtype.
 
-    For numba what can be written to and what cannot are two types: so there is one.
+    numba compiles writable and read-only arrays as two types; with this view there is only one.
     """
     view = np.ascontiguousarray(array, dtype=dtype).view()
     view.flags.writeable = False
@@ -68,10 +69,10 @@ def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[An
 
 
 class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
-    """Reports when numba compiles, which it does under its lock, one kernel within another."""
+    """Reports when numba compiles; compilations are nested and run under numba's lock."""
 
     kept = True
-    """Whether there is a folder to keep kernels in."""
+    """Whether every kernel has a cache on disk."""
 
     def __init__(self) -> None:
         self._began_s: list[float] = []

@@ -6,31 +6,35 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 BEGINS = "compiling kernels, once on this machine: about 15 s"
-NOT_KEPT = "compiling kernels, about 15 s at every start: no folder for them can be written; set NUMBA_CACHE_DIR to one"
+NOT_KEPT = (
+    "compiling kernels, about 15 s at every start: no cache folder is writable; set NUMBA_CACHE_DIR to one"
+)
 
 
 PROGRESS_S = 5.0
-"""Seconds of compiling from one line about it to the next."""
+"""Seconds of compiling between two progress messages."""
 LEAST_S = 1.0
-"""Least seconds of compiling that are shown after the first kernels."""
+"""Shorter compilations, s, are shown only the first time."""
 
 
 class _Watch:
-    """The listener, seconds of compiling since the last part, those shown already, and whether it was announced."""
+    """State of the display: callback, whether this part compiled kernels, its seconds, those shown, whether
+    announced."""
 
     show: Callable[[str], None] | None = None
-    at_it = False
+    compiled = False
     seconds = 0.0
-    told_s = 0.0
+    shown_s = 0.0
     announced = False
 
 
 @contextmanager
 def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
-    """Show a line before the first kernels are compiled within the block, progress, and their time at a part's end."""
+    """Within the block, show when compiling starts, its progress, and its time at the end of each part of the
+    work."""
     before, _Watch.show = _Watch.show, show
-    _Watch.at_it, _Watch.seconds = False, 0.0  # what was compiled unseen is no news
-    _Watch.told_s, _Watch.announced = 0.0, False
+    _Watch.compiled, _Watch.seconds = False, 0.0  # do not count what was compiled before the block
+    _Watch.shown_s, _Watch.announced = 0.0, False
     try:
         yield
     finally:
@@ -42,25 +46,25 @@ def report_start(*, kept: bool = True) -> None:
     """Show that a kernel is being compiled, because it is not in this machine's cache.
 
     Args:
-        kept: whether it will be.
+        kept: whether it will be cached.
     """
     if not _Watch.announced and _Watch.show is not None:
         _Watch.show(BEGINS if kept else NOT_KEPT)
         _Watch.announced = True
-        _Watch.told_s = -LEAST_S  # its end is shown however short it was
-    _Watch.at_it = True
+        _Watch.shown_s = -LEAST_S  # always show the end of the first compilation
+    _Watch.compiled = True
 
 
 def report_end(seconds: float) -> None:
     """Show that a kernel has been compiled; another may follow."""
     _Watch.seconds += seconds
-    if _Watch.show is not None and _Watch.seconds - max(_Watch.told_s, 0.0) >= PROGRESS_S:
+    if _Watch.show is not None and _Watch.seconds - max(_Watch.shown_s, 0.0) >= PROGRESS_S:
         _Watch.show(f"compiling kernels: {_Watch.seconds:.0f} s so far")
-        _Watch.told_s = _Watch.seconds
+        _Watch.shown_s = _Watch.seconds
 
 
 def end_part() -> None:
-    """Show the time of all kernels compiled for a finished piece of work."""
-    if _Watch.at_it and _Watch.show is not None and (_Watch.told_s or _Watch.seconds >= LEAST_S):
+    """Show the compiling time of a finished part of the work."""
+    if _Watch.compiled and _Watch.show is not None and (_Watch.shown_s or _Watch.seconds >= LEAST_S):
         _Watch.show(f"kernels compiled in {_Watch.seconds:.0f} s")
-    _Watch.at_it, _Watch.seconds, _Watch.told_s = False, 0.0, 0.0
+    _Watch.compiled, _Watch.seconds, _Watch.shown_s = False, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Errors that a user can correct: wrong input, settings, files, machines. Anything else is a fault of the program."""
+"""Errors that a user can correct: wrong input, settings, files, machines. Any other exception is a bug."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from glyphs.plain_text import visible
 class MarksError(Exception):
     """An expected failure, with a message for the user.
 
-    Its text is one line, "where: what; hint". It can be pickled as long as every keyword argument of a class
-    derived from it has a default.
+    Its text is one line, "where: what; hint". It can be pickled if every keyword argument of a subclass has a
+    default.
 
     Attributes:
         what: the problem.
-        where: file, setting or place that it is wrong with; empty where the message says it.
+        where: the file, setting or place concerned; empty if `what` names it.
         hint: remedy; empty if there is none.
     """
 
     def __init__(self, what: str, *, where: str = "", hint: str = "") -> None:
-        # BaseException.__new__ has kept the positional arguments, which is what pickling calls the class with
+        # BaseException.__new__ has stored the positional arguments; unpickling calls the class with them
         self.what, self.where, self.hint = what, where, hint
 
     def __str__(self) -> str:
@@ -54,10 +54,9 @@ class MissingExtraError(MarksError):
 
 @contextlib.contextmanager
 def report_damage(path: Path, *, kind: str) -> Iterator[None]:
-    """Turn any error of a parser on a damaged file into a FileError.
+    """Turn any error that a parser raises on a damaged file into a FileError.
 
-    Parsers of foreign formats meet damage with nearly any exception, MemoryError included; none may end a
-    run.
+    Parsers of foreign formats raise nearly any exception, even MemoryError; none may end a run.
     """
     try:
         yield

@@ -1,7 +1,7 @@
-"""Cache of compiled kernels on disk: numba's cache with a digest of each kernel; damaged files are ignored.
+"""Cache of compiled kernels on disk: numba's cache with a digest of each kernel.
 
-The files are derived data: what is damaged is thrown away and compiled again, and where nothing can be written the
-kernels are compiled at every start.
+Damaged files are deleted and their kernels compiled again. If no folder is writable, kernels are compiled at every
+start.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from numba.core import caching, serialize
 from numba.core.runtime.nrt import rtsys
 
-# numba has types for few of its functions
+# most of numba has no type hints
 _Impl: Any = caching.CompileResultCacheImpl
 _Cache: Any = caching.FunctionCache
 _dumps: Any = serialize.dumps
@@ -37,19 +37,19 @@ class _Sealed(_Impl):  # type: ignore[misc]
         return super().rebuild(target_context, pickle.loads(body))
 
     def _digest(self, body: bytes) -> bytes:
-        # of the source, too: a full disk can leave an old kernel under a new index
+        # it covers the source, too: a full disk can leave an old kernel under a new index
         return sha256(self.locator.get_source_stamp() + body).digest()
 
 
 class KernelCache(_Cache):  # type: ignore[misc]
-    """The kernels of one function; neither loading nor saving ever fails."""
+    """Cache of one function's kernels; loading and saving never raise."""
 
     _impl_class = _Sealed
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the kernel of a signature; None if it is missing or damaged."""
         try:
-            # all that a kernel on disk calls; numba would import here what compiling needs, for a third of a second
+            # enough to run a cached kernel; numba would also import its compiler here, which takes 0.3 s
             _runtime.initialize(target_context)
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
@@ -59,7 +59,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a kernel, if there is room for it."""
+        """Save a kernel if it can be written."""
         with contextlib.suppress(OSError):
             try:
                 super().save_overload(sig, data)
@@ -71,8 +71,10 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
 
 def cache_of(function: Callable[..., Any]) -> Any:
-    """Make the cache of a function's kernels: NUMBA_CACHE_DIR, beside its module, or the user's own cache; no cache if
-    no such folder can be written."""
+    """Create the cache of a function's kernels: in NUMBA_CACHE_DIR, beside its module, or in the user's cache folder.
+
+    If none of them is writable, there is no cache.
+    """
     try:
         return KernelCache(function)
     except (RuntimeError, OSError):  # numba found no folder
@@ -80,7 +82,7 @@ def cache_of(function: Callable[..., Any]) -> Any:
 
 
 def folder_of(function: Callable[..., Any]) -> Path | None:
-    """Folder of `cache_of` for the kernels of a function, created if needed; None without one."""
+    """Return the folder of `cache_of`, created if needed; None if there is no cache."""
     try:
         locator = _Sealed(function).locator
         locator.ensure_cache_path()

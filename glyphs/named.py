@@ -11,11 +11,11 @@ from glyphs.errors import MarksError
 
 
 def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) -> Any:
-    """Load the object of that name; modules in the working folder are found, too.
+    """Load an object by name; modules in the working folder are found, too.
 
     Args:
         name: module and object, `module:function`.
-        what: name of the kind for the message, such as "soil".
+        what: kind of object, for the message, such as "soil".
         error: exception to raise.
 
     Raises:

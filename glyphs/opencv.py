@@ -1,8 +1,7 @@
 """OpenCV with a check of its installation: `from glyphs.opencv import cv2` in place of `import cv2`.
 
-All its packages write the same folder `cv2`, and the extra `vision` brings a second one. Installed in either order,
-the last is complete and works; but whichever is removed takes files of the other along, and what is left imports
-as an empty folder.
+All OpenCV packages install into the same folder `cv2`, and the extra `vision` brings a second package. The package
+installed last works. But removing either one deletes files of the other, and the rest imports as an empty folder.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _TOO_LITTLE_MEMORY: Final = ("failed to map segment", "cannot allocate memory")
 
 def _damage_error(reason: str) -> MarksError:
     return MarksError(
-        f"OpenCV is damaged ({reason}), as happens when one of two packages of it is removed",
+        f"OpenCV is damaged ({reason}), as happens when one of two OpenCV packages is removed",
         hint=f"install it again: pip install --force-reinstall --no-deps {PACKAGE}",
     )
 

@@ -2,8 +2,8 @@
 
     text, font, die --stamp_line--> StampedPart --soil_part--> SoiledPart --photograph--> Photo
 
-Stamping, dirt and photograph draw from streams of their own: the same part clean and dirty, in this light and
-in that.
+Stamping, dirt and photograph use separate random streams, so that the same part can be clean or dirty and be seen in
+different lights.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Part:
     """A stamped part, clean or dirty, to be scanned and photographed.
 
     Attributes:
-        stamped: the part when it was clean.
+        stamped: the clean part.
         soiling: dirt on it.
         seed: seed of all random draws; dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout
             from (*seed, 3).
@@ -77,7 +77,7 @@ class Part:
 
     @property
     def soil(self) -> Soil | None:
-        """The dirt that yields, and the friction of the surface; None for a clean part."""
+        """The soft dirt and the friction of the surface; None for a clean part."""
         return None if self.soiling.clean else self.soiled.soil
 
     @cached_property
@@ -95,16 +95,16 @@ class Part:
         pixel_mm: float = DEFAULT_PIXEL_MM,
         lights: int = 1,
     ) -> Photo:
-        """Take a picture of the part; by default light and camera are drawn, the same for any dirt.
+        """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt.
 
         Args:
             light: lighting.
-            camera: where it stands and what it does.
-            light_azimuth_deg: where the lamp stands, if the light is drawn.
+            camera: pose and optics of the camera.
+            light_azimuth_deg: azimuth of the lamp, if the light is drawn.
             light_elevation_deg: elevation of the lamp, likewise.
             pixel_mm: size of a pixel on the part, if the camera is drawn.
-            lights: photographs, each with the lamp on another side, evenly all round; those after the first are the
-                others of the first.
+            lights: number of photographs, with the lamp at even angles all round; those after the first become the
+                `others` of the first.
 
         Raises:
             MapError: an invalid light, pixel or picture.
@@ -149,12 +149,12 @@ def stamp(
 
     Args:
         text: the serial; or
-        format: its form (`A` a letter, `9` a digit, `*` either), and a serial is drawn.
+        format: format of a serial to draw (`A` a letter, `9` a digit, `*` either).
         font: built-in name, font file or font.
         height_mm: character height.
-        depth_mm: depth of the mark; default: the usual one of that height.
+        depth_mm: depth of the mark; default: usual for the height.
         face: face of the die.
-        bevel_deg: slope of its walls.
+        bevel_deg: slope of the die's walls.
         raised: raised marks.
         line_rotation_deg: rotation of the line on the plate, clockwise as the picture shows it.
         pitch_mm: sample pitch; default: a hundredth of the height.
@@ -162,26 +162,24 @@ def stamp(
         practice: stamping practice, a name of `PRACTICES`.
         die: a name of `DIES`, in place of a face.
         plate: a name of `PLATES`, or a plate, in place of the variation's.
-        layout: a name of `LAYOUTS`, or a layout; of two lines the first is `text`.
-        dirt: severity 0 (clean) to 1, or how much of each of the workshop's kinds.
-        soil: a name of `glyphs.SOILS` or module:function, or several, the lowest first.
+        layout: a name of `LAYOUTS`, or a layout; with two lines, `text` is the first.
+        dirt: severity 0 (clean) to 1, or the amount of each kind of workshop dirt.
+        soil: a name of `glyphs.SOILS` or module:function, or several, the bottom layer first.
         seed: the same seed gives the same part; several numbers make one seed.
 
     Raises:
-        StampError: neither text nor format, or both; likewise variation and practice, die and face; a die that
-            cannot be or cannot cut the glyphs; no practice, die, plate or layout of that name, or none that the
-            text fits.
-        FontError: no such font, or a character that it lacks.
-        FormatError: a format that no serial can obey.
-        StampError: a severity outside 0..1, or no such soil.
-        MapError: a pitch not positive or too fine for the size.
-        StampError: a negative seed.
+        StampError: neither text nor format, or both; variation with practice, or die with face; an impossible die, or
+            one that cannot cut the glyphs; an unknown practice, die, plate, layout or soil; a line too long for its
+            arc; a severity outside 0..1; a negative seed.
+        FontError: an unknown font, or a character that it lacks.
+        FormatError: an invalid format.
+        MapError: a pitch that is not positive or too fine for the size.
     """
     if (text is None) == (format is None):
         raise StampError("give the text to stamp, or the format of a serial to draw")
     key = tuple(int(number) for number in np.atleast_1d(seed))
     if min(key, default=-1) < 0:
-        raise StampError(f"seed is {seed}", hint="give a number that is not negative, or several")
+        raise StampError(f"seed is {seed}", hint="give one or more numbers that are not negative")
     rng = np.random.default_rng(key)
     letters = font if isinstance(font, Font) else load_font(font)
     line = random_text(format, rng=rng) if format is not None else text or ""
@@ -194,11 +192,11 @@ def stamp(
     if die is None:
         cutting = default_die(height_mm, face=face, **measures)  # type: ignore[arg-type]
     elif face is not Face.FLAT:
-        raise StampError(f"a die {die!r} has its own face", hint="leave out the face")
+        raise StampError(f"the die {die!r} has its own face", hint="leave out the face")
     else:
         kind = pick("die", DIES, die)
         how, cutting = kind.applied(how), kind.die(height_mm, **measures)  # type: ignore[arg-type]
-    # a character that the font lacks is refused by what stamps it
+    # stamp_line refuses characters that the font lacks
     length_mm = height_mm * sum(letters.glyphs[char].advance for char in line if char in letters.glyphs)
     if isinstance(plate, str):
         plate = pick("plate", PLATES, plate)(height_mm, length_mm)

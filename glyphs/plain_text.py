@@ -6,7 +6,7 @@ import re
 import unicodedata
 
 _HIDDEN_KINDS = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
-_PERHAPS = re.compile(r"[^\x20-\x7e]")
+_NOT_PLAIN_ASCII = re.compile(r"[^\x20-\x7e]")
 
 
 def is_hidden(char: str) -> bool:
@@ -15,10 +15,10 @@ def is_hidden(char: str) -> bool:
 
 
 def visible(text: str) -> str:
-    """The text with its hidden characters written as words: \\x1b, \\u202e."""
+    """The text with its hidden characters written as escapes: \\x1b, \\u202e."""
 
-    def word(match: re.Match[str]) -> str:
+    def escaped(match: re.Match[str]) -> str:
         char = match[0]
         return char.encode("unicode_escape").decode() if is_hidden(char) else char
 
-    return _PERHAPS.sub(word, text)
+    return _NOT_PLAIN_ASCII.sub(escaped, text)

@@ -79,7 +79,7 @@ class Validated:
         cls._error = error or cls._error
 
     def __post_init__(self) -> None:
-        for name, limits in _ranges(type(self)):  # type: ignore[arg-type]  # of a class as an argument
+        for name, limits in _ranges(type(self)):  # type: ignore[arg-type]  # a class is a hashable argument
             require_range(self._error, limits, **{name: getattr(self, name)})
 
 

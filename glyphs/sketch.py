@@ -1,9 +1,9 @@
-"""Marks of a second generator: lines of text sketched on a plate, far more varied than the stamped parts.
+"""A second generator of marks: it sketches lines of text on a plate, far more varied than stamped parts.
 
     text --outlines--> ink --profile of the tool--> marks --plate, dirt, wear--> surface
 
-Sketches share no code with `glyphs.stamping` and are a hundred times as cheap. Networks learn from them with their own
-dirt (`recognition.learning.sketches`); an exam takes them clean, as parts for any soil
+Sketches share no code with `glyphs.stamping` and are a hundred times as cheap. Networks are trained on sketches
+with their own dirt (`recognition.learning.sketches`); an exam uses clean sketches, on which any soil can be put
 (`pipeline.benchmark.exam.designed_parts`).
 """
 
@@ -25,7 +25,7 @@ Field = NDArray[np.float32]
 ROWS_PER_HEIGHT = 56
 """Samples of a sketch per character height."""
 ROWS = 128
-"""Rows of a sketch: a line with half a character's height and more of land above and below it."""
+"""Rows of a sketch: a line with 0.64 character heights of land above and below it."""
 MARGIN = 0.8
 """Land before and after a line, character heights."""
 _H = ROWS_PER_HEIGHT
@@ -36,7 +36,7 @@ class Sketch(OneLine):
     """A sketched line.
 
     Attributes:
-        text: text on it.
+        text: the text.
         boxes: (x0, y0, x1, y1) around the ink of each character, pixels; a space has its empty cell.
         surface: (ROWS, columns) heights, character heights.
         ink: (ROWS, columns) 0 on the land to 1 in the marks.
@@ -59,7 +59,7 @@ def sketch(font: Font, text: str, rng: np.random.Generator, *, clean: bool = Fal
         font: the letters; one line in ten is dotted instead.
         text: at least one character.
         rng: the only source of randomness.
-        clean: neither dirt nor wear, and no print without relief; else some of each is drawn.
+        clean: whether to leave out dirt, wear and prints without relief; otherwise they are drawn at random.
 
     Raises:
         FontError: a character that the font lacks.
@@ -73,11 +73,11 @@ def sketch(font: Font, text: str, rng: np.random.Generator, *, clean: bool = Fal
     raised = rng.random() < 0.25
     marks = _profile(mask, rng, dotted=dotted) * depth_of
     ink = np.clip(marks * 1.5, 0.0, 1.0)
-    flat = not clean and rng.random() < 0.08  # a laser's or a printer's: no relief worth the name
+    flat = not clean and rng.random() < 0.08  # a laser mark or a print: almost no relief
     severity = 0.0 if clean or rng.random() < 0.2 else float(rng.uniform(0.1, 1.0))
     marks *= np.clip(1.0 - 0.7 * severity * np.maximum(rough_noise(shape, 1.2 * _H, rng), 0.0), 0.0, 1.0)
     surface = (marks if raised else -marks) * (0.05 if flat else 1.0) * depth
-    if not raised and rng.random() < 0.5:  # what the tool pushed up beside the mark
+    if not raised and rng.random() < 0.5:  # burr that the tool raised beside the mark
         rim = blur(mask, 0.07 * _H) * (1.0 - mask) * blur(noise(shape, (_H, _H), rng), 2.0)
         surface += depth * float(rng.uniform(0.0, 0.5)) * rim
     surface += _plate(shape, depth, rng)
@@ -96,7 +96,7 @@ def noise(shape: tuple[int, int], cell: tuple[float, float], rng: np.random.Gene
 
 
 def rough_noise(shape: tuple[int, int], coarsest: float, rng: np.random.Generator) -> Field:
-    """Noise of four sizes, the largest of the given number of pixels."""
+    """Noise of standard deviation 1 in four octaves; the coarsest has cells of `coarsest` pixels."""
     fall = float(rng.uniform(0.35, 0.75))
     layers = [fall**k * noise(shape, (max(1.0, coarsest / 2**k),) * 2, rng) for k in range(4)]
     total = np.sum(layers, axis=0, dtype=np.float32)
@@ -104,7 +104,7 @@ def rough_noise(shape: tuple[int, int], coarsest: float, rng: np.random.Generato
 
 
 def blur(field: Field, sigma: float) -> Field:
-    """Blur by a Gaussian with a standard deviation in pixels; up to 0.2 nothing changes."""
+    """Blur by a Gaussian with a standard deviation in pixels; up to 0.2 the field is returned unchanged."""
     return np.asarray(cv2.GaussianBlur(field, (0, 0), sigma), dtype=np.float32) if sigma > 0.2 else field
 
 
@@ -164,7 +164,7 @@ def _add_clutter(mask: NDArray[np.uint8], rng: np.random.Generator) -> None:
 
 
 def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
-    """Section of the tool: 0 on the land, 1 at the floor of the mark."""
+    """Relative depth, from the tool's profile: 0 on the land, 1 at the floor of the mark."""
     kind = 0.0 if dotted else rng.random()
     ink = (mask > 0.5).astype(np.uint8)
     grown = round(float(rng.normal(0.0, 0.02)) * _H)

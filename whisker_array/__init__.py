@@ -1,7 +1,7 @@
 """Touch: whiskers, contact, the sensor chain, raster scans, and estimates from them.
 
-`trace_scan` runs an array over a height map, `edge_map` and `estimate_relief` say what it met; the names below are
-the vocabulary (listed in `__init__.pyi`, loaded on first use).
+`trace_scan` runs an array over a height map; `edge_map` and `estimate_relief` recover edges and relief from the scan.
+The names below are the vocabulary (listed in `__init__.pyi`, loaded on first use).
 """
 
 import lazy_loader

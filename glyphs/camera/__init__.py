@@ -1,1 +1,1 @@
-"""Photographs of a part: the same surface lit and taken from above."""
+"""Photographs of a part, lit and seen from above."""

@@ -1,4 +1,4 @@
-"""The photograph of a part: the same surface that is felt, lit and taken by a camera above it."""
+"""Photograph a part: its surface, lit by a lamp and seen by a camera above it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from glyphs.camera.shading import Light, radiance
 from glyphs.soiling.soiled import SoiledPart
 
 _MEDIUM_GREY = 0.2
-"""Mean grey of a picture, linear; 0.48 on a screen."""
+"""Mean linear brightness of a picture; 0.48 when encoded for a screen."""
 
 
 def draw_light(
     rng: np.random.Generator, *, azimuth_deg: float | None = None, elevation_deg: float | None = None
 ) -> Light:
-    """Draw a lamp; default: from any side, 25 to 65 degrees high."""
+    """Draw a random light; default: from any side, 25 to 65 degrees above the plate."""
     azimuth, elevation = rng.uniform(0.0, 360.0), rng.uniform(25.0, 65.0)
     warm = 0.05 * float(np.clip(rng.standard_normal(), -2.0, 2.0))
     return Light(
@@ -33,24 +33,24 @@ def draw_light(
 def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.random.Generator) -> Photo:
     """Take a picture of a part.
 
-    Light of the surface, blurred and bent by the lens, exposed, with noise, clipped, in 8 bit (sRGB's curve as
-    a plain power of 1/2.2). Beyond its map the plate is mirrored.
+    The light of the surface is blurred by the lens, projected, exposed, given noise, clipped and encoded in 8 bit
+    (sRGB's curve as a plain power of 1/2.2). Beyond its map the plate is mirrored.
 
     Args:
         soiled: the part.
         light: lighting.
-        camera: where the camera stands and what it does.
+        camera: pose and optics of the camera.
         rng: random generator of the noise.
 
     Returns:
-        Colours; `pitch_mm` and `centre_mm` are the nominal ones, as a stage knows them.
+        A colour photograph with the nominal `pitch_mm` and `centre_mm`.
     """
     from glyphs.surface.blur import gaussian_blur, sample_bilinear
 
     part = soiled.height_map
     shape, centre = camera.frame(part)
     scene = radiance(part, soiled.look, light)
-    # a pixel gathers light over its own width, too
+    # a pixel also averages the light over its own width
     blur = np.hypot(camera.defocus_mm, 0.35 * camera.pitch_mm) / part.pitch_mm
     col, row = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
     x, y = apply_homography(camera.to_plate(part), col, row)
@@ -75,7 +75,8 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
 
 
 def _exposure(image: NDArray[np.float32], camera: Camera) -> np.float32:
-    """Gain that sets the mean of the picture, without glints, to a medium grey, times the camera's own error."""
+    """Gain that sets the mean of the picture, without glints, to a medium grey, times the camera's exposure
+    error."""
     green = image[..., 1]
     middle = max(float(np.minimum(green, np.quantile(green, 0.98)).mean()), 1e-6)
     return np.float32(_MEDIUM_GREY / middle * 2.0**camera.exposure_ev)

@@ -21,13 +21,13 @@ class Photo(OneLine, Validated, error=MapError):
             largest number of the type is white.
         pitch_mm: size of a pixel on the part, if known.
         centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
-        shrunk: pixels of the photograph as taken that one of these is wide, where the pitch is not known.
+        shrunk: width of a pixel in pixels of the original photograph, if it was reduced and the pitch is unknown.
         others: further photographs of the part from the same place, under other lights or at other exposures.
-        notes: remarks on the file that the reading should repeat: which of its pages was read.
+        notes: remarks on the file to repeat in the reading, for example which of its pages was read.
 
     Raises:
-        MapError: no picture of that kind, too small, too large, a pitch that is not positive, or others of another
-            size.
+        MapError: pixels of another type or shape, too few or too many pixels, a pitch that is not positive, or
+            others of another size.
     """
 
     pixels: NDArray[np.uint8] | NDArray[np.uint16]
@@ -44,11 +44,11 @@ class Photo(OneLine, Validated, error=MapError):
         p = np.ascontiguousarray(self.pixels)
         if p.dtype not in (np.uint8, np.uint16) or not (p.ndim == 2 or (p.ndim == 3 and p.shape[2] == 3)):
             raise MapError(
-                f"pixels are {p.dtype} of shape {p.shape}", hint="give 8 or 16 bit grey or red, green, blue"
+                f"pixels are {p.dtype} of shape {p.shape}", hint="give grey or RGB pixels of 8 or 16 bit"
             )
         if min(p.shape[:2]) < 8:
             raise MapError(
-                f"the photograph is {p.shape[0]} x {p.shape[1]} pixels", hint="that shows no characters"
+                f"the photograph is {p.shape[0]} x {p.shape[1]} pixels", hint="give at least 8 x 8 pixels"
             )
         if p.shape[0] * p.shape[1] > MAX_PIXELS:
             raise MapError(
@@ -71,13 +71,13 @@ class Photo(OneLine, Validated, error=MapError):
 
     @property
     def eight_bit(self) -> NDArray[np.uint8]:
-        """The pixels as uint8, for screens and for libraries that take nothing else."""
+        """The pixels as uint8, for screens and for libraries that accept no other type."""
         if self.pixels.dtype == np.uint8:
             return self.pixels.view(np.uint8)
         return np.asarray(self.pixels >> np.uint16(8), dtype=np.uint8)
 
     def grey(self) -> NDArray[np.float32]:
-        """Brightness, (rows, cols) float32 0 to 1 (colours weighted as the eye does, ITU-R BT.601)."""
+        """Brightness, (rows, cols) float32 0 to 1 (colours weighted by ITU-R BT.601)."""
         values = self.pixels.astype(np.float32) / np.float32(np.iinfo(self.pixels.dtype).max)
         if values.ndim == 2:
             return values

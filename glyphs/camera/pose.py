@@ -1,7 +1,7 @@
 """Pose of a camera over a plate, and its optical errors.
 
-Nominally its axis meets the middle of the plate, its rows run along x. In truth the part lies a little
-shifted, turned and tilted, which only the simulator knows.
+Nominally the camera's axis meets the middle of the plate and its rows run along x. In fact the part is slightly
+shifted, rotated and tilted; only the simulator knows by how much.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ class Camera(OneLine, Validated, error=MapError):
     """A camera straight above a plate.
 
     Attributes:
-        pitch_mm: size of a pixel on the plate, nominally.
-        shift_mm: (x, y) of the part from where it ought to lie.
+        pitch_mm: nominal size of a pixel on the plate.
+        shift_mm: (x, y) offset of the part from its nominal position.
         rotation_deg: rotation of the part, from +x towards +y (clockwise as seen), about the middle.
-        perspective_per_mm: (x, y) relative change of scale a mm, from a tilted part.
+        perspective_per_mm: (x, y) relative change of scale per mm, caused by tilt of the part.
         defocus_mm: radius (one standard deviation) of the blur, on the plate.
-        exposure_ev: over-exposure, powers of two; 0 brings the mean of the picture to a medium grey.
-        noise: standard deviation of the sensor's noise at full brightness, share of full scale; it falls with the
-            root of the light.
-        dark_noise: standard deviation of what is left in the dark.
+        exposure_ev: over-exposure in stops (powers of two); 0 brings the mean of the picture to a medium grey.
+        noise: standard deviation of the sensor's noise at full brightness, share of full scale; it is proportional
+            to the square root of the light.
+        dark_noise: standard deviation of the noise that remains in the dark.
         vignetting: loss of light in the corners, 0..1.
-        bloom: share of the light of glints that spreads around them, 0..1.
+        bloom: share of a glint's light that spreads around it, 0..1.
 
     Raises:
         MapError: a number out of range.
@@ -53,7 +53,7 @@ class Camera(OneLine, Validated, error=MapError):
     bloom: Share = 0.04
 
     def frame(self, height_map: HeightMap) -> tuple[tuple[int, int], tuple[float, float]]:
-        """Rows and columns of a picture of the whole plate, and the (x, y) of its middle, mm, nominally."""
+        """Shape (rows, cols) of a picture of the whole plate, and the nominal (x, y) of its middle, mm."""
         width, height = height_map.size_mm
         shape = (max(8, round(height / self.pitch_mm) + 1), max(8, round(width / self.pitch_mm) + 1))
         return shape, (width / 2, height / 2)
@@ -88,7 +88,7 @@ def apply_homography(
 
 
 def draw_camera(rng: np.random.Generator, *, pitch_mm: float = DEFAULT_PIXEL_MM) -> Camera:
-    """Draw a camera as set up in a shop: within half a millimetre and a degree of the part, mostly in focus."""
+    """Draw a camera as set up in a workshop: within 0.5 mm and 1.5 degrees of the part, mostly in focus."""
     n = np.clip(rng.standard_normal(6), -2.5, 2.5)
     return Camera(
         pitch_mm=pitch_mm,

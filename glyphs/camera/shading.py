@@ -1,6 +1,6 @@
 """Light reflected towards a camera straight above, from heights and `Look`.
 
-Sums of a directional light and a dome of ambient light, each reflected diffusely (Lambert) and by microfacets
+The sum of a directional light and a dome of ambient light, each reflected diffusely (Lambert) and by microfacets
 (Trowbridge-Reitz, also called GGX, with Schlick's Fresnel factor)::
 
          light   normal   camera (0, 0, 1)
@@ -31,11 +31,11 @@ class Light(OneLine, Validated, error=MapError):
     """Light on a part.
 
     Attributes:
-        azimuth_deg: where the lamp stands, plate frame: 0 at the right (+x), 90 below (+y), 270 above.
-        elevation_deg: elevation of the lamp over the plate, above 0 to 90.
+        azimuth_deg: azimuth of the lamp in the plate frame: 0 at the right (+x), 90 below (+y), 270 above.
+        elevation_deg: elevation of the lamp above the plate, 1 to 90.
         ambient: light from all round, as a share of all light that falls on a flat plate, 0..1.
-        size_deg: angular radius of the lamp, > 0: a large one gives soft glints and soft shadows.
-        gradient: unevenness of the ambient light: brighter towards the lamp by that share, 0..1.
+        size_deg: angular radius of the lamp, 0.1 to 60; a large lamp gives soft glints and soft shadows.
+        gradient: share by which the ambient light is brighter towards the lamp, 0..1.
         shadows: whether ridges cast shadows.
         colour: red, green, blue of the light, > 0.
 
@@ -59,7 +59,7 @@ class Light(OneLine, Validated, error=MapError):
 
 
 def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.float32]:
-    """Linear radiance towards a camera above, (rows, cols, 3) float32; 1 is a white matt plate lying flat.
+    """Linear radiance towards a camera above, (rows, cols, 3) float32; 1 is a flat, white, matt plate.
 
     Raises:
         MapError: dropouts, or a look on another grid.
@@ -83,19 +83,19 @@ def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.floa
     hx, hy, hz = lx, ly, lz + 1.0
     length = math.sqrt(hx * hx + hy * hy + hz * hz)
     nh = np.clip((nx * hx + ny * hy + nz * hz) / length, 0.0, 1.0)
-    # the lamp's own size widens the glint: half of it, as the mirror turns by half the angle
+    # the lamp's size widens the glint by half its angle, because the half vector turns by half the angle
     alpha = np.hypot(look.roughness, math.tan(math.radians(light.size_deg) / 2)).astype(np.float32)
     fresnel = look.reflectance + (1.0 - look.reflectance) * np.float32((1.0 - length / 2) ** 5)
     glint = fresnel * _trowbridge_reitz(nh, alpha) * (direct > 0.0) * seen * lamp * np.pi / (4.0 * nz)
 
-    # what is mirrored of the dome: the camera looks down, the mirrored ray leaves along 2 nz n - v
+    # mirror image of the dome: the camera looks down, so the reflected ray leaves along 2 nz n - v
     rx, ry, rz = 2 * nz * nx, 2 * nz * ny, 2 * nz * nz - 1.0
     lateral = (rx * lx + ry * ly) / max(math.hypot(lx, ly), 1e-6)
     dome = (
         light.ambient * (1.0 + light.gradient * lateral) * (0.55 + 0.45 * np.clip(1.6 * (1.0 - rz), 0.0, 1.0))
     )
     mirror = look.reflectance * dome * sky
-    # colour by colour: numpy is slow along an axis of three
+    # one channel at a time: numpy is slow along an axis of length three
     shine, scene = glint + mirror, np.empty((3, *z.shape), dtype=np.float32)
     for channel, colour in enumerate(np.asarray(light.colour, dtype=np.float32)):
         scene[channel] = (look.albedo[..., channel] * fallen + shine) * colour
@@ -116,10 +116,10 @@ def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
 
 
 def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
-    """Share of the lamp seen from every sample, 0..1: ridges towards the lamp hide it.
+    """Visible share of the lamp at every sample, 0..1: ridges towards the lamp hide it.
 
-    The highest angle to anything within reach towards the lamp, against the lamp's elevation, softened by
-    its size. Heights are looked up at the nearest sample.
+    It compares the highest angle to the surface towards the lamp with the lamp's elevation, softened by the lamp's
+    size. Heights are looked up at the nearest sample.
     """
     lx, ly, _ = light.towards
     across = math.hypot(lx, ly)
@@ -144,7 +144,7 @@ def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
 
 
 def openness(z: Field, *, pitch_mm: float) -> Field:
-    """Share of the dome seen from every sample, 0..1, from how far it lies below its surroundings."""
+    """Visible share of the dome at every sample, 0..1, from its depth below its surroundings."""
     from glyphs.surface.blur import gaussian_blur
 
     share = np.ones_like(z)

@@ -1,6 +1,6 @@
 """Compiled distance kernels: points to segments, and the winding number of closed polygons.
 
-Points are handled in tiles; segments that can say nothing about a tile are left out for all of its points at once:
+Points are handled in tiles; segments too far from a tile are skipped for all of its points at once:
 
     .-------.         nearest segment to the middle: d        a segment nearer to some point than that one
     |   x   |  r      is no farther from the middle than d + 2 r
@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from glyphs.compiled import FAST, kernel
 
 _ROWS, _COLUMNS = 8, 16
-"""Points of a tile: few, so that it is small, and enough for vectors along its rows."""
+"""Rows and columns of a tile: few, so that it is small, but enough for vector instructions along its rows."""
 
 
 @kernel(allow=FAST)
 def _least_squared_distance(x, y, segments, reach, kept, out):  # type: ignore[no-untyped-def]
-    """Write the squared distance of each point from the nearest segment into `out`, infinite at first.
+    """Write the squared distance of each point from the nearest segment into `out`, which starts at infinity.
 
-    x, y and out are (rows, columns); reach and kept are room for the squared distance of each segment, and for the
-    numbers of those that count.
+    x, y and out are (rows, columns). reach and kept are work arrays, (m,): squared distance of each segment from the
+    tile's middle, and indices of the segments near the tile.
     """
     rows, columns = x.shape
     for top in range(0, rows, _ROWS):
@@ -73,7 +73,7 @@ def segment_distance(
     """Distance of every point from the nearest segment.
 
     Args:
-        x: (rows, columns) coordinates, any unit; quickest where neighbours lie side by side.
+        x: (rows, columns) coordinates, any unit; fastest if neighbours in the array are close together.
         y: (rows, columns) coordinates in the same unit.
         segments: (m, 4) end points x0, y0, x1, y1; a segment of zero length is a point.
 

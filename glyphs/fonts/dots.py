@@ -1,7 +1,7 @@
 """Dotted fonts, as dot-peen markers and dot-matrix dies write them.
 
 #####        o o o o o
-#            o                 a matrix of five by seven; a finer grid; or a dot every so far
+#            o                 a matrix of five by seven; a finer grid; or dots evenly spaced
 ####   -->   o o o o           along the middle of a font's strokes
     #                o
 ####         o o o o
@@ -27,10 +27,10 @@ _PIXELS = 80
 
 
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
-    """Font of dots with capitals, figures and the characters of a text; each dot is a stroke of one point.
+    """Make a dotted font with capitals, digits and the characters of a text; each dot is a stroke of one point.
 
     Args:
-        font: has them all.
+        font: a font with all these characters.
         text: text that will be written.
         rng: the only source of randomness.
 
@@ -51,7 +51,7 @@ def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
     gap = float(rng.uniform(0.12, 0.35))
     glyphs = {char: _glyph(char, points, dot, gap) for char, points in dots.items()}
     return Font(
-        f"{font.name}, dotted", glyphs, stroke_ratio=min(1.5 * dot, 0.19), source="drawn to learn from"
+        f"{font.name}, dotted", glyphs, stroke_ratio=min(1.5 * dot, 0.19), source="drawn for training"
     )
 
 
@@ -63,7 +63,7 @@ def _matrix_dots(char: str) -> Points:
 
 
 def _thinned_dots(glyph: Glyph, pitch: float, *, on_grid: bool) -> Points:
-    """Dots along the middle of the strokes, (n, 2) cap heights, some `pitch` apart."""
+    """Dots along the middle of the strokes, (n, 2) cap heights, about `pitch` apart."""
     if not glyph.inked:
         return np.empty((0, 2))
     x0, y0, x1, y1 = glyph.ink_box
@@ -82,13 +82,13 @@ def _thinned_dots(glyph: Glyph, pitch: float, *, on_grid: bool) -> Points:
     middle = middle_dots(ink, pitch * _PIXELS)
     at = np.column_stack([middle[:, 1] - 4, 4 - middle[:, 0]]) / _PIXELS + (x0, y1)
     low, high = at[:, 1].min(), at[:, 1].max()
-    if high - low > 0.3:  # as tall as the glyph was
+    if high - low > 0.3:  # stretch them to the height of the glyph
         at[:, 1] = y0 + (at[:, 1] - low) * (y1 - y0) / (high - low)
     return np.unique(np.round(at / pitch), axis=0) * pitch if on_grid else at
 
 
 def middle_dots(ink: NDArray[np.uint8], pitch: float) -> NDArray[np.int64]:
-    """(n, 2) rows and columns along the middle of the ink, some `pitch` pixels from one to the next."""
+    """Find dots along the middle of the ink, about `pitch` pixels apart: (n, 2) rows and columns."""
     inside = cv2.distanceTransform(ink, cv2.DIST_L2, 3)
     middle = (inside >= cv2.dilate(inside, np.ones((3, 3), np.uint8)) - 0.3) & (inside > 1.0)
     left = np.argwhere(middle)

@@ -12,19 +12,19 @@ from glyphs.fonts.glyph import FontError, Points
 _Outline = tuple[tuple[Points, ...], float]
 _MAX_STEPS = 64
 MOST_COMPONENTS = 256
-"""Most component glyphs of one glyph, at all levels."""
+"""Most component glyphs of one glyph, counted over all levels."""
 
 
-class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]
-    """Draw a composite glyph with a limit on its parts: thirty levels of two each would be a thousand million."""
+class _LimitedPen(BasePen):  # type: ignore[misc,unused-ignore]
+    """Limit the components of a composite glyph: thirty levels of two each would make 10^9."""
 
     _components = 0
 
     def addComponent(self, *args: Any, **options: Any) -> None:
-        """Draw another glyph, which may be made of others.
+        """Draw a component glyph, which may be composite itself.
 
         Raises:
-            FontError: there are too many.
+            FontError: there are more than MOST_COMPONENTS.
         """
         self._components += 1
         if self._components > MOST_COMPONENTS:
@@ -33,8 +33,8 @@ class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]
         super().addComponent(*args, **options)
 
 
-class _PolygonPen(_FewComponents):
-    """Collects closed polygons; quadratic curves and components arrive through the base class as cubics."""
+class _PolygonPen(_LimitedPen):
+    """Collects closed polygons; the base class turns quadratic curves and components into cubics."""
 
     def __init__(self, glyph_set: Any, tolerance: float) -> None:
         super().__init__(glyph_set)
@@ -52,7 +52,7 @@ class _PolygonPen(_FewComponents):
     ) -> None:
         p0, p1, p2, p3 = np.array([self._getCurrentPoint(), pt1, pt2, pt3], dtype=np.float64)
         bend = max(np.hypot(*(p0 - 2 * p1 + p2)), np.hypot(*(p1 - 2 * p2 + p3)))
-        # A chord of a cubic over 1/n of its parameter strays by at most 6/8 of the bend over n squared.
+        # A chord over 1/n of a cubic's parameter deviates from it by at most 6/8 of the bend over n squared.
         steps = int(np.clip(np.ceil(np.sqrt(0.75 * bend / self.tolerance)), 1, _MAX_STEPS))
         t = (np.arange(1, steps + 1) / steps)[:, None]
         curve = (1 - t) ** 3 * p0 + 3 * t * (1 - t) ** 2 * p1 + 3 * t**2 * (1 - t) * p2 + t**3 * p3
@@ -71,7 +71,7 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
         The font's full name (may be empty) and {character: (polygons (n, 2) each, advance)}, cap heights.
 
     Raises:
-        FontError: no character map, or nothing to take a cap height from.
+        FontError: the font has no character map or no cap height.
     """
     cmap = file.getBestCmap()
     if not cmap:
@@ -100,10 +100,10 @@ def _distinct(points: Points) -> Points:
 
 
 def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
-    """Height of H over the baseline in font units; else what the font declares."""
+    """Height of H above the baseline in font units; without an H, the height that the font declares."""
     from fontTools.pens.boundsPen import BoundsPen
 
-    class _BoundsPen(_FewComponents, BoundsPen):  # type: ignore[misc,unused-ignore]
+    class _BoundsPen(_LimitedPen, BoundsPen):  # type: ignore[misc,unused-ignore]
         """The bounds of a glyph."""
 
     if ord("H") in cmap:

@@ -1,4 +1,5 @@
-"""Names of fonts: built-in ones and files. The module that loads them is separate, because it is slow to import."""
+"""Tell font files from built-in fonts by name. The module that loads fonts is separate, because it is slow to
+import."""
 
 from __future__ import annotations
 
@@ -8,6 +9,6 @@ _SUFFIXES = {".ttf", ".otf", ".ttc", ".otc", ".woff", ".woff2"}
 
 
 def is_font_file(name: str | Path) -> bool:
-    """Check whether a font is named by its file, not by a built-in name."""
+    """Check whether a name is that of a font file, not of a built-in font."""
     path = Path(name)
     return path.suffix.lower() in _SUFFIXES or path.name != str(name)

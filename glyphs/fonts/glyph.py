@@ -28,7 +28,7 @@ Points = NDArray[np.float64]
 MOST_CAP_HEIGHTS = 100.0
 """Largest coordinate and advance, cap heights: in any font a character is about as wide as it is tall."""
 RELIEF_PIXELS = 40
-"""Pixels for each cap height in a relief learned by touch."""
+"""Pixels per cap height in a relief learned by touch."""
 
 
 class FontError(MarksError):
@@ -53,7 +53,7 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
     return tuple(out)
 
 
-def _odd_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
+def _checked_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
     array = np.array(relief, dtype=np.float32)
     if array.ndim != 2 or array.shape[0] % 2 == 0 or array.shape[1] % 2 == 0:
         raise FontError(
@@ -104,7 +104,7 @@ class Glyph(OneLine, Validated, error=FontError):
         object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
         super().__post_init__()
         if self.relief is not None:
-            object.__setattr__(self, "relief", _odd_relief(self.char, self.relief))
+            object.__setattr__(self, "relief", _checked_relief(self.char, self.relief))
 
     @property
     def inked(self) -> bool:
@@ -164,7 +164,9 @@ class Font(OneLine, Validated, error=FontError):
             raise FontError(f"font {self.name!r} has no glyphs")
         wrong = [key for key, glyph in self.glyphs.items() if key != glyph.char]
         if wrong:
-            raise FontError(f"font {self.name!r} has glyphs of other characters under {wrong}")
+            raise FontError(
+                f"font {self.name!r} has keys that differ from the characters of their glyphs: {wrong}"
+            )
         super().__post_init__()
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
@@ -242,8 +244,8 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
 
     Returns:
         float32 of the broadcast shape, cap heights. It is exact outside and inside contours and outside strokes.
-        Inside a stroke it is the distance to the centre line minus half the stroke, so it is -stroke/2 at least.
-        For a glyph without ink it is +inf everywhere.
+        Inside a stroke it is the distance to the centre line minus half the stroke, so its minimum is -stroke/2. For a
+        glyph without ink it is +inf everywhere.
     """
     from glyphs.fonts.distance import segment_distance, winding_number
 

@@ -23,7 +23,7 @@ BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "tim
 SERIAL_CHARACTERS = string.ascii_uppercase + string.digits
 
 _GOTHIC = Path(__file__).with_name("gothic.json")
-"""Centre lines of the gothic, and how to read them."""
+"""Centre lines of the gothic font, with a description of the format."""
 _HERSHEY_STROKE = {"futural": 0.14, "futuram": 0.10, "timesr": 0.075, "timesrb": 0.075}
 _HERSHEY_CHARACTERS = string.ascii_letters + string.digits + "-/.+&()#*:,=' "
 _FONT_CHARACTERS = string.ascii_letters + string.digits + string.punctuation + " "
@@ -32,13 +32,13 @@ _ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
 
 
 def load_font(name_or_path: str | Path) -> Font:
-    """A font by built-in name, or from a TTF, OTF or TTC (its first face) file. Cached.
+    """Load a font by its built-in name, or from a TTF, OTF or TTC (its first face) file; cached.
 
     Args:
         name_or_path: one of `BUILTIN_FONTS`, or a path.
 
     Returns:
-        The font; from a file, whatever it has of A-Z, a-z, 0-9 and ASCII punctuation.
+        The font; from a file, those of A-Z, a-z, 0-9 and ASCII punctuation that it has.
 
     Raises:
         FontError: unknown name, missing or damaged file, or a file without any of A-Z and 0-9.
@@ -115,14 +115,14 @@ def _from_file(path: str, mtime_ns: int, size: int) -> Font:
     """Read a font file; time and size are part of the cache key, so that a changed file is read again."""
     from fontTools.ttLib import TTFont
 
-    # it warns of odd dates in a font's header, which are not used here
+    # fontTools warns of odd dates in a font's header, which are not used here
     logging.getLogger("fontTools.ttLib.tables._h_e_a_d").setLevel(logging.ERROR)
     try:
         with TTFont(path, fontNumber=0, lazy=True) as file:
             return _outlined_font(file, path)
     except FontError:
         raise
-    except Exception as error:  # fontTools meets damage with whatever its parser tripped over
+    except Exception as error:  # on a damaged file, fontTools raises any exception
         raise FontError(
             f"font file {path!r} cannot be read ({type(error).__name__}: {error})",
             hint="it is damaged or not a TrueType or OpenType font, get a fresh copy",
@@ -139,5 +139,5 @@ def _outlined_font(file: object, path: str) -> Font:
         if contours or char == " "
     }
     if not set(SERIAL_CHARACTERS) & set(glyphs):
-        raise FontError(f"font file {path!r} has no character of A-Z and 0-9", hint="use a Latin font")
+        raise FontError(f"font file {path!r} has none of the characters A-Z and 0-9", hint="use a Latin font")
     return Font(face or Path(path).stem, glyphs, 0.0, path)

@@ -10,9 +10,9 @@ import numpy as np
 from glyphs.errors import MarksError
 
 SIGNS = "-./#()&"
-"""Signs between letters and figures of part markings."""
+"""Punctuation used in part markings."""
 _OPERATORS = "?[]{}|^$+"
-"""Signs of regular expressions; no stamp has them, so a format with one is no mask."""
+"""Operators of regular expressions; no die has these characters, so a mask must not contain them."""
 _CLASSES = {
     "A": string.ascii_uppercase,
     "a": string.ascii_lowercase,
@@ -22,7 +22,7 @@ _CLASSES = {
 
 
 class FormatError(MarksError, ValueError):
-    """A format that cannot be understood, or that no serial can meet. A ValueError, so that settings can be checked."""
+    """A format that is invalid, or that no serial can match. It is a ValueError, so that pydantic can report it."""
 
 
 def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
@@ -30,24 +30,24 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
 
     Args:
         format: `A` stands for A-Z, `a` for a-z, `9` for 0-9, `*` for A-Z and 0-9, any other character but
-            `?[]{}|^$+` for itself; `\` takes the next one for itself (`\A` is an A).
+            `?[]{}|^$+` for itself; `\` makes the next character stand for itself (`\A` is an A).
         exclude: characters that the classes leave out (a VIN excludes "IOQ"); literals stay.
 
     Returns:
         One string of characters per position, in order.
 
     Raises:
-        FormatError: the format is empty, holds a control character or an operator, ends with a `\` that
-            allows no character, or exclusion leaves a position without any.
+        FormatError: the format is empty, holds a control character or an operator, ends with a single `\`, or
+            exclusion leaves a position without characters.
     """
     if not format:
         raise FormatError(
             "the format is empty",
-            hint="write one character for each position: A letter, a small letter, 9 digit, * A or 9",
+            hint="write one character per position: A for a capital, a for a small letter, 9 for a digit, * for A or 9",
         )
     if not format.isprintable():
         raise FormatError(f"format {format!r} holds characters that cannot be printed", hint="remove them")
-    # a token is a class, a literal, or a literal behind its backslash
+    # a token is a class, a literal, or an escaped literal
     tokens = re.findall(r"\\.|.", format)
     if tokens[-1] == "\\":
         raise FormatError(
@@ -61,19 +61,19 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
         if len(token) == 1 and token in _OPERATORS:
             raise FormatError(
                 f"{token!r} at position {k + 1} of {format!r} has no meaning in a mask",
-                hint=f"write * for a letter or a digit, \\{token} for the sign itself, or "
-                " re:[A-Z]{2}[0-9]{1,2} for serials of several lengths",
+                hint=f"write * for a letter or a digit, \\{token} for the character itself, or "
+                "re:[A-Z]{2}[0-9]{1,2} for serials of several lengths",
             )
         if not characters:
             raise FormatError(
-                f"nothing is left for {tokens[k]!r} at position {k + 1} of {format!r}",
+                f"no character is left for {tokens[k]!r} at position {k + 1} of {format!r}",
                 hint=f"exclude fewer characters than {exclude!r}",
             )
     return allowed
 
 
 def random_text(format: str, *, rng: np.random.Generator, exclude: str = "") -> str:
-    """Draw a serial evenly from all that follow the format.
+    """Draw a serial at random; all that match the format are equally likely.
 
     Args:
         format: as in `allowed_characters`.

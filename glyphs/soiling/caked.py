@@ -1,6 +1,6 @@
 """Caked grime: dust bound by oil and grease that builds up for years on machinery that is never cleaned.
 
-Layer settles upon layer. Grooves catch first and fill to the brim; the cake then climbs over it, mark and land alike::
+It grows layer by layer. Grooves fill first, up to the brim; then the cake covers marks and land alike::
 
                  young, dusty, soft        curled rim   flake lost
               ____/~~~~\\___   bridge         __     |     _____
@@ -9,15 +9,15 @@ Layer settles upon layer. Grooves catch first and fill to the brim; the cake the
              \\////oldest///   \\//////   /    wiped: land bare, groove packed flush
               \\__________/     \\______/
 
-- *Layers* lie in patches, each with an outline of its own, the oldest lowest: terraces, knobbly on top.
-- *Bridges*: what sticks at both rims of a narrow groove meets and roofs it before the bottom is full. The roof yields
-  to a tip as soon as it bends: the more void under it, the softer.
-- *Flakes*: the cake shrinks as its oil hardens; angular pieces let go of the smooth land, and their rims curl. What is
-  keyed into a groove stays.
-- *Wipes and fingers*: a rag takes off what stands over the land, in streaks, and packs it into the grooves; a finger
-  presses its ridges into what is still soft. The last layer settles over both.
+- *Layers* lie in patches of different outlines, the oldest at the bottom. They form terraces with a knobbly top.
+- *Bridges*: dirt that grows from both rims of a narrow groove roofs it before the bottom is full. The more void under
+  a roof, the more easily it yields to a tip.
+- *Flakes*: the cake shrinks as its oil hardens; angular pieces come off the smooth land, and the rims around them curl.
+  Dirt in a groove stays.
+- *Wipes and fingers*: a rag removes dirt above the land, in streaks, and packs it into the grooves; a finger presses
+  its ridges into the soft dirt. The last layer settles over both.
 
-Everything yields under a tip, by age from 0.5 MPa (stiff grease full of dust) to 30 MPa (resin, practically hard).
+All of it yields under a tip; its hardness grows with age from 0.5 MPa (stiff grease full of dust) to 30 MPa (resin).
 Oily grime slides (0.15), dry dust and crust drag (0.6).
 
 Sources. Growth, layers, "moss-like" shapes, oil drawn up by capillary forces: J. Fitch, Dust cakes: what causes them
@@ -26,7 +26,7 @@ grease and due for cleaning at 2 mm by the depth comb; a cake here is up to abou
 hardens from the surface inwards, crust over a soft core: J.-Y. Delenne et al., From liquid to solid bonding in cohesive
 granular media, 2010 (arXiv:1002.4964). Arches over a gap up to a span that the strength sets: D. M. Walker, Chem. Eng.
 Sci. 21 (1966) 975. Fingers: D. Maltoni et al., Handbook of Fingerprint Recognition, ch. 3: ridges 0.1 to 0.3 mm wide,
-0.5 mm from one to the next. Darkening by oil: S. Twomey et al., Appl. Opt. 25 (1986) 431. The hardness by age and the
+0.5 mm apart. Darkening by oil: S. Twomey et al., Appl. Opt. 25 (1986) 431. The hardness by age and the
 shares of wiping and flaking are estimates.
 """
 
@@ -49,7 +49,7 @@ _ONSETS = (0.0, 0.05, 0.15, 0.30)
 
 @dataclass(frozen=True, eq=False)
 class _Site:
-    """The ground of a cake: room below the ceiling and depth of the marks, mm; nearness of the rims, 0 to 1."""
+    """The surface under a cake: room below the ceiling and depth of the marks, mm; nearness of the rims, 0 to 1."""
 
     room_mm: Field
     depth_mm: float
@@ -58,7 +58,7 @@ class _Site:
 
 @dataclass(frozen=True, eq=False)
 class _Cake:
-    """A cake: packed below the ceiling, void under roofs, and built up above; (rows, cols), mm."""
+    """Thickness of a cake, (rows, cols), mm: packed below the ceiling, void under roofs, and built up above."""
 
     packed_mm: Field
     void_mm: Field
@@ -71,7 +71,7 @@ class _Cake:
 
 
 def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Cake a surface; see `SoilModel`."""
+    """Cover a surface with caked grime; see `SoilModel`."""
     part = min(1.0, amount * float(rng.uniform(0.7, 1.3))) ** 1.15
     if part <= 0.0:
         return coat
@@ -87,7 +87,7 @@ def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         before = cake.solid_mm
         cake = _settle_layer(coat, cake, site, part, onset, rng=rng)
         aged = aged + age * (cake.solid_mm - before)
-    # where flakes or a rag took the younger off, what is left is the oldest
+    # where flakes or a rag removed younger layers, the oldest are left
     old = np.minimum(aged / np.maximum(cake.solid_mm, np.float32(1e-6)), np.float32(1.0))
     dry = np.asarray(1.2 * _slow(coat, 0.8 * coat.height_mm, rng) - 0.4 * old + 0.15, dtype=np.float32)
     np.clip(dry, 0.0, 1.0, out=dry)
@@ -126,7 +126,7 @@ def _site(coat: Coat) -> _Site:
 def _settle_layer(
     coat: Coat, cake: _Cake, site: _Site, part: float, onset: float, *, rng: np.random.Generator
 ) -> _Cake:
-    """One more layer: patches that spread, at first where there is a groove to lodge in."""
+    """Add a layer in patches that spread; grooves fill first."""
     rank = _slow(coat, coat.height_mm * float(rng.uniform(0.25, 0.9)), rng)
     packs, thick = rng.uniform(0.3, 0.65), site.depth_mm * rng.uniform(0.2, 0.55)
     grown = max(0.0, (part - onset) / (1.0 - onset))
@@ -144,7 +144,7 @@ def _settle_layer(
 
 
 def _bridge(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random.Generator) -> _Cake:
-    """Roofs over grooves whose rims are near, sagging by a tenth; a third of the span is roof, the rest void."""
+    """Close narrow grooves by roofs that sag by a tenth; 35 % of the span is roof, the rest void."""
     rank = _slow(coat, 0.35 * coat.height_mm, rng)
     least = np.float32(1.25 - part)
     closed = ramp(0.5 * rank + site.support, least, least + np.float32(0.15))
@@ -153,7 +153,7 @@ def _bridge(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random
 
 
 def _flake(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) -> _Cake:
-    """Angular pieces off the land, with curled rims; they grow with the stress, that is with the thickness."""
+    """Remove angular flakes and curl the rims around them; flakes grow with the amount of dirt."""
     size, pitch = coat.height_mm, np.float32(coat.pitch_mm)
     count = int(np.clip(coat.area_mm2 / size**2, 2, 300))
     centres = rng.uniform(0.0, 1.0, (count, 2)) * coat.shape
@@ -180,7 +180,7 @@ def _flake(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) ->
 
 
 def _wipe_and_press(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Generator) -> _Cake:
-    """Two strokes of a rag and a finger, some of them too faint to matter."""
+    """Apply two strokes of a rag and one finger; some are too faint to have an effect."""
     built, packed = cake.built_mm, cake.packed_mm
     for _ in range(2):
         wiped = _stroke(coat, rng)
@@ -193,7 +193,7 @@ def _wipe_and_press(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Gene
 
 
 def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
-    """Share that one stroke removes, 0 to 1: 6 to 16 mm wide, streaked by the folds of the cloth."""
+    """Share removed by one stroke, 0 to 1: 6 to 16 mm wide, streaked by the folds of the cloth."""
     along, across = _turned_axes(coat, rng)
     firm = np.clip(rng.uniform(-0.4, 1.2), 0.0, 0.95)
     wide, far = rng.uniform(6.0, 16.0), rng.uniform(8.0, 30.0)
@@ -207,7 +207,7 @@ def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
 
 
 def _finger(coat: Coat, rng: np.random.Generator, *, ridge_period_mm: float = 0.5) -> Field:
-    """Prints of the ridges of one fingertip, 0 to 1; 12 x 16 mm of them, where the grid resolves them."""
+    """Print of one fingertip, 0 to 1, 16 x 12 mm; its ridges appear only on a grid that resolves them."""
     u, v = _turned_axes(coat, rng)
     firm = np.float32(np.clip(rng.uniform(-0.3, 1.2), 0.0, 1.0))
     core_u, core_v, bend, phase = (float(x) for x in rng.uniform((-2, -2, 0, 0), (2, 2, 6.28, 6.28)))
@@ -221,7 +221,7 @@ def _finger(coat: Coat, rng: np.random.Generator, *, ridge_period_mm: float = 0.
 
 
 def _turned_axes(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Coordinates, mm, along and across a direction, from a place on the plate; both drawn."""
+    """Coordinates, mm, along and across a random direction, from a random place on the plate."""
     (down, right), angle = rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, np.pi)
     y = ((np.arange(coat.shape[0]) - down * coat.shape[0])[:, None] * coat.pitch_mm).astype(np.float32)
     x = ((np.arange(coat.shape[1]) - right * coat.shape[1])[None, :] * coat.pitch_mm).astype(np.float32)
@@ -230,7 +230,8 @@ def _turned_axes(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
 
 
 def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random.Generator) -> _Cake:
-    """Crumbs where it is dry, high ones far apart, smooth where it is oily; grains of dust on all of it."""
+    """Add crumbs where the cake is dry, the high ones far apart, and grains of dust everywhere; oily places stay
+    smooth."""
     # the mean of a rank's cube is a quarter
     crumbs = np.float32(2.6) * (
         _slow(coat, coat.height_mm * float(rng.uniform(0.06, 0.12)), rng) ** 3 - np.float32(0.25)
@@ -249,7 +250,7 @@ def _finish(coat: Coat, cake: _Cake, old: Field, dry: Field, *, hiding_mm: float
     solid = cake.solid_mm
     thickness = solid + cake.void_mm
     cover = 1.0 - np.exp(solid / np.float32(-hiding_mm))
-    # a roof over as much void as a bridge has yields at an eighth of what the solid cake does
+    # a roof over the full void of a bridge is an eighth as hard as solid cake
     part_void = cake.void_mm / np.maximum(thickness, np.float32(1e-6))
     yields = (
         np.float32(np.log(YOUNG_MPA))

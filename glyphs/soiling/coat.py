@@ -30,9 +30,9 @@ class Look(OneLine):
     """Optical properties of a surface, sample by sample.
 
     Attributes:
-        albedo: (rows, cols, 3) float32, 0 to 1: red, green and blue light thrown back diffusely.
+        albedo: (rows, cols, 3) float32, 0 to 1: share of red, green and blue light reflected diffusely.
         roughness: (rows, cols) float32, above 0 to 1: slope spread of its microfacets; small is glossy.
-        reflectance: (rows, cols) float32, 0 to 1: mirrored at normal incidence (oil, paint 0.04; steel 0.55).
+        reflectance: (rows, cols) float32, 0 to 1: share mirrored at normal incidence (oil, paint 0.04; steel 0.55).
 
     Raises:
         MapError: shapes that do not agree, or a number out of range.
@@ -51,7 +51,7 @@ class Look(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Coat(OneLine):
-    """The surface so far; all arrays (rows, cols) float32 unless noted.
+    """A surface while it is being soiled; all arrays are (rows, cols) float32 unless noted.
 
     Attributes:
         pitch_mm: pitch of the grid.
@@ -60,7 +60,7 @@ class Coat(OneLine):
         brim_mm: the height to which a hollow can be filled: the land of sunk marks.
         z_mm: top of the surface.
         soft_mm: thickness of the topmost dirt that yields.
-        hardness_mpa: its hardness.
+        hardness_mpa: hardness of that dirt.
         friction: Coulomb coefficient of the top.
         albedo: (rows, cols, 3), see `Look`.
         roughness: see `Look`.
@@ -98,7 +98,7 @@ class Coat(OneLine):
         return smooth_noise(self.shape, pitch_mm=self.pitch_mm, length_mm=length_mm, rng=rng)
 
     def under_film(self, thickness_mm: Field, hardness_mpa: ArrayLike, friction: Field) -> Coat:
-        """The coat under a film that yields where it is thicker than a tenth of a micrometre."""
+        """Cover the coat with a film; it is soft where it is thicker than 0.1 um."""
         lies = thickness_mm > 1e-4
         return replace(
             self,
@@ -116,7 +116,7 @@ class Coat(OneLine):
         roughness: ArrayLike | None = None,
         reflectance: ArrayLike | None = None,
     ) -> Coat:
-        """The coat with another look, mixed in by `cover` (0 to 1).
+        """Mix another look into the coat, by the share `cover` (0 to 1).
 
         Args:
             cover: share of the new look.
@@ -167,7 +167,7 @@ def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
 
 
 def _brim_mm(part: StampedPart) -> Field:
-    """The height to which a hollow fills: the land, carried on smoothly under the characters.
+    """Height to which a hollow fills: the land, continued smoothly under the characters.
 
     Around raised marks there is no groove; dirt collects at their feet, up to a local mean of the surface.
     """
@@ -189,7 +189,7 @@ def _brim_mm(part: StampedPart) -> Field:
         land[lines, columns] = False
     if land.mean() < 0.05:
         return gaussian_blur(z, 0.5 * size / pitch)
-    # a plane through the land, then what is left of it averaged over about a character, on a thinned grid
+    # a plane through the land, plus its residual averaged over about a character, on a thinned grid
     step = max(1, int(0.04 * size / pitch))
     v, u = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, cols)[None, :]
     terms = np.stack(np.broadcast_arrays(1.0, u[:, ::step], v[::step]), axis=-1)

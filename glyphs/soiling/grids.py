@@ -19,19 +19,19 @@ def axes_mm(coat: Coat) -> tuple[Field, Field]:
 
 
 def coarse_noise(coat: Coat, length_mm: float, step: float, rng: np.random.Generator) -> Field:
-    """Smooth noise on samples `step` apart, with room at the far borders; see `smooth_noise`."""
+    """Smooth noise on samples `step` apart, with a margin at the far borders; see `smooth_noise`."""
     shape = (int(coat.shape[0] / step) + 2, int(coat.shape[1] / step) + 2)
     return smooth_noise(shape, pitch_mm=coat.pitch_mm * step, length_mm=length_mm, rng=rng)
 
 
 def slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """`Coat.noise` of a long length, drawn on a thinned grid."""
+    """`Coat.noise` with a long length, drawn on a thinned grid."""
     step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
     return stretch(coarse_noise(coat, length_mm, step, rng), step, coat.shape)
 
 
 def stretch(values: Field, step: float, shape: tuple[int, int]) -> Field:
-    """Interpolate linearly between samples that lie `step` apart; the first stay in place."""
+    """Interpolate linearly between samples that lie `step` apart; the first sample stays in place."""
     row, col = (np.arange(n, dtype=np.float32) / np.float32(step) for n in shape)
     return bilinear(values, row, col)
 
@@ -41,8 +41,8 @@ def resize(values: Field, shape: tuple[int, ...], *, how: str = "linear") -> Fie
 
     Args:
         values: (rows, cols).
-        shape: the new one.
-        how: linear, cubic, or area, the mean over what falls into a new sample.
+        shape: the new shape.
+        how: linear, cubic, or area (mean over each new sample).
     """
     from glyphs.opencv import cv2
 

@@ -1,8 +1,8 @@
 """Severity: one scale, 0 to 1, for all soils.
 
-At the same severity every soil costs a fixed reference reader as much belief in the true characters as the workshop's
-dirt does: the generic recognition network of RapidOCR, on the ideal height map.
-`python tests/benchmarks/soil_severity.py --write` measures that and writes the amounts beside this module.
+At a given severity, every soil lowers the probability that a fixed reference reader gives to the true characters by as
+much as the workshop's dirt does. The reader is the generic recognition network of RapidOCR, on the ideal height map.
+`python tests/benchmarks/soil_severity.py --write` measures this and writes the amounts beside this module.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MANIFEST: Final = Path(__file__).with_name("severity.fit.json")
 _FIT: Final = json.loads(MANIFEST.read_text(encoding="utf-8"))
 KNOTS: Final[tuple[float, ...]] = tuple(_FIT["knots"])
 AMOUNTS: Final[dict[str, tuple[float, ...]]] = {soil: tuple(each) for soil, each in _FIT["amounts"].items()}
-"""Amount of each soil at those severities; a soil that is not listed has its severity as its amount."""
+"""Amount of each soil at the severities KNOTS; for a soil that is not listed, the amount equals the severity."""
 
 
 def amount_of(soil: str, severity: float) -> float:

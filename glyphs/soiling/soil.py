@@ -3,9 +3,9 @@
 The height map of a soiled part is its *top*, as an instrument or a camera sees it. Under it::
 
       top  ____          thickness_mm of yielding dirt between top and bottom;
-          /////\\____     a ball of radius r pressed on with force f sinks in until the dirt carries it,
+          /////\\____     a ball of radius r pressed with force f sinks in until the dirt carries it,
       ____\\////  bottom      f = 2 pi r H * depth      (H: hardness, as in a ball indentation test),
-           ----              or until it stands on the bottom
+           ----              or until it rests on the bottom
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ class Soil(OneLine):
     """Dirt and friction of a part, on the grid of its height map.
 
     Attributes:
-        thickness_mm: (rows, cols) float32, >= 0: of the dirt that yields; 0 where there is none.
-        hardness_mpa: (rows, cols) float32, > 0: mean pressure at which it yields (grease 0.1, caked grime some 10).
-        friction: (rows, cols) float32, >= 0: Coulomb coefficient of what is touched.
+        thickness_mm: (rows, cols) float32, >= 0: thickness of the soft dirt; 0 where there is none.
+        hardness_mpa: (rows, cols) float32, > 0: mean pressure at which it yields (grease 0.1, caked grime about
+            10).
+        friction: (rows, cols) float32, >= 0: Coulomb coefficient of the surface touched.
 
     Raises:
         MapError: shapes that differ, numbers out of range or not finite.
@@ -52,7 +53,7 @@ class Soil(OneLine):
 
     @property
     def mirrored(self) -> Soil:
-        """The soil with its rows in the other order."""
+        """The soil with its rows in reverse order."""
         return Soil(self.thickness_mm[::-1], self.hardness_mpa[::-1], self.friction[::-1])
 
     @property

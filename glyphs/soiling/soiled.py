@@ -26,7 +26,7 @@ from glyphs.surface.maps import HeightMap
 
 WORKSHOP = "workshop"
 _LOOK_STREAM = 7
-"""Random stream of the bare metal's look; the workshop's seven kinds draw from the streams before it."""
+"""Random stream of the bare metal's look; the workshop's seven kinds of dirt use the streams before it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,12 +34,12 @@ class Soiling(OneLine, Validated, error=StampError):
     """The soils of a part and their severity.
 
     Attributes:
-        soils: names of soils, the first lies lowest; each is there as much as it would be alone.
-        severity: 0 (clean) to 1, the same loss for every soil (`glyphs.soiling.severity`).
-        mixture: mixture of the workshop's seven kinds; default: the usual one of a severity.
+        soils: names of soils, the bottom layer first; each has the same amount as it would have alone.
+        severity: 0 (clean) to 1, equally hard to read for every soil (`glyphs.soiling.severity`).
+        mixture: amounts of the workshop's seven kinds; default: the usual mixture at the severity.
 
     Raises:
-        StampError: a severity outside 0..1, a soil unknown or named twice, or a mixture of another soil.
+        StampError: a severity outside 0..1, an unknown soil, a soil named twice, or a mixture with another soil.
     """
 
     soils: tuple[str, ...] = (WORKSHOP,)
@@ -54,13 +54,13 @@ class Soiling(OneLine, Validated, error=StampError):
             soil_model(name)
         if self.mixture is not None and self.soils != (WORKSHOP,):
             raise StampError(
-                f"a mixture of the workshop's kinds does not go with {', '.join(self.soils)}",
-                hint="give either amounts of its kinds, or other soils",
+                f"a mixture of the workshop's kinds cannot be combined with {', '.join(self.soils)}",
+                hint="give either amounts of these kinds, or other soils",
             )
 
     @property
     def clean(self) -> bool:
-        """Whether no soil is laid."""
+        """Whether there is no soil."""
         return self.severity == 0.0 if self.mixture is None else self.mixture.clean
 
 
@@ -69,10 +69,10 @@ class SoiledPart(OneLine):
     """A part with its soil.
 
     Attributes:
-        part: the part when it was clean.
-        height_map: the top of its surface now.
-        soil: the part of it that yields, and its friction.
-        look: reflection of its surface.
+        part: the clean part.
+        height_map: top of the soiled surface.
+        soil: the soft dirt and the friction of the surface.
+        look: optical properties of the surface.
 
     Raises:
         ValueError: grids that do not agree.
@@ -92,7 +92,7 @@ class SoiledPart(OneLine):
 def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) -> SoiledPart:
     """Soil a part.
 
-    Every soil draws from a stream of its own, named after it: rust lies where it lay when paint comes over it.
+    Every soil has its own random stream, named after it, so rust stays in place when paint is added over it.
 
     Args:
         part: the stamped part.
@@ -101,7 +101,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
     Raises:
         MapError: dropouts in the part's height map.
-        StampError: a user's own soil that fails, or returns something else than a surface of the same grid.
+        StampError: a user's own soil raises an error, or does not return a surface on the same grid.
     """
     seed = rng.bit_generator.seed_seq
     assert isinstance(seed, np.random.SeedSequence)
@@ -123,7 +123,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
 
 def _lay_soil(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Apply one soil to a surface; errors of a user's own soil name it and are no faults of the program."""
+    """Apply one soil to a surface; an error of a user's own soil becomes a StampError that names the soil."""
     model = soil_model(name)
     if name in SOILS:
         return model(coat, amount, rng=rng)

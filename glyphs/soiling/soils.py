@@ -1,6 +1,6 @@
 """Soils by name: each is a physical model behind one function.
 
-    coat, amount, rng --SoilModel--> coat      what is on top, what of it yields, how it throws light back
+    coat, amount, rng --SoilModel--> coat      the new top, the soft dirt in it, and its look
 
 A user's own soil is any such function, named `module:function`.
 """
@@ -19,11 +19,11 @@ from glyphs.stamping.errors import StampError
 class SoilModel(Protocol):
     """A kind of soil: a function from one surface to the next.
 
-    - Amount 0 changes nothing; at 1 hardly a character is left to read. More is never less: the same `rng` lays the
-      same patches, grown.
+    - Amount 0 changes nothing; at 1 hardly a character can be read. Dirt only grows with the amount: the same `rng`
+      gives the same patches, larger.
     - `z_mm` is the new top. Dirt that yields under a tip has `soft_mm` and `hardness_mpa`; hard dirt has no `soft_mm`.
     - All arrays keep shape and dtype (float32) and stay finite.
-    - All chance comes from `rng`.
+    - `rng` is the only source of randomness.
     """
 
     def __call__(self, coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
@@ -44,15 +44,15 @@ SOILS: Final[dict[str, str]] = {
 
 
 def soil_model(name: str) -> SoilModel:
-    """The soil of that name, or `module:function`.
+    """Return the soil of a name or of `module:function`.
 
     Raises:
-        StampError: no such soil, module or function.
+        StampError: an unknown soil, module or function.
     """
     place = SOILS.get(name, name)
     if ":" not in place:
         raise StampError(
             f"there is no soil {name!r}",
-            hint=f"use one of {', '.join(SOILS)}, or module:function of your own",
+            hint=f"use one of {', '.join(SOILS)}, or your own module:function",
         )
     return cast(SoilModel, load_named(place, what="soil", error=StampError))

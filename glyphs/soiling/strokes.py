@@ -11,12 +11,13 @@ Points = NDArray[np.float64]
 
 
 def record_array(**columns: NDArray[Any]) -> Any:
-    """A numpy record array of columns (n,), whose rows are picked together."""
+    """A numpy record array of columns (n,); an index selects from all of them."""
     return np.rec.fromarrays(list(columns.values()), names=list(columns))  # type: ignore[call-overload]
 
 
 def across(width_mm: float, pitch_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Offsets (n,) across a line of that width, mm, symmetric and closer than a sample, and their distance."""
+    """Offsets (n,) across a line of a width, mm, symmetric and closer than a sample, and the distance between
+    them."""
     half = 0.5 * width_mm + 0.5 * pitch_mm
     count = 2 * int(np.ceil(half / (0.6 * pitch_mm))) + 1
     offsets = np.linspace(-half, half, count)
@@ -30,12 +31,12 @@ def spread(line: Points, side: Points, offsets: NDArray[np.float64]) -> Points:
 
 
 def drop(grid: NDArray[np.float32], points: Points, values: NDArray[np.float64], *, pitch_mm: float) -> None:
-    """Keep at each sample of `grid`, in place, the largest of its value and those dropped on it.
+    """Set each sample of `grid`, in place, to the largest of its value and the values dropped on it.
 
     Args:
         grid: (rows, cols).
-        points: (..., 2) x, y in mm; those beside the grid are lost.
-        values: (...) one a point.
+        points: (..., 2) x, y in mm; points outside the grid are ignored.
+        values: (...) one per point.
         pitch_mm: pitch of the grid.
     """
     at = np.rint(points.reshape(-1, 2) / pitch_mm).astype(np.int64)

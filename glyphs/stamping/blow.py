@@ -19,8 +19,8 @@ from glyphs.surface.display import OneLine
 class Blow(OneLine):
     """The blow of one character: position (plate offset of the ink's centre, mm), depth, tilt and wear.
 
-    `lean_deg` is the direction in which it leans, in the plate frame: on that side the burr is higher by
-    `pile_up_lean`, and the wall lacks the share `flank_loss` of the depth.
+    `lean_deg` is the direction in which the stamp leans, in the plate frame. On that side the burr is higher by the
+    share `pile_up_lean`, and the wall is shallower by the share `flank_loss`.
     """
 
     x_mm: float
@@ -39,9 +39,9 @@ class Blow(OneLine):
 
 
 def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw the stances of a line from a random stream of their own, so that `rng` is unchanged.
+    """Draw how a hand holds the stamp along a line, from a separate random stream, so that `rng` is unchanged.
 
-    A hand leans in one direction all along a part, within about 25 degrees.
+    A hand leans in one direction all along a part, with a standard deviation of 25 degrees.
 
     Returns:
         (count, 2): direction in which the stamp leans, degrees in the plate frame, and shift of the baseline so far,
@@ -140,7 +140,7 @@ def strike(
         )
         new = _blow_relief(shape, die, blow, factor, u, v, height_mm=height_mm)
         old = relief[lines, columns]
-        # Where either blow cut, the deeper one shows; where both only raised a rim, the higher.
+        # where a blow cut, the deeper one counts; where both only raised a rim, the higher one
         relief[lines, columns] = np.where(
             (new < 0.0) | (old < 0.0), np.minimum(new, old), np.maximum(new, old)
         )
@@ -171,7 +171,7 @@ def _blow_relief(
     half_width = None if shape.contours else die.stroke_mm / 2
     z = relief_mm(distance, die, half_width_mm=half_width, extra_depth_mm=extra)
     if side is not None and blow.flank_loss > 0.0:
-        # place across the groove: 0 in the middle and beyond it, 1 at the wall that the edge lacks
+        # position across the groove: 0 up to its middle, 1 at the wall that is missing
         across = side * np.clip(distance / np.float32(die.stroke_mm / 2) + 1.0, 0.0, 1.0)
         z = np.where(z < 0.0, z * (1.0 - np.float32(blow.flank_loss) * np.clip(across, 0.0, 1.0)), z)
     if side is not None and blow.pile_up_lean > 0.0:
@@ -185,7 +185,7 @@ def _blow_relief(
 
 
 def _towards(distance_mm: NDArray[np.float32], lean_deg: float) -> NDArray[np.float32]:
-    """Cosine of the angle between the way out of the groove and a direction of the plate, for every sample."""
+    """Cosine of the angle between the direction out of the groove and a direction of the plate, at every sample."""
     down, right = np.gradient(distance_mm)
     length = np.maximum(np.hypot(down, right), np.float32(1e-9))
     lean = math.radians(lean_deg)

@@ -18,7 +18,7 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 Box = tuple[float, float, float, float]
 """x0, y0, x1, y1."""
-_CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees at a time, Hershey's by up to 30
+_CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees per segment, Hershey's by up to 30
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,7 +27,7 @@ class IdealGlyph(OneLine):
 
     Attributes:
         height_map: the relief, plate frame.
-        centre_mm: (x, y) in that map of the reference point, middle of the ink's width at mid cap height.
+        centre_mm: (x, y) of the reference point in that map: middle of the ink's width at mid cap height.
     """
 
     height_map: HeightMap
@@ -37,19 +37,18 @@ class IdealGlyph(OneLine):
 def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
     """The shape that the die cuts: centre lines refitted to its stroke, and for DOTTED a row of dots.
 
-    Dots sit at the ends and corners of every stroke and evenly between,
-    `dot_pitch_mm` apart as nearly as that allows.
+    Dots sit at the ends and corners of every stroke and evenly between them, about `dot_pitch_mm` apart.
 
     Raises:
-        StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke as wide as the glyph
-            is high.
+        StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke at least as wide as the
+            glyph is high.
     """
     require_positive(StampError, height_mm=height_mm)
     stroke = die.stroke_mm / height_mm
     if glyph.contours:
         if die.face is Face.DOTTED:
             raise StampError(
-                (f"glyph {glyph.char!r} comes from an outlined font and has no strokes to set dots along"),
+                f"glyph {glyph.char!r} comes from an outlined font and has no strokes to set dots along",
                 hint="use a built-in font or another face",
             )
         return glyph
@@ -72,7 +71,7 @@ def shape_relief_mm(
     *,
     height_mm: float,
 ) -> NDArray[np.float32]:
-    """Relief of what `die_glyph` returned, for callers that cut the same shape more than once."""
+    """Relief of a shape that `die_glyph` returned, for callers that cut the same shape more than once."""
     return relief_mm(
         shape_distance_mm(shape, die, x_mm, y_mm, height_mm=height_mm),
         die,
@@ -83,7 +82,7 @@ def shape_relief_mm(
 def shape_distance_mm(
     shape: Glyph, die: Die, x_mm: ArrayLike, y_mm: ArrayLike, *, height_mm: float
 ) -> NDArray[np.float32]:
-    """Signed distance from the ink of what `die_glyph` returned, mm, negative inside it."""
+    """Signed distance from the ink of a shape that `die_glyph` returned, mm, negative inside it."""
     x = np.asarray(x_mm, dtype=np.float64) / height_mm
     y = np.asarray(y_mm, dtype=np.float64) / height_mm
     return signed_distance(shape, x, y, stroke=die.stroke_mm / height_mm) * np.float32(height_mm)
@@ -105,8 +104,8 @@ def ideal_relief(
         die: the die.
         height_mm: character height.
         pitch_mm: sample pitch of the map.
-        margin_mm: land around the ink, at least, >= 0.
-        raised: turn the relief over: a raised character, without burr.
+        margin_mm: least land around the ink, >= 0.
+        raised: make a raised character, without burr.
 
     Returns:
         A map with an odd number of rows and columns whose middle pixel is the reference point.
@@ -142,7 +141,7 @@ def ideal_relief(
 def to_plate(
     x_mm: ArrayLike, y_mm: ArrayLike, *, rotation_deg: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Turn glyph-frame offsets (y up) into plate-frame ones (y down), or back: the map is its own inverse."""
+    """Convert glyph-frame offsets (y up) to the plate frame (y down), or back: the map is its own inverse."""
     c, s = math.cos(math.radians(rotation_deg)), math.sin(math.radians(rotation_deg))
     x, y = np.asarray(x_mm, dtype=np.float64), np.asarray(y_mm, dtype=np.float64)
     return c * x + s * y, s * x - c * y
@@ -167,7 +166,7 @@ def plate_box(
 
 
 def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:
-    """(n, 2) points whose hull, grown by half a stroke, contains the ink; corners of the cell without ink."""
+    """(n, 2) points whose hull, grown by half a stroke, contains the ink; without ink, the corners of the cell."""
     if not shape.inked:
         x0, y0, x1, y1 = shape.ink_box
         return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) * height_mm
@@ -175,7 +174,7 @@ def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:
 
 
 def _dots(strokes: tuple[Points, ...], pitch: float) -> list[Points]:
-    """Single points along polylines, evenly about `pitch` apart; none where a dot already stands close by."""
+    """Single points along polylines, evenly spaced about `pitch` apart; none where another dot is close."""
     dots = np.empty((0, 2))
     for line in strokes:
         for run in _runs(line):

@@ -10,7 +10,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
 from glyphs.stamping.variation import StampingVariation
 
-_WIDEST = 1.25  # of the font's stroke, as `default_die` has it
+_WIDEST = 1.25  # of the font's stroke, as in `default_die`
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class DieKind:
 
     Attributes:
         face: shape of its edge.
-        tip: width of the flat on the edge of a blunt V of face FLAT, share of the usual stroke; 0: no V. In
-            outlined fonts the widths are the outlines' own and the flat shows where they are wide enough.
-        changes: fields of `StampingVariation` that differ, by name.
+        tip: width of the flat on the edge of a blunt V of face FLAT, as a share of the usual stroke; 0: no V. Outlined
+            fonts keep their own widths; the flat appears where they are wide enough.
+        changes: names and values of the fields of `StampingVariation` that this die changes.
     """
 
     face: Face
@@ -63,5 +63,5 @@ DIES: Final[dict[str, DieKind]] = {
     ),
     "one-flank": DieKind(Face.FLAT, changes=(("flank_loss", 1.0),)),
 }
-"""The die's face alone (the first is the usual one), a V blunted to a flat of a fifth of the stroke, pile-up on one
-side, every second blow struck twice, and grooves that lack the wall on one side."""
+"""`flat` is the default. `blunt-v` is a V with a flat of a fifth of the stroke, `lopsided` piles metal up on one side,
+`double` strikes every second blow twice, and `one-flank` leaves out the wall on one side."""

@@ -11,14 +11,14 @@ _Named = TypeVar("_Named")
 
 
 class StampError(MarksError):
-    """A part that cannot be stamped: the message gives the number or name, and its range or choices."""
+    """A part that cannot be stamped: the message gives the wrong number or name, and its range or choices."""
 
 
 def pick(kind: str, choices: Mapping[str, _Named], name: str) -> _Named:
     """Return the choice with a name.
 
     Raises:
-        StampError: no such choice; the message lists all.
+        StampError: there is no such choice; the message lists all of them.
     """
     try:
         return choices[name]

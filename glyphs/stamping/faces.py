@@ -1,8 +1,8 @@
 """The die's face: its dimensions, and the profile that turns a distance from the ink into a height.
 
-Everything here is a pure function of the signed distance, so the same die cuts strokes and outlines alike.
-Bevels are measured from the land: a wall falls by tan(bevel) per millimetre. A corner with radius r is a
-circular fillet tangent to both its sides, r tan(bevel/2) long on each.
+The profile depends only on the signed distance, so the same die cuts strokes and outlines. Bevels are measured from the
+land: a wall falls by tan(bevel) per millimetre. A corner with radius r is a circular fillet tangent to both its sides,
+r tan(bevel/2) long on each.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
     (9.5, 0.41),
     (12.7, 0.43),
 )
-"""Usual (character height, depth of mark), mm, from physics.md."""
+"""Usual (character height, depth of mark), mm, from docs/pages/physics.md."""
 
 DEFAULT_STROKE_RATIO = 0.15
-"""Stroke over height, unless a stroke font has its own: about 1.0 mm at 6.35 mm."""
+"""Ratio of stroke to height for fonts without their own: about 1.0 mm at 6.35 mm."""
 
 
 class Face(StrEnum):
@@ -49,19 +49,19 @@ class Face(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Die(OneLine, Validated, error=StampError):
-    """Geometry of a die, given as that of its mark.
+    """Geometry of a die, described by the mark that it makes.
 
     Attributes:
         face: shape of the floor.
         bevel_deg: slope of the walls from the land, degrees, 5 to 85 (30 to 60 is usual).
         depth_mm: depth of the floor below the land, > 0.
         stroke_mm: width of the groove at the land, > 0; for DOTTED the diameter of a dot. Outlined fonts have
-            their own widths; there it only tells how far a ROUND floor may reach.
+            their own widths; for them it only limits the radius of a ROUND floor.
         root_radius_mm: fillet between wall and floor, or at the bottom of a V, >= 0.
         edge_radius_mm: rounding between wall and land, >= 0.
-        burr_height_mm: height of the rim that the displaced metal raises along the groove, >= 0.
+        burr_height_mm: height of the rim of displaced metal along the groove, >= 0.
         burr_width_mm: width of that rim, > 0.
-        dot_pitch_mm: distance of dots along the stroke, > 0; only DOTTED uses it.
+        dot_pitch_mm: distance between dots along the stroke, > 0; only DOTTED uses it.
 
     Raises:
         StampError: a value outside its range.
@@ -83,7 +83,8 @@ class Die(OneLine, Validated, error=StampError):
 
 
 def default_depth_mm(height_mm: float) -> float:
-    """Usual depth of a mark of a character height: linear in the table, proportional outside it.
+    """Usual depth of a mark for a character height: interpolated in the table, proportional to the height outside
+    it.
 
     Raises:
         StampError: the height is not positive.
@@ -104,12 +105,12 @@ def default_die(
 ) -> Die:
     """A well-kept die without burr for a character height.
 
-    The stroke is the font's. FLAT and ROUND are widened, by a quarter at most, if the walls would meet before
-    the floor; SHARP takes the width at which its V reaches the depth, between 0.4 and 1.25 of the font's
-    stroke; DOTTED has dots of two thirds of the stroke, set 1.3 diameters apart.
+    The stroke is the font's. FLAT and ROUND are widened, by a quarter at most, if the walls would meet above the floor.
+    SHARP has the width at which its V reaches the depth, between 0.4 and 1.25 of the font's stroke. DOTTED has dots of
+    two thirds of the stroke, 1.3 diameters apart.
 
     Raises:
-        StampError: height, bevel or depth out of range, or no such face.
+        StampError: height, bevel or depth out of range, or an unknown face.
     """
     require_positive(StampError, height_mm=height_mm)
     face = Face(face)
@@ -144,16 +145,15 @@ def relief_mm(
     half_width_mm: float | None = None,
     extra_depth_mm: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
-    """Height over the land at a signed distance from the ink: the profile, ramped once.
+    """Height of the profile over the land at a signed distance from the ink.
 
     Args:
         signed_distance_mm: any shape, mm, negative inside the ink.
         die: the die.
-        half_width_mm: half the stroke, where the ink is a stroke; the root of a V is then rounded, which
-            takes root_radius (1/cos bevel - 1) off its tip. None for outlines: a V runs to the medial axis.
-        extra_depth_mm: depth beyond the nominal one to which the die went in (negative: less), mm,
-            broadcast against the distance. A deeper blow widens the groove along its walls; where
-            nothing is left of the depth there is no mark.
+        half_width_mm: half the stroke, if the ink is a stroke; the root of a V is then rounded, which makes it
+            shallower by root_radius (1/cos bevel - 1). None for outlines: a V runs to the medial axis.
+        extra_depth_mm: depth of the blow beyond the nominal depth (negative: less), mm, broadcast against the
+            distance. A deeper blow widens the groove along its walls; where the depth vanishes there is no mark.
 
     Returns:
         float32, mm, of the same shape: 0 on the land, never below -depth, a burr above 0 outside.
@@ -181,7 +181,7 @@ def relief_mm(
         edge_radius=die.edge_radius_mm,
     )
     if die.burr_height_mm > 0.0:
-        # The rim crests a quarter of its width from the groove, where the metal was pushed up, and dies away.
+        # The rim is highest a quarter of its width from the groove, and falls to zero at its width.
         u = np.sqrt(np.clip(sd / np.float32(die.burr_width_mm), 0.0, 1.0))
         fade = np.minimum(depth / np.float32(die.depth_mm), 1.0)
         out = out + np.float32(die.burr_height_mm / 2) * fade * (1 - np.cos(np.float32(2 * math.pi) * u))

@@ -1,13 +1,13 @@
 """Forms of bent plates: cylinders, saddles and bows. Along each axis the plate is an arc of a circle.
 
-    radius > 0: the plate falls off to both its edges        x_mm, y_mm: as seen from above (the plate frame)
-    radius < 0: it rises to them                             skin: along the surface, as a tape measures it
+    radius > 0: the plate falls towards both edges           x_mm, y_mm: as seen from above (the plate frame)
+    radius < 0: it rises towards them                        skin: along the surface, as a tape measures it
         ___-----___
       /      |      \\     s = R asin(x / R)        z = sqrt(R^2 - x^2) - R
              R
 
-Marks keep their size along the skin, so that those near the edges look narrower from above: marks around a shaft are
-rolled on. The die follows the surface; depth is vertical.
+Marks are rolled onto the plate: they keep their size along the skin, so that marks near the edges look narrower from
+above. The die follows the surface; depth is vertical.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from glyphs.stamping.errors import StampError
 from glyphs.surface.display import OneLine
 
 MAX_SAG_MM = 3.0
-"""Greatest rise or fall of a form from the middle to an edge: whiskers on a straight rail and the depth of field of a
-camera reach no further."""
+"""Greatest rise or fall of a form from the middle to an edge: the limit of whiskers on a straight rail and of a
+camera's depth of field."""
 _STEEPEST = 0.9
 """Greatest half width over the radius: slopes of up to 64 degrees at the edge."""
 
@@ -34,8 +34,8 @@ class PlateForm(OneLine):
 
     Attributes:
         radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: flat.
-        radius_y_mm: radius of the arc along y (a line along a shaft), likewise. Both with one sign make a bow or a
-            dish, with two signs a saddle.
+        radius_y_mm: radius of the arc along y (a line along a shaft), likewise. Equal signs make a bow or a
+            dish, opposite signs a saddle.
 
     Raises:
         StampError: a radius of zero or not a number.
@@ -70,7 +70,7 @@ def seen_mm(skin_mm: float, radius_mm: float) -> float:
     """Half width, seen from above, of a plate whose half width along the skin is `skin_mm`.
 
     Raises:
-        StampError: the plate would reach too far around.
+        StampError: the plate would reach too far around its cylinder.
     """
     if math.isinf(radius_mm):
         return skin_mm

@@ -15,7 +15,7 @@ from glyphs.stamping.errors import StampError
 from glyphs.surface.display import OneLine
 
 MOST_TURNED_DEG = 5.0
-_TIGHTEST = 0.9  # longest line, as a share of half the circle that it follows
+_TIGHTEST = 0.9  # longest line, as a share of the half circle that it follows
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,7 +23,7 @@ class Layout(OneLine, Validated, error=StampError):
     """Layout of a line on the plate; default: straight and alone.
 
     Attributes:
-        turned_deg: rotation of the whole line, clockwise as seen, added to the caller's own rotation.
+        turned_deg: rotation of the whole line, clockwise as seen, added to the rotation that the caller requests.
         radius_mm: radius of the arc that the baseline follows, not zero. Positive: its centre lies below the text, as
             on the upper half of a round badge; negative: above it; infinite: a straight line.
         other_text: text of a second line; empty for none.
@@ -75,7 +75,7 @@ def _arc(rng: np.random.Generator, height_mm: float, length_mm: float, font: Fon
 
 def _two_lines(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
     serial = [c for c in sorted(font.glyphs) if c.isascii() and (c.isdigit() or c.isupper())]
-    # of another length than the requested line, so that its format does not match both
+    # a different length, so that the format of the requested line does not match both lines
     count = len(text) - 2 if len(text) > 4 else len(text) + 2
     other = "".join(serial[int(k)] for k in rng.integers(len(serial), size=count))
     return Layout(other_text=other, other_above=bool(rng.uniform() < 0.5))

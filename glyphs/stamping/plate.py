@@ -26,13 +26,13 @@ def plate_form(
     """
     slope_x, slope_y = np.tan(np.radians(variation.tilt_deg * rng.standard_normal(2)))
     z = slope_x * (x_mm - x_mm.mean())[None, :] + slope_y * (y_mm - y_mm.mean())[:, None]
-    # Three waves of unlike length and heading: regular enough to be called a wavelength, never a pure sine.
+    # Three waves of different lengths and directions: regular enough to have a wavelength, but not a pure sine.
     for weight, ratio in ((0.7, 1.0), (0.5, 0.73), (0.4, 1.61)):
         heading, phase = rng.uniform(0.0, 2 * math.pi, 2)
         k = 2 * math.pi / (variation.waviness_wavelength_mm * ratio)
         amplitude = weight * variation.waviness_um * 1e-3
         if amplitude > 0.0:
-            # sin(a + b) = sin a cos b + cos a sin b: a row and a column in place of a sine a sample
+            # sin(a + b) = sin a cos b + cos a sin b: sines of a row and a column instead of every sample
             a, b = k * math.cos(heading) * x_mm, k * math.sin(heading) * y_mm + phase
             z += amplitude * (
                 np.cos(b)[:, None] * np.sin(a)[None, :] + np.sin(b)[:, None] * np.cos(a)[None, :]
@@ -80,7 +80,7 @@ def plate_texture(
 def _weighted_sum(
     a: float, x_mm: NDArray[np.float64], b: float, y_mm: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """a x + b y, float32: (rows, cols), or one row or column where the other has no part in it."""
+    """a x + b y, float32: (rows, cols), or one row or one column if the other term vanishes."""
     across, down = a * x_mm[None, :], b * y_mm[:, None]
     if min(abs(a), abs(b)) > 1e-12:
         return (across + down).astype(np.float32)

@@ -10,10 +10,12 @@ from glyphs.stamping.textures import Grinding, Milling, Sand, Turning
 from glyphs.stamping.variation import PlateVariation
 
 _FALL, _MOST_FALL_MM = 0.2, 1.5
-"""Fall of a form from the middle to the ends of a line: share of the height (1 mm at 5 mm), and at most in mm."""
+"""Fall of a form from the middle to the ends of a line, as a share of the height (1 mm at 5 mm), and its limit in
+mm."""
 
 _IRONING = 0.5
-"""The tool's marks are pressed flat less than a fine lay, because they are as deep as the corners of some marks."""
+"""Coarse tool marks are pressed flat less than a fine lay, because they are as deep as the corners of some
+marks."""
 
 PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "machined": lambda *_: PlateVariation(),
@@ -37,11 +39,11 @@ PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "ground": lambda *_: PlateVariation(texture=Grinding(), ironing=_IRONING),
     "sand": lambda *_: PlateVariation(texture=Sand(), ironing=_IRONING),
 }
-"""From character height and length of the line, mm, to a plate. `machined` is the usual one."""
+"""Functions of character height and line length, mm, that return a plate. `machined` is the default."""
 
 
 def _radius(height_mm: float, length_mm: float) -> float:
-    """Radius at which a line falls by `_FALL` heights to either end, but at least that of a shaft."""
+    """Radius at which a line falls by `_FALL` heights towards each end, but at least 15 heights."""
     fall = min(_FALL * height_mm, _MOST_FALL_MM)
     return max(15 * height_mm, ((length_mm / 2) ** 2 + fall**2) / (2 * fall))
 

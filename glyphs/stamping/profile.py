@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 Number = float | NDArray[np.float32]
 
-_LEAST = 1e-9  # mm: keeps a division by a vanished radius harmless
+_LEAST = 1e-9  # mm; avoids an empty range when the radius vanishes
 
 
 def round_radius(depth: Number, half_width: Number, *, bevel_rad: float) -> Number:
     """Radius of the widest arc that rounds the floor of a groove of that depth, mm.
 
-    The arc is tangent to both walls and touches the floor in the middle. It is never less than a quarter of
-    the arc that spans the whole groove (a narrow groove stays round, if shallower), nor so large that it
+    The arc is tangent to both walls and touches the floor in the middle. It is at least a quarter of the
+    arc that spans the whole groove (a narrow groove stays round but becomes shallower), and never so large that it
     would start above the land.
     """
     tan_half = math.tan(bevel_rad / 2)
@@ -34,16 +34,16 @@ def sunk_depth(
     root_radius: Number,
     edge_radius: float,
 ) -> NDArray[np.float32]:
-    """Depth below the land at a distance inside the groove's edge.
+    """Depth below the land as a function of the distance inside the groove's edge.
 
     Args:
         inside: distance from the edge, positive inside, mm.
         depth: depth of the floor, mm, a number or one per sample.
-        half_width: half the width of the groove where that is known, mm: a V then gets its root fillet at the
-            middle, where the walls meet. None: the walls run on to wherever they meet.
+        half_width: half the width of the groove if known, mm: a V then has its root fillet at the middle, where the
+            walls meet. None: the walls continue until they meet.
         bevel_rad: slope of the wall, radians.
         root_radius: fillet of wall and floor, mm.
-        edge_radius: fillet of wall and land, mm; takes at most 0.3 of the wall.
+        edge_radius: fillet of wall and land, mm; covers at most 0.3 of the wall.
 
     Returns:
         float32, mm, zero or positive.

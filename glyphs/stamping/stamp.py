@@ -25,20 +25,20 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StampedPart(OneLine):
-    """A stamped plate and what is known about it.
+    """A stamped plate and its ground truth.
 
     Attributes:
         height_map: the surface.
-        text: text that was stamped; with two lines the requested one.
+        text: text that was stamped; with two lines, the requested line.
         height_mm: character height.
         boxes_mm: (x0, y0, x1, y1) around the ink of each character, plate frame; a space has its empty cell.
         font_name: the font's name.
         other_text: text of the second line, if any.
-        other_boxes_mm: around its characters.
-        form: form to which the plate is bent.
+        other_boxes_mm: boxes around its characters.
+        form: form of the bent plate.
 
     Raises:
-        ValueError: the number of boxes is not that of the characters.
+        ValueError: the numbers of boxes and characters differ.
     """
 
     height_map: HeightMap
@@ -79,14 +79,14 @@ def stamp_line(
 
     Args:
         text: at least one character, all of them in the font.
-        font: the letters.
-        die: face, bevel, depth and so on, common to all of them.
+        font: font of the characters.
+        die: face, bevel, depth and so on, the same for all characters.
         height_mm: character height, ink to ink.
-        pitch_mm: sample pitch; a hundredth of the height if not given.
-        margin_mm: land around the line, 0.8 of the height if not given.
+        pitch_mm: sample pitch; default: a hundredth of the height.
+        margin_mm: land around the line; default: 0.8 of the height.
         line_rotation_deg: rotation of the whole line, from +x towards +y of the plate frame (clockwise as seen).
         layout: an arc, or another line; default: straight and alone.
-        variation: variation of the blows (default: that of `StampingVariation`).
+        variation: variation of the blows; default: `StampingVariation()`.
         raised: characters stand out of the plate (no burr).
         rng: the only source of randomness; the same state gives the same part.
 
@@ -157,7 +157,7 @@ class _Axis:
     skin_mm: NDArray[np.float64]
 
     def seen(self, skin_mm: float) -> float:
-        """Convert a position along the skin to one seen from above."""
+        """Convert a position along the skin to a position seen from above."""
         if self.skin_mm is self.seen_mm:
             return skin_mm
         return float(np.interp(skin_mm, self.skin_mm, self.seen_mm))
@@ -167,7 +167,7 @@ def _axis(skin_mm: float, pitch_mm: float, radius_mm: float) -> _Axis:
     """The axis of a plate that measures `skin_mm` along its skin.
 
     Raises:
-        StampError: a plate that would reach too far around.
+        StampError: the plate would reach too far around its cylinder.
     """
     width = skin_mm if math.isinf(radius_mm) else 2 * seen_mm(skin_mm / 2, radius_mm)
     count = max(2, math.ceil(width / pitch_mm - 1e-6) + 1)
@@ -190,7 +190,7 @@ def _places(
     rotation_deg: float,
     up_mm: float = 0.0,
 ) -> tuple[list[tuple[float, float, float]], Box]:
-    """x, y and turn of each character about the line's origin, and the extent of faultless ink, mm, plate frame.
+    """x, y and turn of each character about the line's origin, and the extent of undisturbed ink, mm, plate frame.
 
     Raises:
         StampError: a line too long for its arc.

@@ -1,7 +1,8 @@
-"""Textures that tools leave on a plate, beyond the fine lay of `PlateVariation`: heights (rows, cols) over x and y.
+"""Textures that tools leave on a plate, coarser than the fine lay of `PlateVariation`: heights (rows, cols) over x
+and y.
 
-Depths and feeds are those of workshop tables of surface finish (Ra of rough milling 3 to 6 um, rough turning 3 to 6,
-grinding with a coarse belt 1 to 3, blasted or sand-cast skins 6 to 25), as in ISO 1302 and the comparators made to it.
+Depths and feeds are from workshop tables of surface finish (Ra of rough milling and rough turning 3 to 6 um, of
+grinding with a coarse belt 1 to 3, of blasted or sand-cast skins 6 to 25), as in ISO 1302 and its comparator specimens.
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ Axis = NDArray[np.float64]
 
 
 class Texture(Protocol):
-    """The marks of one way of finishing a surface, with a mean of about zero."""
+    """The texture of one finishing process, with a mean of about zero."""
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """Heights (rows, cols) float32, mm, at x (cols,) and y (rows,), evenly spaced; all chance is `rng`'s."""
+        """Heights (rows, cols) float32, mm, at evenly spaced x (cols,) and y (rows,); only `rng` is random."""
 
 
 @dataclass(frozen=True)
 class Milling(Validated, error=StampError):
-    """Arcs that the teeth of a face mill leave, deeper and shallower where the tool chatters.
+    """Arcs that the teeth of a face mill leave; their depth varies where the tool chatters.
 
     Attributes:
         depth_um: depth from crest to bottom of a feed mark.
         feed_mm: distance from one arc to the next, > 0.
         radius_mm: radius of the mill, > 0.
-        chatter: share by which the depth swings, 0..1.
-        chatter_mm: wavelength of the swing along the arcs, > 0.
+        chatter: share by which the depth varies, 0..1.
+        chatter_mm: wavelength of this variation along the arcs, > 0.
 
     Raises:
         StampError: a value out of range.
@@ -53,7 +54,7 @@ class Milling(Validated, error=StampError):
         phase = rng.uniform(0.0, 2 * math.pi, 2)
         middle = float(y_mm.mean()) + rng.uniform(-0.3, 0.3) * self.radius_mm
         dy = (y_mm - middle)[:, None]
-        # the mill moves along x: an arc is where a tooth stood at one instant
+        # the mill moves along x: an arc is the path of one tooth
         bend = np.sqrt(np.maximum(self.radius_mm**2 - dy**2, 0.01 * self.radius_mm**2))
         turn = (x_mm[None, :] - bend) / self.feed_mm
         swing = np.sin(2 * math.pi * dy / self.chatter_mm + phase[0] + 0.7 * turn + phase[1])
@@ -68,7 +69,7 @@ class Turning(Validated, error=StampError):
         depth_um: depth from crest to bottom.
         feed_mm: distance from one groove to the next, > 0.
         ring_radius_mm: distance of the axis below the plate's middle; 0 gives parallel grooves, along y.
-        unevenness: variation of the depth from groove to groove, share, 0..1.
+        unevenness: share by which the depth varies from groove to groove, 0..1.
 
     Raises:
         StampError: a value out of range.
@@ -98,7 +99,7 @@ class Grinding(Validated, error=StampError):
         ra_um: arithmetic mean roughness.
         line_mm: width of a line, > 0.
         length_mm: length of a line, > 0.
-        along_x: whether they run along the line, or else across it.
+        along_x: whether they run along the line of text; otherwise across it.
 
     Raises:
         StampError: a value out of range.
@@ -117,7 +118,7 @@ class Grinding(Validated, error=StampError):
         white = rng.standard_normal((y_mm.size, x_mm.size), dtype=np.float32)
         widths = (self.line_mm / 2 / pitch, self.length_mm / 2 / pitch)
         lines = gaussian_filter(white, widths if self.along_x else widths[::-1], mode="wrap", truncate=3.0)
-        # grains cut scratches rather than raise ridges: the deep side of the distribution is the longer
+        # grains cut scratches rather than raise ridges: the distribution has its longer tail on the deep side
         lines = lines / np.float32(max(float(lines.std()), 1e-12))
         return _of_ra(
             np.minimum(lines, np.float32(0.8)) + np.float32(0.4) * np.minimum(lines, 0.0), self.ra_um
@@ -126,11 +127,11 @@ class Grinding(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Sand(Validated, error=StampError):
-    """A blasted or sand-cast skin: craters and grains of two sizes, alike in all directions.
+    """A blasted or sand-cast skin: craters and grains of two sizes, isotropic.
 
     Attributes:
         ra_um: arithmetic mean roughness.
-        grain_mm: size of the coarse grain, > 0; the fine one is a third of it.
+        grain_mm: size of the coarse grain, > 0; the fine grain is a third of it.
 
     Raises:
         StampError: a value out of range.

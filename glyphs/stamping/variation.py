@@ -15,7 +15,7 @@ from glyphs.surface.display import OneLine
 
 @dataclass(frozen=True, repr=False)
 class PlateVariation(OneLine, Validated, error=StampError):
-    """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) one.
+    """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) plate.
 
     Attributes:
         tilt_deg: standard deviation of the tilt about either axis, degrees.
@@ -26,10 +26,10 @@ class PlateVariation(OneLine, Validated, error=StampError):
         lay_direction_deg: direction in which the lay's ridges run, degrees of the plate frame.
         lay_jitter: wander of the lay's phase, radians (standard deviation over the plate).
         roughness_ra_um: arithmetic mean roughness Ra, micrometres.
-        roughness_length_mm: distance at which its autocorrelation has fallen to 1/e, > 0.
-        ironing: part of lay and roughness that the die presses flat on the floor of a mark, 0..1.
+        roughness_length_mm: distance at which the roughness's autocorrelation has fallen to 1/e, > 0.
+        ironing: share of lay and roughness that the die presses flat on the floor of a mark, 0..1.
         form: the curvature of the plate; default: flat.
-        texture: in place of lay and roughness.
+        texture: texture used in place of lay and roughness.
 
     Raises:
         StampError: a value out of range.
@@ -65,15 +65,16 @@ class StampingVariation(OneLine, Validated, error=StampError):
         tilt_fraction: change of depth across one cap height, as a fraction of the depth, either axis.
         rotation_deg: rotation of a character.
         baseline_fraction: rise over the baseline, fraction of the height.
-        spacing_fraction: place along the line, fraction of the height.
+        spacing_fraction: shift along the line, fraction of the height.
         worn_probability: probability that a character's die is worn: rounder, shallower, one side faint.
         double_strike_probability: probability of a second, shallower blow beside the first.
-        double_strike_fraction: distance of that blow, fraction of the height.
-        burr_fraction: mean height of the burr raised beyond the die's own, fraction of the depth.
+        double_strike_fraction: distance of the second blow, fraction of the height.
+        burr_fraction: mean height of the burr in addition to the die's own, fraction of the depth.
         plate: the plate.
-        pile_up_lean: asymmetry of the burr, 0..1: higher by that share on the side to which a blow leans, lower on
-            the other.
-        flank_loss: share of the depth that is missing at the wall to which a blow leans, 0..1; at 1 that wall is gone.
+        pile_up_lean: asymmetry of the burr, 0..1: higher by this share on the side to which a blow leans, lower by it
+            on the other.
+        flank_loss: share of the depth that is missing at the wall to which a blow leans, 0..1; at 1 that wall is
+            missing.
         jump_probability: probability that the baseline jumps ahead of a character, and stays there.
         jump_fraction: size of the jump, fraction of the height.
 
@@ -98,16 +99,15 @@ class StampingVariation(OneLine, Validated, error=StampError):
 
     @classmethod
     def none(cls) -> StampingVariation:
-        """A perfect press on a perfect plate: the relief is the ideal one."""
+        """A perfect press on a perfect plate: the relief is ideal."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, PlateVariation.none())
 
     @classmethod
     def hand(cls) -> StampingVariation:
-        """Single stamps held by hand and struck with a hammer, one after the other, along a line that is drawn or
-        guessed.
+        """Single stamps, held by hand and struck with a hammer one after the other.
 
-        Gaps, tilts and turns of each are some two to three times those of a holder's, blows are of unlike force, and
-        where the hand is set down again the baseline continues elsewhere.
+        Gaps, tilts and rotations are about twice those of a holder, blows differ in force, and the baseline jumps where
+        the hand is set down again.
         """
         return cls(
             depth_fraction=0.2,
@@ -129,4 +129,4 @@ PRACTICES: Final[dict[str, Callable[[], StampingVariation]]] = {
     "hand": StampingVariation.hand,
     "ideal": StampingVariation.none,
 }
-"""Ways of stamping: a press or a holder (the defaults), single stamps by hand, and ideal marks."""
+"""Ways of stamping: a press or a holder (the default), single stamps by hand, and ideal marks."""

@@ -1,7 +1,7 @@
-"""Compiled blurring and sampling of fields: bit for bit the results of `scipy.ndimage`, several times as fast.
+"""Compiled blurring and sampling of fields: the same bits as `scipy.ndimage`, several times as fast.
 
-Sums run in float64 and in scipy's order, so that a picture is the same whichever made it; only the inner loop goes
-along rows, where it runs in vectors.
+Sums are in float64 and in scipy's order, so that both give the same picture; only the inner loop runs along rows, so
+that it is vectorised.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ def _blur(z, weights, out, line, total):  # type: ignore[no-untyped-def]
 
 
 def gaussian_blur(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
-    """Blur a field by a Gaussian; beyond the borders it continues constant.
+    """Blur a field by a Gaussian; beyond the borders the edge values are repeated.
 
     Args:
         z: (rows, cols).
         sigma: standard deviation, samples.
-        truncate: where the Gaussian ends, standard deviations.
+        truncate: radius at which the Gaussian is cut off, standard deviations.
 
     Returns:
         (rows, cols) float32: `scipy.ndimage.gaussian_filter(z, sigma, mode="nearest", truncate=truncate)`.
@@ -81,7 +81,7 @@ def _sample(z, row, col, out):  # type: ignore[no-untyped-def]
 
 
 def sample_bilinear(z: Field, row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
-    """Sample a field at fractional rows and columns; beyond the borders it is mirrored.
+    """Sample a field at fractional rows and columns; it is mirrored beyond the borders.
 
     Returns:
         float32 of the shape of `row`: `scipy.ndimage.map_coordinates(z, [row, col], order=1, mode="mirror")`.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LONGEST = 160
-"""Characters after which a line names no further field."""
+"""Longest line in characters; further fields are left out."""
 _LONGEST_VALUE = 60
 _FEW = 6
 _PICTURE_ROWS, _PICTURE_COLS = 160, 640
@@ -36,7 +36,7 @@ def one_line(value: Any) -> str:
 
 
 class WordedEnum(StrEnum):
-    """Base of choices whose members are a value for programs and a message for people.
+    """Base of enumerations whose members have a value for programs and a message for people.
 
     Attributes:
         message: the member in words.
@@ -45,14 +45,14 @@ class WordedEnum(StrEnum):
     message: str
 
     def __new__(cls, value: str, message: str = "") -> Self:
-        """Make a member; only its value counts when one is looked up."""
+        """Make a member; look-up uses the value only."""
         made = str.__new__(cls, value)
         made._value_, made.message = value, message
         return made
 
 
 class OneLine:
-    """Base of dataclasses, made with `repr=False`, that are shown on one line; see `one_line`."""
+    """Base of dataclasses (with `repr=False`) that are shown on one line; see `one_line`."""
 
     __repr__ = one_line
 
@@ -98,12 +98,11 @@ def _array(values: NDArray[Any]) -> str:
 
 
 def picture_html(value: object, grey: NDArray[Any]) -> str:
-    """The line of a value over a small picture of its array, for notebooks.
+    """HTML for notebooks: a small picture of a value's array with its line as the caption.
 
     Args:
         value: value to show.
-        grey: (rows, cols) numbers, NaN where there are none; the middle 98 % of them fill the range from black to
-            white.
+        grey: (rows, cols) numbers, NaN where missing; the middle 98 % of them span the range from black to white.
     """
     from PIL import Image
 

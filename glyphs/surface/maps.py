@@ -1,6 +1,6 @@
 """Value types of a surface and of its edge map.
 
-The *plate frame*, used everywhere a surface is meant::
+The *plate frame*, used for all surfaces::
 
       +----------> x_mm   (columns; trace direction 0 deg runs this way)
       |
@@ -79,7 +79,7 @@ class HeightMap(OneLine, Validated, error=MapError):
 
     Attributes:
         z_mm: (rows, cols) float32, mm, read-only; NaN marks a dropout. At least 2 x 2, some of it finite.
-        pitch_mm: distance of neighbouring samples, mm, both axes.
+        pitch_mm: distance between neighbouring samples, mm, along both axes.
 
     Raises:
         MapError: wrong shape or type, no finite height, infinite heights, pitch not positive, too large.
@@ -108,7 +108,7 @@ class HeightMap(OneLine, Validated, error=MapError):
         if np.isinf(z).any():
             raise MapError("heights contain infinities", hint="mark bad points as NaN")
         if not np.isfinite(z).any():
-            raise MapError("no finite height in the map", hint="every point is a dropout")
+            raise MapError("no finite height in the map", hint="give at least one height that is not NaN")
         super().__post_init__()
         object.__setattr__(self, "z_mm", z)
         object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
@@ -120,7 +120,7 @@ class HeightMap(OneLine, Validated, error=MapError):
 
     @property
     def mirrored(self) -> HeightMap:
-        """The map with its rows in the other order."""
+        """The map with its rows in reverse order."""
         return HeightMap(self.z_mm[::-1], self.pitch_mm)
 
     @property
@@ -134,13 +134,13 @@ class HeightMap(OneLine, Validated, error=MapError):
 class EdgeMap(OneLine, Validated, error=MapError):
     """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid.
 
-    A land sample is 0; +0.16 means that the moment stood 16 % above the land's. By physics.md the value is
+    A land sample is 0; +0.16 means that the moment was 16 % above the land's. By docs/pages/physics.md the value is
     (1 + h/d0) * F(slope, mu) - 1: the profile and the step of the paper's eq. (16) together.
 
     Attributes:
         enhancement: (directions, rows, cols) float32, dimensionless, read-only; 0 where not valid.
         directions: trace direction of each layer, no duplicates.
-        valid: (rows, cols) bool: every layer felt this place.
+        valid: (rows, cols) bool: whether every layer was measured here.
         pitch_mm: grid pitch, mm.
         origin_mm: plate-frame (x, y) of pixel (0, 0), mm.
 

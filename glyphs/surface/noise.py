@@ -13,21 +13,21 @@ def smooth_noise(
 ) -> Field:
     """Gaussian noise of mean 0 and variance 1 whose autocorrelation falls to 1/e at `length_mm`.
 
-    Made by filtering white noise with a Gaussian in the frequency domain, so any length costs the same; the
-    field wraps round at the borders of a grid somewhat larger than the one asked for.
+    Made by filtering white noise with a Gaussian in the frequency domain, so the cost does not depend on the
+    length. The field is periodic on a grid somewhat larger than the requested one.
 
     Args:
         shape: (rows, cols).
         pitch_mm: pitch of the grid.
         length_mm: the correlation length; 0 gives white noise.
-        rng: one draw per sample.
+        rng: the only source of randomness; one draw per sample of the larger grid.
 
     Returns:
         (rows, cols) float32.
     """
     from scipy import fft
 
-    # room at the borders, so that opposite edges of the part do not match
+    # a margin, so that opposite edges of the part do not match
     room = min(int(2.0 * length_mm / pitch_mm), 2 * max(shape))
     rows, cols = (int(fft.next_fast_len(n + room, real=True)) for n in shape)
     white = rng.standard_normal((rows, cols), dtype=np.float32)
@@ -37,14 +37,14 @@ def smooth_noise(
     across = np.exp(-0.5 * (width * np.fft.rfftfreq(cols)) ** 2).astype(np.float32)
     spectrum = fft.rfft2(white) * down[:, None] * across[None, :]
     field = fft.irfft2(spectrum, s=(rows, cols))
-    # Parseval: the variance to expect, and not the sample's own, so that few large patches may be many or none
+    # Parseval: the expected variance, not that of the sample, so that the area of a few large patches can vary
     full = np.exp(-((width * np.fft.fftfreq(cols)) ** 2))
     expected = float(np.mean(down.astype(np.float64) ** 2) * np.mean(full))
     return np.asarray(field[: shape[0], : shape[1]] / np.sqrt(expected), dtype=np.float32)
 
 
 def share(noise: Field) -> Field:
-    """Noise as ranks 0 to 1: thresholding at 1 - f covers a share f of the plane for any length."""
+    """Convert noise to ranks 0 to 1: the ranks above 1 - f cover a share f of the plane for any length."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(noise), dtype=np.float32)
@@ -57,11 +57,11 @@ def ramp(values: Field, low: float | np.float32 | Field, high: float | np.float3
 
 
 def bilinear(values: NDArray[np.floating], row: NDArray[np.floating], col: NDArray[np.floating]) -> Field:
-    """Values of a coarse grid at fractional rows and columns; constant beyond its last sample."""
+    """Interpolate a coarse grid at fractional rows and columns; it is constant beyond its last sample."""
     r, c = np.clip(row, 0, values.shape[0] - 1), np.clip(col, 0, values.shape[1] - 1)
     r0, c0 = np.minimum(r.astype(int), values.shape[0] - 2), np.minimum(c.astype(int), values.shape[1] - 2)
     down, right = (r - r0.astype(r.dtype))[:, None], (c - c0.astype(c.dtype))[None, :]
-    # the few rows first: whole rows are then copied, and columns looked up in few of them
+    # interpolate along the columns of the coarse grid first: it has few rows, and whole rows are then copied
     left = np.take(values, c0, axis=1)
     along = left + right * (np.take(values, c0 + 1, axis=1) - left)
     above = np.take(along, r0, axis=0)

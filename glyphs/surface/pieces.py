@@ -1,10 +1,10 @@
-r"""Test pieces: plates of known relief, from which a whisker and its bench are identified.
+r"""Test pieces: plates of known relief, which serve to identify a whisker and its bench.
 
     pits     one pit per angle; its four walls fall at that angle to a floor        ___      ______
-             (the paper's 30, 45 and 60 degrees, felt along x and along y)             \____/
+             (the paper's 30, 45 and 60 degrees, traced along x and along y)             \____/
     grooves  the same profile across the whole plate, constant along y
     ball     a cap of a ball of `radius_mm` that stands `depth_mm` above the land   _____,--.______
-    step     half of the plate lies `depth_mm` lower, behind a wall of the first angle
+    step     part of the plate lies `depth_mm` lower, behind a wall of the first angle
 
 The height of the land is 0. It extends `land_mm` beyond the outermost relief on all sides.
 """
@@ -52,7 +52,7 @@ class Piece(OneLine, Validated, error=MapError):
         MapError: an angle is out of range, a length is not positive, or a cap is higher than half its ball.
     """
 
-    # pieces are read from files directly: unknown keys are errors
+    # pieces are read from files, where unknown keys are errors
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     kind: PieceKind = PieceKind.PITS

@@ -1,1 +1,1 @@
-"""Design of whiskers: search, limits and their cost."""
+"""Design of whiskers and arrays: limits, search, and the accuracy of plans."""

@@ -1,11 +1,11 @@
-"""Design an array and its plan: the least stage time at a wanted accuracy.
+"""Design an array and its plan for the least stage time at a required accuracy.
 
     whisker (width, inclination) -> body -> pitch -> rows and stagger -> comb
-    wanted accuracy -> plans that were measured to keep it (lines a height, directions)
+    accuracy        -> plans measured to reach it (lines per height, directions)
     allowed error   -> fastest speed of that whisker                                      } -> stage seconds
 
-All combinations are worked out, and the quickest is taken, for every number of whiskers. Accuracy is that of
-`plan_accuracy`, measured with the default whisker; speed is that of the dynamic simulation (`dynamic_speed`).
+For every number of whiskers, all combinations are computed and the quickest is chosen. Accuracy is from
+`plan_accuracy`, measured with the default whisker; speed is from the dynamic simulation (`dynamic_speed`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from whisker_array.whisker.touch import default_touch
 
 ARRAY_SIZES = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48)
 WIDTHS_THICKNESSES = (15.0, 6.0)
-"""Ribbons: the default one, and the narrowest that is still 17 times as stiff sideways as upwards."""
+"""Width over thickness of ribbons: the default, and the narrowest that is still 17 times as stiff sideways as
+upwards."""
 BETAS_DEG = (0.0, 15.0, 30.0)
 MOST_BLOCKS = 4
 LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
@@ -44,10 +45,10 @@ class ArrayRequest(Validated, error=DesignError):
 
     Attributes:
         character_height_mm: character height of the serials.
-        accuracy: share of characters to be read right.
-        severity: severity of the dirt to design for; one that was measured.
+        accuracy: required share of characters read correctly.
+        severity: severity of the dirt; it must be one of those measured.
         length_mm: length of the line; default: that of eight characters.
-        speed_error: error of the edge map that speed may make.
+        speed_error: largest error of the edge map that speed may cause.
 
     Raises:
         DesignError: a number out of range.
@@ -74,7 +75,7 @@ class ArrayChoice(OneLine):
     Attributes:
         whisker: whisker of the comb.
         plan: the array and its passes over the line.
-        measured: measured readings with such a plan.
+        measured: counts of readings measured with such a plan.
     """
 
     whisker: LShaped
@@ -94,7 +95,7 @@ def ribbon_mm(whisker: LShaped) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Build:
-    """A whisker for combs whose rows stand whole steps apart."""
+    """A whisker for combs whose rows are whole steps apart."""
 
     whisker: LShaped
     body: Body
@@ -102,7 +103,7 @@ class _Build:
     step_mm: float
 
     def stagger_mm(self, rows: int) -> float:
-        """Least stagger at which rows of any lateral distance are clear of each other."""
+        """Least stagger at which rows are clear of each other at any lateral distance."""
         if rows == 1:
             return 0.0
         in_file = math.ceil(self.body.in_file_mm / self.step_mm)
@@ -134,7 +135,8 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
 
 
 def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:
-    """Pitches to try, in lines: blocks that just cover the region in either direction, and whiskers side by side."""
+    """Pitches to try, in lines: those whose blocks just cover the region along x or y, and the closest side by
+    side."""
     pitch = request.character_height_mm / lines
     x0, y0, x1, y1 = request.region_mm
     found = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}
@@ -168,15 +170,15 @@ def design_arrays(
     sizes: Sequence[int] = ARRAY_SIZES,
     counts: Sequence[PlanCounts] | None = None,
 ) -> tuple[ArrayChoice, ...]:
-    """The quickest array and plan for each number of whiskers.
+    """Find the quickest array and plan for each number of whiskers.
 
     Args:
         request: purpose of the array.
         sizes: numbers of whiskers.
-        counts: measured accuracy of plans; default: those that come with the program.
+        counts: measured accuracy of plans; default: those of the package.
 
     Raises:
-        DesignError: no measured plan is as accurate, or none was measured at that dirt.
+        DesignError: no measured plan is accurate enough, or none was measured at this severity.
     """
     known = tuple(counts) if counts is not None else measured_plans()
     there = [c for c in known if math.isclose(c.severity, request.severity)]
@@ -198,7 +200,7 @@ def design_arrays(
     chosen = []
     for n in sizes:
         quickest = min(_choices(request, builds, kept, n), key=lambda c: c.stage_s)
-        # the comb is checked for room when it is built
+        # building the comb with its body checks that whiskers have room
         array = replace(quickest.plan.array, body=bodies[id(quickest.whisker)])
         chosen.append(replace(quickest, plan=replace(quickest.plan, array=array)))
     return tuple(chosen)

@@ -1,4 +1,4 @@
-"""A whisker in one use against every limit of a design: forces, stress, slide, frequency, edge contrast."""
+"""Check a whisker in one use against every limit of a design: forces, stress, slide, frequency, edge contrast."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from whisker_array.whisker.validity import (
 )
 
 FINEST_WAVELENGTH_LINES = 4.0
-"""The finest detail, in line pitches: a stroke of h/10, up, floor and down (as `array.SAFE_SPEED_MM_S`)."""
+"""Wavelength of the finest detail, in line pitches: a stroke of h/10 (as for `array.SAFE_SPEED_MM_S`)."""
 _FREQUENCY_PARTS = 3
-"""Within 1 % of many, on the low side."""
+"""Parts of the beam in the frequency model; the result is within 1 % of that of many parts, and lower."""
 
 Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
 class Checked(OneLine):
-    """A whisker in use, compared with a request and limits: all values for a search, as arrays.
+    """A whisker in use compared with a request and limits, with all values as arrays for a search.
 
     Attributes:
-        contrast: steps at the edges over the land moment, any shape; NaN where it jams.
-        values: for each bound all its values (corners of the ranges of slope and friction).
-        limits: for each bound its limit, and whether values must stay below it.
+        contrast: steps at the edges over the land moment, any shape; NaN where the whisker jams.
+        values: all values of each bound (at the corners of the ranges of slope and friction).
+        limits: limit of each bound, and whether it is an upper limit.
     """
 
     contrast: Values
@@ -45,7 +45,8 @@ class Checked(OneLine):
     limits: Mapping[Bound, tuple[float, bool]] = field(repr=False)
 
     def reserve(self) -> dict[Bound, Values]:
-        """ln(limit / value) or ln(value / limit): positive if the limit holds; linear below a tenth of a limit."""
+        """ln(limit / value) or ln(value / limit): positive if the limit is kept; linear below a tenth of a lower
+        limit."""
         out = {}
         for bound, value in self.values.items():
             limit, at_most = self.limits[bound]
@@ -79,7 +80,7 @@ def _tip(whisker: LShaped) -> TipModel:
 
 
 def _pushes(alpha_rad: Values, mu: Values) -> Values:
-    """R a of (9) and (10), (slopes, frictions, 3), as `enhancement.contact_force` for one newton."""
+    """R a of (9) and (10), (slopes, frictions, 3): `enhancement.contact_force` for one newton."""
     c, s = np.cos(alpha_rad)[:, None], np.sin(alpha_rad)[:, None]
     return np.stack([s - mu * c, c + mu * s, np.zeros((alpha_rad.size, mu.size))], axis=-1)
 
@@ -89,8 +90,8 @@ def edge_steps(
 ) -> tuple[Values, Values]:
     """Steps of the signal at the two lips of walls, over the land moment, by eq. (16).
 
-    From m / m_land = (1 + h/d0) F: on passing the top lip, h = 0, the signal steps by F - 1; at the bottom
-    lip, h = -depth, by (F - 1)(1 - depth/d0).
+    From m / m_land = (1 + h/d0) F: at the top lip, h = 0, the signal steps by F - 1; at the bottom lip, h = -depth, by
+    (F - 1)(1 - depth/d0).
 
     Args:
         whisker: the whisker.
@@ -100,7 +101,7 @@ def edge_steps(
         mu: (m,) frictions.
 
     Returns:
-        steps (2, n, m), top and bottom lip, without sign, and F (n, m); NaN where the whisker jams.
+        Absolute steps (2, n, m) at the top and bottom lip, and F (n, m); NaN where the whisker jams.
     """
     tip = _tip(whisker)
     slope = -np.tan(alpha_rad)
@@ -114,7 +115,7 @@ def normal_forces_n(
 ) -> tuple[Values, Values]:
     """Normal force at full preload by (7) and (11), N, and e_y.D11 R'a over its land value; both (n, m).
 
-    The force is infinite where the whisker jams (the share is then not positive).
+    Where the whisker jams the force is infinite and the ratio is not positive.
     """
     tip = _tip(whisker)
     push = _pushes(alpha_rad, mu)
@@ -140,8 +141,9 @@ def bending_stress_mpa(whisker: LShaped, normal_n: Values, *, alpha_rad: Values,
 def sideways_slide_mm(whisker: LShaped, *, preload_mm: float, wall_rad: float) -> float:
     """Sideways slide of the tip down a wall that runs along the trace: d0 (Dzz / Dyy) tan(alpha), mm.
 
-    Friction does not hold it: the tip moves along the trace, and friction points against that. As the tip slides down
-    it is pressed less, so the contact solver comes out lower, by 1 + (Dzz/Dyy) tan^2(alpha) without friction.
+    Friction does not stop the slide, because it acts against the motion along the trace. A tip that slides down is
+    pressed less, so the contact solver gives a smaller slide, by a factor of 1 + (Dzz/Dyy) tan^2(alpha) without
+    friction.
     """
     d = _tip(whisker).compliance_mm_per_n
     return preload_mm * float(d[2, 2] / d[1, 1]) * math.tan(wall_rad)
@@ -149,14 +151,15 @@ def sideways_slide_mm(whisker: LShaped, *, preload_mm: float, wall_rad: float) -
 
 @functools.lru_cache(maxsize=4096)
 def _frequency_number(k: float, beta_rad: float, aspect: float, material: Material) -> float:
-    """First frequency times l1^2 over thickness, mm/s: it depends on shape alone. aspect 0 is round wire."""
+    """First frequency times l1^2 over thickness, mm/s, which depends on shape only. An aspect of 0 is round
+    wire."""
     section = Rectangle(1.0, aspect) if aspect else Round(1.0)
     model = LShaped(100.0, 100.0 * k, None, beta_rad, section, material)
     return 1e4 * first_bending_frequency_hz(model, tip_held=True, parts=_FREQUENCY_PARTS)
 
 
 def first_frequency_hz(whisker: LShaped) -> float:
-    """First bending frequency with the tip held on the surface, quickly; within 1 % on the low side."""
+    """First bending frequency with the tip held on the surface; fast, and at most 1 % too low."""
     section = _section(whisker)
     thickness = 2.0 * section.c_vertical_mm
     aspect = section.c_lateral_mm / section.c_vertical_mm if isinstance(section, Rectangle) else 0.0
@@ -165,7 +168,7 @@ def first_frequency_hz(whisker: LShaped) -> float:
 
 
 def linear_force_error(whisker: LShaped, *, lift_mm: float, mu: float, alpha_rad: float = 0.0) -> float:
-    """First-order error of the linear beam's force against the elastica, (linear - exact) / exact.
+    """First-order error of the linear beam's force relative to the elastica, (linear - exact) / exact.
 
     (lift / l1 c) [0.6 tan(beta) + 1.2 tan(beta + alpha - atan(mu))] + 3.375 k lift / l1: the beam shortens as
     it bends, the pull along it stiffens it, and the tip arm swings out (a term exact for beta = 0, mu = 0).
@@ -190,18 +193,18 @@ def check(
 ) -> Checked:
     """Check one whisker in one use against all limits.
 
-    All bounds are monotone in slope and friction, so the corners of the ranges tell (eq. (16) is a linear fraction of
-    tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, not in friction.
+    All bounds are monotone in slope and friction, so it is enough to check the corners of the ranges (eq. (16) is a
+    linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, but not in friction.
 
     Args:
-        whisker: with a constant section.
+        whisker: a whisker with a constant section.
         request: purpose of the whisker.
         limits: limits to keep.
         preload_mm: d0.
-        linear_error: the elastica's word on the linear beam; the first order times error_scale if None.
-        error_scale: see linear_error.
-        n_mu: frictions looked at for the contrast.
-        n_alpha: slopes looked at for the contrast; 1 is the gentlest.
+        linear_error: error of the linear beam relative to the elastica; default: its first order times `error_scale`.
+        error_scale: see `linear_error`.
+        n_mu: number of frictions at which the contrast is computed.
+        n_alpha: number of slopes at which the contrast is computed; 1: only the gentlest.
     """
     low, high = request.alpha_rad
     mus = np.array(request.mu)
@@ -262,5 +265,5 @@ def check(
 
 
 def _finite(values: Values) -> Values:
-    """Replace jammed corners by a very large number, from which a search can move away."""
+    """Replace jammed corners by a very large number, so that a search can move away from them."""
     return np.where(np.isfinite(values), np.minimum(np.nan_to_num(values, nan=1e6), 1e6), 1e6)

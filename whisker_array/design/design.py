@@ -3,12 +3,12 @@
     m / m_land  F  ___                    contrast: the step of the signal at an edge, in land moments,
                   |   \\                   top lip     |F - 1|
     1 ________top |    \\ _____            bottom lip  |F - 1| (1 - depth/d0)
-              lip      | bottom lip       the least of both, for falling (+alpha) and rising (-alpha) walls
-                       |__________        and every friction of the range, is made as large as possible
+              lip      | bottom lip       the design maximises the least step over both lips,
+                       |__________        falling (+alpha) and rising (-alpha) walls and all frictions
 
-By (22) F depends on A = tan(beta) + 1.5 k / c and the height of the sensor's axis alone: setting angle and tip arm do
-the same to F, but the tip arm lets l1 twist, so that the tip slides sideways into grooves. F - 1 grows with A
-until a steep wall jams; d0 sharpens the bottom lip until force, linear beam or slide stop it.
+By (22) F depends only on A = tan(beta) + 1.5 k / c and the height of the sensor's axis: setting angle and tip arm have
+the same effect on F, but with a tip arm l1 twists, so that the tip slides sideways into grooves. F - 1 grows with A
+until a steep wall jams; a larger d0 increases the step at the bottom lip until force, linear beam or slide limits it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class NoWhiskerError(DesignError):
     Attributes:
         problem: the search.
         nearest: the whisker that violates them least.
-        bounds: limits that meet there: those that cannot be met together.
+        bounds: limits that cannot be met together.
     """
 
     def __init__(
@@ -84,8 +84,8 @@ class Worst:
     """The edge with the least step.
 
     Attributes:
-        contrast: its step over the land moment.
-        alpha_rad: the wall; negative rises.
+        contrast: step over the land moment.
+        alpha_rad: slope of the wall; negative: rising.
         mu: friction.
         lip: top or bottom.
     """
@@ -101,16 +101,16 @@ class Design(OneLine):
     """A whisker, its use, and its distance from every limit.
 
     Attributes:
-        request: the request; ball, lines and samples follow from it.
+        request: the request; tip radius, lines and samples follow from it.
         limits: limits that were kept.
         whisker: the whisker.
         preload_mm: d0.
-        speed_mm_s: the fastest quasi-static scan; at least the one asked for.
+        speed_mm_s: speed of the fastest quasi-static scan.
         worst: the edge with the least contrast by (16).
-        contrast_exact: the contrast of that edge with F by the elastica; NaN where that has no answer.
+        contrast_exact: the contrast of that edge with F by the elastica; NaN where it has no solution.
         factor_range: least and greatest F over all walls and frictions of the request.
-        constraints: the table.
-        linear_error: the elastica's worst error of force or moment on the land, as a share.
+        constraints: table of the limits.
+        linear_error: largest error of the linear beam's force or moment on the land, as a share of the elastica's.
         frequency_hz: first bending frequency with the tip held.
         land_force_n: greatest normal force on the land.
     """
@@ -135,13 +135,13 @@ class Design(OneLine):
 
     @property
     def axis_over_land_mm(self) -> float:
-        """Height of the sensor's axis over the land while tracing."""
+        """Height of the sensor's axis above the land while tracing."""
         w = self.whisker
         return w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm - self.preload_mm
 
 
 def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tuple[Worst, tuple[float, float]]:
-    """The edge with the least contrast on a fine grid of slopes and frictions, and the range of F.
+    """Find the edge with the least contrast on a fine grid of slopes and frictions, and the range of F.
 
     Raises:
         DesignError: the whisker jams on one of these walls.
@@ -159,7 +159,7 @@ def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tupl
 
 
 def land_linear_error(whisker: LShaped, request: Request, *, preload_mm: float) -> float:
-    """Greatest error of the linear beam's force or moment on the land against the elastica, as a share."""
+    """Largest error of the linear beam's force or moment on the land, as a share of the elastica's."""
     try:
         return max(linear_error(whisker, lift_mm=preload_mm, mu=mu).worst for mu in request.mu)
     except ElasticaError:
@@ -178,7 +178,7 @@ def design_whisker(
     Args:
         request: purpose of the whisker.
         limits: limits of manufacture and use.
-        section: kind of section; auto takes the better of the two.
+        section: kind of section; auto chooses the better one.
         seed: seed of the starts of the search.
 
     Raises:
@@ -189,8 +189,8 @@ def design_whisker(
     least, allowed = _least_round_slide_mm(request), limits.slide_lines * request.line_pitch_mm
     if least > allowed and section == "round":
         raise DesignError(
-            "round wire is as soft sideways as it is up and down: pressed on by no more than the groove's depth asks "
-            f"for, its tip slides {least:.2g} mm into grooves along the trace (at most {allowed:.2g} mm is allowed)",
+            "round wire bends sideways as easily as up and down: even at the least preload for this depth "
+            f"its tip slides {least:.2g} mm into grooves along the trace (at most {allowed:.2g} mm is allowed)",
             hint="take a ribbon, larger characters or shallower marks",
         )
     if least > allowed:
@@ -207,19 +207,20 @@ def design_whisker(
 
 
 def _least_round_slide_mm(request: Request) -> float:
-    """Round wire is at least as soft sideways as upwards: Dzz >= Dyy."""
+    """Least slide of round wire, for which Dzz >= Dyy."""
     return PRELOAD_MARGIN * request.depth_mm * math.tan(request.alpha_rad[1])
 
 
 def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
-    """The best candidate, with the elastica's first order corrected until its exact error keeps the limit."""
+    """Find the best candidate whose exact error of the linear beam keeps the limit."""
     rng = np.random.default_rng(seed)
     candidate = best(problem, starts(problem, n=_STARTS, rng=rng))
     return None if candidate is None else fit_to_elastica(problem, candidate)
 
 
 def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
-    """Repeat the search with the linear beam's error scaled to the elastica's, until the limit is just kept."""
+    """Repeat the search with the linear beam's first-order error scaled to the exact one, until the limit is just
+    kept."""
     limit = problem.limits.linear_error
     kept: tuple[Problem, Candidate] | None = None
     for _ in range(_ELASTICA_ROUNDS):
@@ -243,17 +244,17 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
 
 
 def describe_design(whisker: LShaped, request: Request, *, limits: Limits, preload_mm: float) -> Design:
-    """Describe a whisker in one use, whether it keeps the limits or not.
+    """Describe a whisker in one use, even if it violates limits.
 
     Raises:
-        DesignError: it jams on a wall of the request.
+        DesignError: the whisker jams on a wall of the request.
     """
     worst, factor_range = worst_edge(whisker, request, preload_mm=preload_mm)
     error = land_linear_error(whisker, request, preload_mm=preload_mm)
     checked = check(whisker, request, limits, preload_mm=preload_mm, linear_error=error)
     frequency = first_bending_frequency_hz(whisker, tip_held=True)
     wavelength = FINEST_WAVELENGTH_LINES * request.line_pitch_mm
-    # the search's own frequency is the lower one
+    # take the lower frequency, which is that of the search
     speed = QUASI_STATIC_SHARE * min(frequency, first_frequency_hz(whisker)) * wavelength
     land_n, _ = normal_forces_n(
         whisker, preload_mm=preload_mm, alpha_rad=np.zeros(1), mu=np.array(request.mu)
@@ -281,7 +282,7 @@ def describe_design(whisker: LShaped, request: Request, *, limits: Limits, prelo
 
 
 def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
-    """Limits of sizes that can be made, as lines of the table: the nearer end of each range."""
+    """Limits of manufacture, as lines of the table: the nearer end of each range."""
     section = whisker.segments()[0].section_at(0.0)
     low, high = limits.beta_rad
     ranges = [

@@ -1,14 +1,14 @@
 """Request and limits of a design, and the distance of a whisker from each limit.
 
-constraint            what is compared                                      with
-jamming               e_y.D11 (n - mu t) on the steepest wall / on land     a fifth: force grows fivefold
+constraint            quantity                                              limit
+jamming               e_y.D11 (n - mu t) on the steepest wall / on land     a fifth (fivefold force)
 stress, force         bending stress, normal force on the steepest wall     half of yield, 0.5 N
 groove floor          preload                                               1.2 depths (Assumption 3)
 deflection, linear    |D11 f| / l1, elastica against linear beam            10 %, 2 % (Assumption 1)
 sideways slide        d0 Dzz/Dyy tan(alpha), on a wall along the trace      half a line pitch
 quasi-static          speed / four line pitches / first frequency           a tenth (Assumption 5)
 signal                strain at the base on the land                        200 microstrain
-elbow, clamp, axis    heights over the land                                 clear of the plate
+elbow, clamp, axis    heights above the land                                clear of the plate
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class Request(OneLine, Validated, error=DesignError):
         alpha_rad: gentlest and steepest wall, rad; walls fall and rise.
         mu: least and greatest friction.
         depth_mm: deepest mark.
-        character_height_mm: sets lines, samples and the room that a whisker has.
-        speed_mm_s: scan speed to be reached; the house speed for the height if None.
+        character_height_mm: character height, which sets lines, samples and the room for a whisker.
+        speed_mm_s: required scan speed; default: see `least_speed_mm_s`.
         material: material of the whiskers.
 
     Raises:
@@ -84,7 +84,7 @@ class Request(OneLine, Validated, error=DesignError):
         low, high = self.alpha_rad
         if not 0.0 < low <= high < math.pi / 2.0:
             raise DesignError(
-                f"walls of {math.degrees(low):g} to {math.degrees(high):g} degrees cannot be: give the "
+                f"walls of {math.degrees(low):g} to {math.degrees(high):g} degrees are impossible: give the "
                 "gentlest and the steepest, above 0 and below 90 degrees"
             )
         if not 0.0 <= self.mu[0] <= self.mu[1] < 2.0:
@@ -94,8 +94,8 @@ class Request(OneLine, Validated, error=DesignError):
         super().__post_init__()
         if self.depth_mm > 0.5 * self.character_height_mm:
             raise DesignError(
-                f"marks {self.depth_mm:g} mm deep with characters {self.character_height_mm:g} mm high cannot be: "
-                "depth is at most half the height"
+                f"marks {self.depth_mm:g} mm deep with characters {self.character_height_mm:g} mm high are impossible: "
+                "the depth is at most half the height"
             )
 
     @property
@@ -120,9 +120,10 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def tip_radius_mm(self) -> float:
-        """The largest ball (wear) that still shows the steepest slope on half of its wall and fits a stroke.
+        """Radius of the largest ball (against wear) that shows the steepest slope on half of its wall and fits a
+        stroke.
 
-        At the wall's foot the ball rounds r sin(alpha) off the slope: at most half the wall's extent. Its
+        At the foot of the wall the ball rounds off r sin(alpha) of the slope, at most half the wall's extent. Its
         diameter is at most half of the narrowest stroke, h/14.
         """
         by_wall = 0.5 * self.narrowest_wall_mm / math.sin(self.alpha_rad[1])
@@ -137,19 +138,18 @@ class Limits(OneLine):
         l1_mm: shortest and longest beam.
         thickness_mm: thinnest and thickest ribbon or wire.
         aspect: least and greatest width over thickness of a ribbon.
-        width_heights: widest ribbon in character heights: whiskers stand a height apart, or in staggered rows.
+        width_heights: widest ribbon in character heights; whiskers are a height apart, or in staggered rows.
         k: least and greatest l2 / l1.
         beta_rad: least and greatest setting angle.
-        lift_share: least e_y.D11 (n - mu t) on a wall over its land value; the contact solver calls a jam at a
+        lift_share: least e_y.D11 (n - mu t) on a wall over its land value; the contact solver reports a jam at a
             tenth (`contact_kernel.JAM_FORCE`).
         safety: yield stress over the greatest stress allowed.
         force_n: greatest normal force, against wear and scratches.
         linear_error: greatest error of the linear beam in force or moment on the land.
         slide_lines: greatest sideways slide in line pitches.
         strain: least strain at the base on the land, for a gauge.
-        clearance_depths: least room over the land under clamp and elbow, in depths of the marks.
-        axis_raise: greatest height of the sensor's axis above the clamp, in l1. 0 is the paper's range, where it
-            is only ever lowered.
+        clearance_depths: least room between the land and the clamp or elbow, in depths of the marks.
+        axis_raise: greatest height of the sensor's axis above the clamp, in l1; 0: it is only lowered, as in the paper.
     """
 
     l1_mm: tuple[float, float] = (5.0, 80.0)
@@ -173,10 +173,10 @@ class Constraint:
     """One line of the table.
 
     Attributes:
-        bound: which.
+        bound: the constraint.
         value: value of the whisker.
-        limit: value that it must not exceed, or not fall below.
-        at_most: whether the limit is an upper one.
+        limit: the limit.
+        at_most: whether it is an upper limit.
     """
 
     bound: Bound

@@ -12,7 +12,7 @@ from pathlib import Path
 from glyphs.surface.display import OneLine
 
 MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
-"""The counts, and the command that made them."""
+"""The counts and the command that measured them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -20,14 +20,14 @@ class PlanCounts(OneLine):
     """Counts of parts and characters read by one plan under one severity of dirt.
 
     Attributes:
-        lines: traced lines a character height.
+        lines: traced lines per character height.
         directions: directions of the traces, degrees.
         severity: severity of the dirt, 0 to 1.
-        parts: read.
-        characters: stamped on them.
-        right: number of these that were read right.
-        accepted: parts.
-        accepted_wrong: number of these that were read wrong.
+        parts: number of parts read.
+        characters: number of characters on them.
+        right: number of characters read correctly.
+        accepted: number of parts accepted.
+        accepted_wrong: number of accepted parts read wrongly.
     """
 
     lines: int
@@ -41,19 +41,19 @@ class PlanCounts(OneLine):
 
     @property
     def accuracy(self) -> float:
-        """Share of the characters that were read right."""
+        """Share of the characters that were read correctly."""
         return self.right / self.characters
 
     @property
     def spread(self) -> float:
-        """Standard error of that share, if serials have eight independent characters."""
+        """Standard error of that share, if all characters are independent."""
         p = (self.right + 1.0) / (self.characters + 2.0)
         return math.sqrt(p * (1.0 - p) / self.characters)
 
 
 @cache
 def measured_plans() -> tuple[PlanCounts, ...]:
-    """The counts that come with the program."""
+    """The counts of the package."""
     fit = json.loads(MEASURED.read_text(encoding="utf-8"))
     return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in fit["counts"])
 

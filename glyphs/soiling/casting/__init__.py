@@ -1,1 +1,1 @@
-"""Casting: the rough skin of a green-sand casting, on which or in which the mark stands."""
+"""Casting: the rough skin of a green-sand casting with raised or sunk marks."""

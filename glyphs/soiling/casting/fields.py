@@ -20,7 +20,7 @@ def slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
 
 
 def blur(z: Field, width_mm: float, pitch_mm: float) -> Field:
-    """Gaussian mean of `width_mm`, on a grid thinned where that is wide."""
+    """Blur by a Gaussian of `width_mm`, computed on a coarser grid if it is wide."""
     step = max(1, int(width_mm / pitch_mm / 2.0))
     mean = grids.resize(z, (max(2, z.shape[0] // step), max(2, z.shape[1] // step)), how="area")
     return grids.resize(grids.blur(mean, width_mm / pitch_mm / step), z.shape, how="cubic")

@@ -1,13 +1,14 @@
 """Defects of the metal: misruns, laps, veins from cracks of the mould, and gas holes.
 
-- Misrun: oxide skin and surface tension carry the metal over what is finer than some radius; edges round off, then the
-  mark goes. The capillary radius alone, 2 gamma / (rho g head) with 1.5 N/m, 7000 kg/m3 and 0.1 to 0.3 m, is 0.15 to
-  0.45 mm (Campbell, "Castings", ch. 2, surface-tension-controlled filling); metal that freezes stops at a larger one.
+- Misrun: oxide skin and surface tension keep the metal out of details finer than some radius; edges round off, then the
+  mark disappears. The capillary radius alone, 2 gamma / (rho g head) with 1.5 N/m, 7000 kg/m3 and 0.1 to 0.3 m, is
+  0.15 to 0.45 mm (Campbell, "Castings", ch. 2, surface-tension-controlled filling); freezing metal stops at a larger
+  one.
 - Wrinkles and cold shuts: an arrested front rolls over itself in rounded laps; where two fronts meet, a smooth-edged
-  crack stays (St. Paul Foundry, defect glossary).
+  crack remains (St. Paul Foundry, defect glossary).
 - Veins: metal in cracks of sand that expands at 573 C (Foseco, glossary, "Veining"), 0.1 to 1 mm wide ("Veining
-  (metallurgy)"); what fettling leaves is a stump.
-- Gas: smooth round holes in clusters, opened by the skin; pinholes up to 2 mm (Matson, "Pinholes and blow holes").
+  (metallurgy)"); fettling leaves stumps.
+- Gas: smooth round holes in clusters, open at the skin; pinholes up to 2 mm (Matson, "Pinholes and blow holes").
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from glyphs.surface.noise import Field, ramp
 
 
 def misrun(coat: Coat, mould: Mould, amount: float) -> Field:
-    """Misrun: where it is cold, the metal follows the mould only down to a radius. Height, mm.
+    """Surface after a misrun, mm: where it is cold, the metal follows the mould only down to a radius.
 
     A raised character is a thin section in a narrow recess of the mould: it freezes before the land does.
     """
@@ -39,7 +40,7 @@ def misrun(coat: Coat, mould: Mould, amount: float) -> Field:
 
 
 def laps(coat: Coat, mould: Mould, amount: float, rng: np.random.Generator) -> Field:
-    """Wrinkles, laps of a front that stops and goes, and the smooth seam where two fronts met. Added height, mm."""
+    """Added height, mm, of laps (a front that stops and starts) and of the smooth seam where two fronts met."""
     size, (rows, cols) = coat.height_mm, coat.shape
     heading, spacing = rng.uniform(0.0, 2.0 * np.pi), size * rng.uniform(0.25, 0.5)
     wander = slow_noise(coat, rng.uniform(1.0, 1.6) * size, rng)
@@ -63,7 +64,7 @@ def laps(coat: Coat, mould: Mould, amount: float, rng: np.random.Generator) -> F
 
 
 def veins(coat: Coat, amount: float, rng: np.random.Generator) -> Field:
-    """Thin raised stumps of metal that ran into cracks of the mould, each crack with a branch. Height, mm."""
+    """Height, mm, of thin stumps of metal that ran into cracks of the mould, each crack with a branch."""
     size, pitch = coat.height_mm, coat.pitch_mm
     fins = np.zeros(coat.shape, dtype=np.float32)
     room = np.array(coat.shape[::-1]) * pitch
@@ -94,7 +95,7 @@ def veins(coat: Coat, amount: float, rng: np.random.Generator) -> Field:
 def blow_holes(
     coat: Coat, top: Field, sand: Field, amount: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Gas: round holes in the metal, closed while there was sand, so none lies in them. New top, mm, and where."""
+    """Cut round gas holes. Return the new top, mm, and the holes' mask; no sand lies in them, as they open last."""
     pitch, (rows, cols) = coat.pitch_mm, coat.shape
     z, hole = top.copy(), np.zeros(coat.shape, dtype=np.float32)
     for middle, radius, order, under in _bubbles(coat, rng):
@@ -115,7 +116,7 @@ def blow_holes(
 
 
 def _bubbles(coat: Coat, rng: np.random.Generator) -> list[tuple[NDArray[np.float64], float, float, float]]:
-    """Middle (y, x) mm, radius mm, when it opens, its depth under the skin in radii: pinholes, blowholes."""
+    """Pinholes and blowholes: middle (y, x) and radius, mm; opening order, 0 to 1; depth under the skin, radii."""
     size, room = coat.height_mm, np.array(coat.shape) * coat.pitch_mm
     part = coat.area_mm2 / size**2
     bubbles = []

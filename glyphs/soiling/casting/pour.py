@@ -1,17 +1,18 @@
-r"""Casting: the rough skin of a green-sand casting, on which or in which the mark stands.
+r"""Casting: the rough skin of a green-sand casting with raised or sunk marks.
 
-One melt, hot here and cold there, makes all of it. Cold metal bridges and laps; hot metal soaks into the sand::
+One melt, hot in some places and cold in others, causes all defects. Cold metal bridges gaps and forms laps; hot metal
+soaks into the sand::
 
        cold: skin bridges, laps            |  hot: soaks in, cracks and burns the sand
     ___      __/)__/)__/)__      __        |     n  vein    .oo.                          ____
        \____/   wrinkles   \_  _/  \_gas_/ | ^v^v|^v^v^v^v.o.oOo.. burnt on  ^v^v\:::::/v^
        bridged mark        cold shut  U    |  prints of grains                     loose sand in a groove
 
-What the metal does is in `metal`, what the sand does in `sand`, with their sources; here they meet, in the order of a
-pouring. Where the last of it froze, shrinkage leaves shallow dishes.
+`metal` models defects of the metal and `sand` those of the sand, with their sources. This module combines them in the
+order of a pouring. Shrinkage leaves shallow dishes where the metal froze last.
 
-Large castings are poured in coarse sand and their skins are thicker, so lengths go with the height of the characters,
-inside the ranges that those modules name.
+Large castings are poured in coarser sand and have thicker skins, so lengths scale with the height of the characters,
+within the ranges named in those modules.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ _SAND_FRICTION, _SKIN_FRICTION = np.float32(0.6), np.float32(0.35)
 
 
 def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Turn the surface into that of a sand casting; `amount` sets how rough."""
+    """Turn the surface into that of a sand casting; `amount` sets its roughness."""
     if amount <= 0.0:
         return coat
     poured = min(1.0, amount * rng.uniform(0.85, 1.3))
-    # one part is cold, another gassy; misrun and burn-on take whole characters, so they come late
+    # parts differ in their defects; misrun and burn-on can remove whole characters, so they start later
     slowness = rng.uniform([0.7, 0.7, 0.7, 1.0, 1.0], [1.6, 1.6, 1.6, 2.2, 2.2])
     gassy, cracked, dirty, cold, burnt = (poured**slowness).tolist()
     streams = rng.spawn(7)
     mould = draw_mould(coat, streams[0])
     z = misrun(coat, mould, cold) + laps(coat, mould, cold, streams[1])
-    # shrinkage: dishes a character or two wide over what froze last
+    # shrinkage: dishes one or two characters wide where the metal froze last
     dishes = np.maximum(slow_noise(coat, 1.4 * coat.height_mm, streams[2]) - np.float32(0.6), 0.0)
     z -= np.float32(0.035 * poured * coat.height_mm) * dishes
     z += prints(mould, poured) + veins(coat, cracked, streams[3])

@@ -4,11 +4,12 @@
   surface, burn-on, burn-in, penetration: "Avoiding Penetration Defects"): sharp crests round shallow bowls, and a
   knob where a grain was missing. Grains 0.1 to 0.6 mm; Ra 12 to 28 um of green sand (YB Metal Solution, "Surface
   Roughness on Iron Castings"), 3 to 50 um of all sand castings (ZHY Casting, "Non-contact roughness assessment").
-- Burn-on: grains held in metal and fayalite, one layer or more, as hard as the rest. Sand in a narrow recess has metal
-  on three sides and the hottest corners, so it begins in the mark.
-- Loose sand: what blasting left in grooves; it crumbles at the compressive strength of moulding sand, 0.1 to 0.3 MPa.
+- Burn-on: grains held in metal and fayalite, one layer or more, as hard as the metal. Sand in a narrow recess has metal
+  on three sides and the hottest corners, so burn-on begins in the mark.
+- Loose sand: sand that blasting left in grooves; it crumbles at the compressive strength of moulding sand, 0.1 to
+  0.3 MPa.
 
-A grid too coarse for the grains gets clumps of them.
+On a grid too coarse for single grains, clumps of them are drawn.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ GRAIN_MM = (0.1, 0.6)
 """Least and largest mean diameter of the grains."""
 SAND_HARDNESS_MPA = 0.2
 MARK = 0.045
-"""Usual depth of a mark, in heights of its characters."""
+"""Usual depth of a mark, character heights."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mould(OneLine):
-    """The mould wall of one part, drawn before anything depends on the amount.
+    """The mould wall of one part; it does not depend on the amount.
 
     Attributes:
         grain_mm: mean diameter.
-        around: (rows, cols) squared distance from the middle of the nearest grain, in its radii, 0 to 1.4.
-        rank: (rows, cols) uniform, the same all over a grain.
-        tone: (rows, cols) how light the grain is, 0.5 to 1.5.
-        warmth: (rows, cols) Gaussian, of about a character's length.
-        ragged: (rows, cols) Gaussian, of a stroke's length.
+        around: (rows, cols) squared distance from the middle of the nearest grain, squared radii, 0 to 1.4.
+        rank: (rows, cols) random number of the grain, uniform from 0 to 1.
+        tone: (rows, cols) relative brightness of the grain, 0.5 to 1.5.
+        warmth: (rows, cols) Gaussian noise about a character long.
+        ragged: (rows, cols) Gaussian noise about a stroke wide.
     """
 
     grain_mm: float
@@ -52,7 +53,7 @@ class Mould(OneLine):
 
 
 def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:
-    """Grains rammed against the pattern: a shaken lattice, so that they touch and none is like the next."""
+    """Draw grains rammed against the pattern: a jittered lattice, so that they touch but differ."""
     from glyphs.opencv import cv2
 
     grain = float(np.clip(0.05 * coat.height_mm * rng.uniform(0.75, 1.3), *GRAIN_MM))
@@ -66,24 +67,25 @@ def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:
     empty = np.ones(coat.shape, dtype=np.uint8)
     empty[i[inside], j[inside]] = 0
     labels = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)[1]
-    whose: NDArray[np.intp] = labels.astype(np.intp)
-    middles = np.zeros((2, int(whose.max()) + 1), dtype=np.float32)
-    middles[:, whose[i[inside], j[inside]]] = np.stack([y, x])[:, inside]
-    far = (np.take(middles[0], whose) - np.arange(rows, dtype=np.float32)[:, None]) ** 2
-    far += (np.take(middles[1], whose) - np.arange(cols, dtype=np.float32)) ** 2
+    nearest: NDArray[np.intp] = labels.astype(np.intp)
+    middles = np.zeros((2, int(nearest.max()) + 1), dtype=np.float32)
+    middles[:, nearest[i[inside], j[inside]]] = np.stack([y, x])[:, inside]
+    far = (np.take(middles[0], nearest) - np.arange(rows, dtype=np.float32)[:, None]) ** 2
+    far += (np.take(middles[1], nearest) - np.arange(cols, dtype=np.float32)) ** 2
     rank, tone = rng.random((2, middles.shape[1]), dtype=np.float32)
     return Mould(
         grain_mm=grain,
         around=np.minimum(far / np.float32(0.25 * spacing**2), np.float32(1.4)),
-        rank=np.take(rank, whose),
-        tone=np.take(tone + np.float32(0.5), whose),
+        rank=np.take(rank, nearest),
+        tone=np.take(tone + np.float32(0.5), nearest),
         warmth=slow_noise(coat, 0.9 * coat.height_mm, rng),
         ragged=slow_noise(coat, 0.18 * coat.height_mm, rng),
     )
 
 
 def prints(mould: Mould, amount: float) -> Field:
-    """Prints of the grains: crests between bowls, deeper where it was hot; knobs for missing grains. Added, mm."""
+    """Added height, mm, of grain prints: crests between bowls, deeper where it was hot; knobs for missing
+    grains."""
     wet = np.clip(1.0 + np.float32(0.45) * mould.warmth, 0.25, 1.8)
     bowls = mould.around * (np.float32(0.4) + mould.rank)
     knobs = np.maximum(1.0 - mould.around, 0.0) * (mould.rank > 0.93)
@@ -92,7 +94,7 @@ def prints(mould: Mould, amount: float) -> Field:
 
 
 def burn_on(coat: Coat, z: Field, mould: Mould, amount: float) -> tuple[Field, Field]:
-    """Grains fused on, in the mark first. Whether each is held, 0 to 1; and columns of unlike height, mm."""
+    """Fuse grains onto the metal, in the mark first: share of each that is held, and added height, mm."""
     recess = np.clip((coat.brim_mm - z) / np.float32(MARK * coat.height_mm), 0.0, 1.0)
     hot = mould.warmth + np.float32(0.6) * mould.ragged + np.float32(0.8) * recess
     onset = 2.7 - 3.4 * amount
@@ -105,7 +107,7 @@ def burn_on(coat: Coat, z: Field, mould: Mould, amount: float) -> tuple[Field, F
 
 
 def loose_sand(coat: Coat, z: Field, mould: Mould, amount: float, rng: np.random.Generator) -> Field:
-    """Add loose sand to the remaining hollows of `z`, in place. Thickness, mm."""
+    """Add loose sand to the remaining hollows of `z`, in place; return its thickness, mm."""
     patches = slow_noise(coat, 0.7 * coat.height_mm, rng)
     onset = 2.0 - 3.0 * amount
     gap = np.float32(coat.height_mm * MARK * (0.6 - 0.5 * amount))

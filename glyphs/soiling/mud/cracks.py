@@ -39,7 +39,7 @@ def nearest_crack(
         finest_mm: width of the smallest plates.
         rng: the only source of randomness; the draws do not depend on `plate_mm`.
         gape_ratio: ratio of the widths of the oldest and the youngest cracks.
-        points_a_plate: random points for each plate of the last generation, from which plates are measured.
+        points_a_plate: random points per plate of the last generation; plates are measured from them.
 
     Returns:
         (rows, cols) distance, mm, at most 0.3 `plate_mm`.

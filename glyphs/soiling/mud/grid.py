@@ -14,7 +14,7 @@ from glyphs.surface.noise import Field, smooth_noise
 
 
 class Grid(NamedTuple):
-    """Every `step`-th sample of a coat, with the fields that mud needs."""
+    """Every `step`-th sample of a coat, with the character height and the depth of its marks."""
 
     step: int
     shape: tuple[int, int]
@@ -28,7 +28,7 @@ class Grid(NamedTuple):
         return np.array(self.shape)[::-1] * self.pitch_mm
 
     def noise(self, x_mm: float, y_mm: float, rng: np.random.Generator) -> Field:
-        """Smooth noise with a length in x and one in y, drawn on a grid thinned further."""
+        """Smooth noise with different lengths in x and y, drawn on a coarser grid."""
         rows, cols = self.shape
         thin = [max(1.0, length / (2.5 * self.pitch_mm)) for length in (y_mm, x_mm)]
         small = (int(np.ceil(rows / thin[0])) + 2, int(np.ceil(cols / thin[1])) + 2)
@@ -52,7 +52,7 @@ class Grid(NamedTuple):
 
 
 def thin_grid(coat: Coat) -> Grid:
-    """A grid fine enough for films and drops; where little of a mark shows, its depth is set to 0.04 of its height."""
+    """A grid fine enough for films and drops; its mark depth is limited to 0.03 to 0.08 character heights."""
     step = max(1, int(coat.height_mm / (45.0 * coat.pitch_mm)))
     rows, cols = ((n + step - 1) // step for n in coat.shape)
     relief = float(np.percentile(np.abs(coat.clean_mm - coat.brim_mm)[::2, ::2], 97.0))

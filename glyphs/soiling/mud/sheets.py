@@ -7,20 +7,21 @@
     dry        ,_____,   ,_____,   o      every column shrinks alike, so a groove shows through as a dip;
               (_______) (____o__) (_)     plates between cracks curl up at their edges; sand o stays hard
              ____      ____      ____
-                 \\__o_/    \\_o__/         rain takes the land's mud first, the groove keeps its own
+                 \\__o_/    \\_o__/         rain washes the land first, the groove keeps its mud
 
-The mechanisms are from the literature named here; numbers without a name beside them are estimates:
+The mechanisms are from the literature named here; numbers without a source are estimates:
 
 - Slurry of yield stress 2 to 20 Pa stays on an upright plate 0.1 to 1 mm thick (tau / rho g); a draining film
-  thickens as the square root of the way down (H. Jeffreys, "The draining of a vertical plate", 1930). It dries to
+  thickens as the square root of the distance down (H. Jeffreys, "The draining of a vertical plate", 1930). It dries to
   half to two thirds of its wet thickness, column by column.
 - A drop dries with its edge pinned, and the flow to it builds a ring (R. Deegan et al., Nature 389, 1997).
-- Below some tens of micrometres a film does not crack; above, distance between cracks grows with thickness, some 3
-  to 10 times it, and a late crack meets an earlier one at a right angle (A. Groisman and E. Kaplan, Europhys. Lett.
-  25, 1994; T. Khatun et al., arXiv 1412.2842; P. Nandakishore and L. Goehring, Soft Matter 12, 2016). Plates
-  shrink some 5 to 10 % sideways, and curl because they dry from the top (R. Style et al., J. Geophys. Res. 116, 2011).
-- Dried silt and clay carry 1 MPa (moist) to 20 MPa (bone dry) under a tip; quartz does not yield. Soil slides on
-  steel with angles of 22 to 35 degrees. Dry soil throws back some 0.3 of light, moist soil half of that.
+- Below some tens of micrometres a film does not crack; above, cracks are 3 to 10 thicknesses apart, and a late crack
+  meets an earlier one at a right angle (A. Groisman and E. Kaplan, Europhys. Lett. 25, 1994; T. Khatun et al., arXiv
+  1412.2842; P. Nandakishore and L. Goehring, Soft Matter 12, 2016). Plates shrink some 5 to 10 % sideways, and curl
+  because they dry from the top (R. Style et al., J. Geophys. Res. 116, 2011).
+- Dried silt and clay carry 1 MPa (moist) to 20 MPa (bone dry) under a tip; quartz does not yield. The
+  friction angle of soil on steel is 22 to 35 degrees. Dry soil reflects about 0.3 of the light, moist soil half of
+  that.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ class Batch(NamedTuple):
     share: float  # of the usual amount
     moisture: float  # 0 bone dry to 1 moist
     solid: float  # dry over wet thickness
-    flight_rad: float  # where splashes flew
-    rain: float  # 0 to 1: how much of the land's mud it took
+    flight_rad: float  # direction in which splashes flew
+    rain: float  # share of the land's mud that it washed off
 
 
 def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
@@ -98,7 +99,7 @@ def _crust(coat: Coat, grid: Grid, thick_mm: Field) -> Field:
 
 
 def _sheet(grid: Grid, a: float, rng: np.random.Generator) -> Field:
-    """Wet thickness of mud that ran down the plate: the further down the thicker, with a bead at its front."""
+    """Wet thickness of mud that ran down the plate: thicker further down, with a bead at its front."""
     h = grid.height_mm
     rank = share(0.9 * grid.noise(1.1 * h, 2.2 * h, rng) + 0.3 * grid.noise(0.3 * h, 0.5 * h, rng))
     uneven = grid.noise(0.45 * h, 0.8 * h, rng)
@@ -111,7 +112,7 @@ def _sheet(grid: Grid, a: float, rng: np.random.Generator) -> Field:
 
 
 def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
-    """Wet thickness of splashed drops: an ellipse by the angle of impact, a tail, and a ring at the pinned edge."""
+    """Wet thickness of splashed drops: an ellipse set by the angle of impact, a tail, and a ring at the edge."""
     h, pitch = grid.height_mm, grid.pitch_mm
     count = int(np.clip(4.5 * np.prod(grid.size_mm) / h**2, 4, 250))
     centre = rng.uniform(-0.03, 1.03, (count, 2)) * grid.size_mm
@@ -144,7 +145,7 @@ def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> F
 
 
 def _dry_thickness(level_mm: Field, wet_mm: Field, solid: float) -> Field:
-    """Dry thickness: the wet film takes its level as far as there is mud for it, then all columns shrink alike."""
+    """Dry thickness: the wet film levels out as far as there is enough mud, then all columns shrink alike."""
     hollow = np.maximum(level_mm, 0.0) + np.float32(1e-6)
     fills = 2.0 * wet_mm * hollow / np.sqrt(hollow**2 + 4.0 * wet_mm**2)
     thinner = np.minimum(np.maximum(-level_mm, 0.0), 0.6 * wet_mm)
@@ -152,7 +153,7 @@ def _dry_thickness(level_mm: Field, wet_mm: Field, solid: float) -> Field:
 
 
 def _rain_share(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
-    """Share that rain leaves, in streaks down the plate: it washes off the land first, little from a groove."""
+    """Share of the mud that rain leaves, in streaks down the plate; grooves lose little."""
     streak = ramp(grid.noise(0.25 * grid.height_mm, 1.5 * grid.height_mm, rng), -0.6, 1.0)
     takes = grid.whole(np.float32(batch.rain * (1.0 - 0.7 * a)) * streak, coat.shape)
     sheltered = np.clip((coat.brim_mm - coat.z_mm) / np.float32(grid.depth_mm), 0.0, 1.0)
@@ -160,7 +161,7 @@ def _rain_share(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.G
 
 
 def _crumbs(coat: Coat, rng: np.random.Generator) -> Field:
-    """Factor on the thickness by crumbs of soil: some 0.2 mm wide."""
+    """Factor on the thickness, from crumbs of soil about 0.2 mm wide."""
     fine = Grid(1, coat.shape, coat.pitch_mm, coat.height_mm, 0.0)
     length = max(0.2, 1.2 * coat.pitch_mm)
     return np.asarray(np.clip(1.0 + 0.08 * fine.noise(length, length, rng), 0.6, 1.4), dtype=np.float32)
@@ -176,10 +177,10 @@ def _cracks(
     shrinkage: float = 0.08,
     curled: float = 0.25,
 ) -> tuple[Field, Field]:
-    """Desiccation cracks: how open a sample lies (0 to 1), and how far up a plate's edge curls there (0 to 1).
+    """Desiccation cracks: how open each sample is (0 to 1), and how far the edge of its plate curls up (0 to 1).
 
-    A plate wider than `spacing` thicknesses cracks in two. Of its width `shrinkage` is that of the cracks around it,
-    and `curled` what curls up from each edge.
+    A plate wider than `spacing` thicknesses cracks in two. Cracks take the share `shrinkage` of its width, and the
+    share `curled` curls up at each edge.
     """
     h = grid.height_mm
     rows, cols = grid.shape
@@ -191,7 +192,7 @@ def _cracks(
     crust = np.ascontiguousarray(crust_mm[:: grid.step, :: grid.step])
     plate = np.float32(spacing) * np.maximum(crust, np.float32(CRACKING_MM[0]))
     off = nearest_crack(x, y, plate, size_mm=grid.size_mm, finest_mm=0.15 * h, rng=rng)
-    # cracks finer than the grid are as wide as it, and less deep
+    # cracks finer than the grid are widened to it and made less deep
     half, least = np.float32(0.5 * shrinkage) * plate, np.float32(0.6 * grid.pitch_mm)
     inside = grid.whole(np.maximum(half, least) - off, coat.shape)
     deep = grid.whole(ramp(crust, *CRACKING_MM) * np.minimum(half / least, 1.0), coat.shape)
@@ -201,9 +202,9 @@ def _cracks(
 
 
 def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
-    """Height of the sand grains' tops over what they lie on, mm; 0 where there is none.
+    """Height of the sand grains' tops above the surface under the mud, mm; 0 where there is no grain.
 
-    Few are coarse. A grain more than three times as thick as the mud about it does not stay.
+    Few grains are coarse. A grain more than three times as thick as the mud around it does not stay.
     """
     pitch = coat.pitch_mm
     count = int(np.clip(3.0 * coat.area_mm2, 30, 2500))
@@ -216,7 +217,7 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
     stays = np.clip(3.0 * mud_mm / d - 1.0, 0.0, 1.0)
     top = stays * (d + lies * np.maximum(mud_mm - d, 0.0))
     grains = np.zeros(coat.shape, dtype=np.float32)
-    reach = np.ceil(0.5 * d / pitch).astype(int)  # samples; the many small ones need few
+    reach = np.ceil(0.5 * d / pitch).astype(int)  # samples; most grains are small and need few
     for width in range(1, int(reach.max()) + 1):
         some = (reach == width) & (stays > 0.0)
         step = np.arange(-width, width + 1) * pitch
@@ -231,9 +232,9 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
 def _finish(
     coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch, *, opaque_mm: float = 0.025
 ) -> Coat:
-    """Finish the coat under mud and sand: the mud yields down to the sand in it, moist mud and curled rims first.
+    """Finish the coat under mud and sand: the mud yields down to its sand, moist mud and curled rims most easily.
 
-    A film of `opaque_mm` hides two thirds of what it lies on.
+    A film of `opaque_mm` hides 63 % of the surface below.
     """
     top = np.maximum(thick, sand)
     soft = top - sand
@@ -241,7 +242,7 @@ def _finish(
     stones = tuple(axis[soft[grains] <= 0.0] for axis in grains)
     soft_mpa, hard_mpa = HARDNESS_MPA
     mpa = np.float32(hard_mpa * (soft_mpa / hard_mpa) ** batch.moisture)
-    # a film thinner than the dirt under it yields with that; over a grain only what lies on it yields
+    # a film thinner than the dirt below is as hard as that dirt; over a grain only the mud on it yields
     hardness = np.where(
         soft > coat.soft_mm, np.maximum(mpa * (1.0 - 0.5 * lift), soft_mpa), coat.hardness_mpa
     )

@@ -9,18 +9,19 @@
 - A wet film levels by surface tension: a ripple of wave number k fades as exp(-t k^4 sigma h^3 / 3 eta), short ones
   first (S. E. Orchard, "On surface levelling in viscous liquids and gels", Appl. Sci. Res. A 11, 1963; simulated over
   real sheet by B. Figliuzzi et al., "Numerical simulation of thin paint film flow", J. Math. Industry 2:1, 2012).
-  The film cannot be thinner than nothing: it pulls back from edges and pools in grooves, and no paint is lost.
-- Drying leaves the solids: 0.42 to 0.48 of the volume of an alkyd enamel, 88 to 150 um wet to 38 to 63 um dry a coat
-  (Rust-Oleum 412402, data sheet), more of chassis paint. A filled groove sinks in again, less with every coat.
-- A film too thick sags: ridges and fingers about 14 h (rho g h^2 / sigma)^(-1/3) apart (H. E. Huppert, "Flow and
-  instability of a viscous current down a slope", Nature 300, 1982): 8 to 17 mm here. Sag is tested with notches of
+  The film thins at edges and pools in grooves, and no paint is lost.
+- Drying leaves the solids: 0.42 to 0.48 of the volume of an alkyd enamel, from 88 to 150 um wet to 38 to 63 um dry per
+  coat (Rust-Oleum 412402, data sheet), more for chassis paint. The film over a groove sinks again, less with every
+  coat.
+- A film that is too thick sags: ridges and fingers about 14 h (rho g h^2 / sigma)^(-1/3) apart (H. E. Huppert, "Flow
+  and instability of a viscous current down a slope", Nature 300, 1982): 8 to 17 mm here. Sag is tested with notches of
   50 to 1000 um (ASTM D4400). A run is a cap of contact angle 15 to 35 degrees (an estimate).
 - Orange peel is waviness of 0.3 to 10 mm (bands Wb, Wc, Wd of BYK's wave-scan); over-spray is droplets of 20 to
   100 um that dried in flight and stick in lumps.
-- Half of the parts wear enamel: hard, the tip does not mark it. The others run from that to rubbery chassis paint,
-  which yields a little (4 to 150 MPa, an estimate) and rubs more.
+- Half of the parts have enamel, which is hard: the tip does not mark it. The others range from enamel to rubbery
+  chassis paint, which yields a little (4 to 150 MPa, an estimate) and has more friction.
 
-Thickness goes with the depth of the marks: large marks are cut into heavy parts, which get heavy paint.
+Thickness scales with the depth of the marks: large marks are cut into heavy parts, which get thick paint.
 """
 
 from __future__ import annotations
@@ -44,11 +45,11 @@ from glyphs.soiling.paint.shapes import (
 from glyphs.surface.noise import Field
 
 _STARTS = (0.0, 0.24, 0.5)
-"""Amount at which each coat begins; it is whole half an amount later."""
+"""Amount at which each coat begins; it is complete 0.5 later."""
 WET_MM = (0.04, 0.5)
-"""Thinnest and thickest coat that a brush or gun leaves in one go."""
+"""Thinnest and thickest wet coat that a brush or gun applies at once."""
 _HIDING_MM = 0.012
-"""Dry film that hides all but 1/e of what is under it."""
+"""Thickness of dry film that hides all but 1/e of the surface below."""
 _ENAMEL_MPA, _RUBBER_MPA = 150.0, 4.0
 _COLOURS = (
     (0.03, 0.03, 0.032),  # black
@@ -101,17 +102,17 @@ def _can(coat: Coat, rng: np.random.Generator, *, wet_of_depth: float = 0.85) ->
 def level_film(
     top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float, pinned: float = 0.3
 ) -> Field:
-    """Level a wet film: Orchard's law for its surface, no paint lost, none below the ground.
+    """Level a wet film by Orchard's law; no paint is lost, and none sinks below the ground.
 
     Args:
         top: the ground, mm.
-        wet: thickness laid on, mm; its mean sets how far it levels.
+        wet: thickness applied, mm; its mean sets how far it levels.
         pitch_mm: pitch of the grid.
-        seconds_per_pa_s: time that it is fluid over its viscosity.
-        pinned: least share of the paint laid on that stays on an edge.
+        seconds_per_pa_s: time for which it is fluid, divided by its viscosity.
+        pinned: smallest share of the applied paint that stays on an edge.
 
     Returns:
-        Film thickness, mm: at least `pinned` of what was laid on there, and of the same mean.
+        Film thickness, mm: at least `pinned` times `wet`, with the same mean as `wet`.
     """
     from scipy import fft
 
@@ -125,7 +126,7 @@ def level_film(
     v, u = ((scale / n * np.arange(n, dtype=np.float32)) ** 2 for n in (rows, cols))
     fade = np.exp(-np.minimum((v[:, None] + u[None, :]) ** 2, np.float32(60.0)))
     film = fft.idctn(fft.dctn(top + wet) * fade) - top
-    # where it would be thinner than the ground lets it, it is pinned; the rest gives what that holds back
+    # where the film would be thinner than the pinned share, it keeps that share, taken from the rest of the film
     least = np.float32(pinned) * wet
     over = np.maximum(film - least, 0.0)
     spare = float(np.mean(wet - least, dtype=np.float64)) / max(float(np.mean(over, dtype=np.float64)), 1e-9)
@@ -133,7 +134,7 @@ def level_film(
 
 
 def _flow_runs(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
-    """Film of runs: so thick that it levels all under it, so a groove below is full and the run's back smooth."""
+    """Film of runs: thick enough to fill the grooves below and to have a smooth top."""
     if not caps.any():
         return caps
     thin = thin_coat(replace(coat, z_mm=top))
@@ -147,7 +148,7 @@ def _finish(coat: Coat, can: Can, dry: tuple[Field, Field], dusty: Field, rng: n
     picks = rng.integers(len(_COLOURS), size=2)
     tints = (np.array(_COLOURS)[picks] * rng.uniform(0.75, 1.25, size=(2, 1))).astype(np.float32)
     gloss = float(rng.uniform(0.08, 0.22)) + 0.4 * can.rubber
-    # what is left to see of the metal, and of the first coat under the rest
+    # visible share of the metal, and of the first coat under the others
     metal, under = (np.exp(film * np.float32(-1.0 / _HIDING_MM)) for film in dry)
     albedo = np.empty_like(coat.albedo)
     metal, under, over = metal * under, (1.0 - metal) * under, 1.0 - under

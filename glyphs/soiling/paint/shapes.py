@@ -25,10 +25,10 @@ class Can(OneLine):
 
     Attributes:
         wet_mm: wet thickness of one coat.
-        solids: share that stays when it dries, 0 to 1.
+        solids: share of the wet paint that stays when it dries, 0 to 1.
         rubber: 0 enamel, 1 chassis paint.
         brushed: 0 sprayed, 1 brushed.
-        seconds_per_pa_s: time that it stays fluid, divided by its viscosity.
+        seconds_per_pa_s: time for which it stays fluid, divided by its viscosity.
         downhill: unit vector x, y.
     """
 
@@ -41,7 +41,7 @@ class Can(OneLine):
 
     @property
     def finger_mm(self) -> float:
-        """Distance of the fingers of a film that sags (Huppert)."""
+        """Distance between the fingers of a sagging film (Huppert)."""
         h = 1e-3 * 1.5 * self.wet_mm
         bond = _DENSITY_KG_PER_M3 * _GRAVITY_M_PER_S2 * h * h / TENSION_N_PER_M
         return float(1e3 * 14.0 * h * bond ** (-1 / 3))
@@ -54,7 +54,7 @@ def thin_coat(coat: Coat) -> Coat:
 
 
 def coat_unevenness(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
-    """Unevenness of a coat by brush or gun, a factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
+    """Unevenness left by brush or gun, a factor with a mean of about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
     bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
     streaks = _streaks(coat, bristle, 40 * bristle, rng.normal(0.0, 0.5), rng)
     streaks *= np.float32(0.5 * can.brushed)
@@ -76,7 +76,7 @@ def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: n
 
 
 def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Smooth noise of a long length, drawn on a grid that is no finer than it needs."""
+    """Smooth noise of a long length, drawn on a coarse grid."""
     step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
     rows, cols = (int(np.ceil(n / step)) + 3 for n in coat.shape)
     coarse = smooth_noise(
@@ -108,7 +108,7 @@ def _box(
 
 
 def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field:
-    """Height of runs and of one sagging curtain over a level film, mm, wet; none without `excess`, whole at 1."""
+    """Wet height of runs and of one sagging curtain over a level film, mm; they grow from `excess` 0 to 1."""
     caps = _curtain(coat, can, excess, rng)
     n, size, (dx, dy) = _count(coat, 0.8, 80), coat.height_mm, can.downhill
     u, bend = rng.uniform(size=(n, 6)), rng.normal(size=(n, 2))
@@ -136,7 +136,7 @@ def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field
 
 
 def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field:
-    """A film that slid downhill in one piece: thick towards a scalloped front, which ends steeply."""
+    """A film that slid downhill in one piece; it thickens towards a scalloped front with a steep end."""
     x, y = axes_mm(coat)
     (dx, dy), size = can.downhill, coat.height_mm
     (at, turn, thick), wave = rng.uniform(size=3).tolist(), rng.normal(size=(2, 3))
@@ -161,14 +161,14 @@ def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> F
 
 
 def orange_peel(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
-    """Orange peel, a factor on the film: waves just too long to level, short ones and some as wide as strokes."""
+    """Orange peel, a factor on the film: waves slightly too long to level, and waves as wide as strokes."""
     short = _slow(coat, max(3.0 * can.wet_mm, 1.5 * coat.pitch_mm), rng)
     waves = np.float32(0.6) * short + np.float32(0.7) * _slow(coat, 0.15 * coat.height_mm, rng)
     return np.float32(1.0) + np.clip(waves, -2.5, 2.5) * np.float32(0.18 * (1.0 - 0.6 * can.brushed))
 
 
 def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
-    """Lumps of droplets that dried in flight, and a few spits of the gun, mm; least of it on brushed parts."""
+    """Lumps of droplets that dried in flight, and a few spits of the gun, mm; less on brushed parts."""
     where = np.clip(_slow(coat, 1.2 * coat.height_mm, rng) * np.float32(0.6) + np.float32(0.1), 0.0, 1.0)
     lumps = np.maximum(_slow(coat, max(0.09, 0.018 * coat.height_mm, 1.2 * coat.pitch_mm), rng), 0.0)
     dust = np.float32(min(0.045, 0.25 * can.wet_mm)) * where * lumps
@@ -182,7 +182,8 @@ def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
 
 
 def chip_off(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Share left, 0 to 1, of the first coat and of those over it. Sharp facets; paint in grooves holds."""
+    """Share left, 0 to 1, of the first coat and of the later ones. Chips have sharp facets; paint in grooves
+    stays."""
     left = np.ones((2, *coat.shape), dtype=np.float32)
     hollow = coat.hollow_mm()
     depth = max(float(np.percentile(hollow[::3, ::3], 98.0)), 1e-3)

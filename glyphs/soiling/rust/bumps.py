@@ -1,7 +1,7 @@
 """Round pits and blisters, scattered over a plate, that grow and merge.
 
-      .-"-.      .-"-.-.        height h (1 - r^2)^blunt over an ellipse with a frayed outline;
-_____/     \\____/       \\____   where two meet, the higher counts
+      .-"-.      .-"-.-.        height h (1 - r^2)^blunt over an ellipse with a ragged outline;
+_____/     \\____/       \\____   where two overlap, the higher one counts
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from glyphs.soiling.strokes import record_array
 from glyphs.surface.noise import Field
 
 Bumps: TypeAlias = Any
-"""A numpy record array of round things drawn over a plate:
+"""A numpy record array of round bumps on a plate:
 
-- x_mm, y_mm: of the centre.
-- radius_mm, height_mm: when grown; the height is the depth of a pit.
+- x_mm, y_mm: centre.
+- radius_mm, height_mm: full size; for a pit the height is its depth.
 - blunt: exponent of the profile (1 - r^2)^blunt: 0.25 flat with steep walls, 1 a dish.
-- stretch, turn_rad: long axis over the mean one, and its direction.
-- born: the amount at which it begins to grow, 0 to 1.
+- stretch, turn_rad: ratio of the long axis to the mean axis, and direction of the long axis.
+- born: amount at which it begins to grow, 0 to 1.
 """
 
 
@@ -36,17 +36,17 @@ def scatter_bumps(
     blunt: float,
     born: float,
 ) -> Bumps:
-    """Draw bumps anywhere on the plate, log-normal in width and in height.
+    """Draw bumps at random places, log-normal in width and in height.
 
     Args:
         coat: the plate.
-        density: number on a square as high as a character.
-        rng: draws the same whatever the amount.
+        density: mean number on a square of one character height.
+        rng: the only source of randomness; the draws do not depend on the amount.
         width: median, in character heights.
-        spread: deviation of the width's logarithm.
+        spread: standard deviation of the width's logarithm.
         slope: median of height over radius.
-        blunt: the least there is; up to 1.
-        born: the first of them; the last 0.8 later.
+        blunt: smallest `blunt`; the largest is 1.
+        born: smallest `born`; the largest is 0.8 more.
     """
     n = int(rng.poisson(density * coat.area_mm2 / coat.height_mm**2))
     log = spread * np.clip(rng.standard_normal((2, n)), -2.5, 2.5)
@@ -64,13 +64,13 @@ def scatter_bumps(
 
 
 def union_mm(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
-    """Union of the bumps at their present size, mm; `ragged` frays their outlines."""
+    """Union of the bumps at their present size, mm; `ragged` makes their outlines irregular."""
     rows, cols = coat.shape
     grid = np.zeros(rows * cols, dtype=np.float32)
     grown = np.clip((age - bumps.born) / (1.05 - bumps.born), 0.0, 1.0)
     alive = np.flatnonzero(grown > 0.0)
     radius = bumps.radius_mm * grown**0.5
-    # patches of like size together
+    # patches of similar size together
     for some in np.array_split(alive[np.argsort(radius[alive])], 10):
         if not some.size:
             continue

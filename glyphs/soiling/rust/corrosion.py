@@ -1,4 +1,4 @@
-"""Rust: steel turns into more than twice its own volume of oxide, which stands in the marks and flakes off the land.
+"""Rust: steel turns into more than twice its volume of oxide, which stays in the marks and flakes off the land.
 
     blister, hard shell      loose flake, lifted edge     rust packed in the mark
         __                      ____.                       stands proud
@@ -8,9 +8,9 @@
            '-' pit          '---------.       V pits       \\____/
                                         '----'  run together
 
-Mass is conserved: all rust was metal, `rust = ratio * loss`, minus what washes away or falls. The steel lost
-follows a fractal field over a local time that starts in nests; hollows lose less, since the rust that packs them
-keeps the air out. Larger characters are taken to have lain out for longer, so that lengths go with their height.
+Mass is conserved: all rust was metal, `rust = ratio * loss`, minus the rust that washes away or falls off. The loss of
+steel follows a fractal field over a local time that starts in nests; hollows lose less, because the rust packed in them
+keeps the air out. Larger characters are assumed to be outdoors longer, so that lengths scale with their height.
 
 Sources:
     - Volume per iron atom, steel 1: magnetite 2.1, goethite 2.9, lepidocrocite 3.1, akaganeite 3.5, from molar masses
@@ -19,13 +19,13 @@ Sources:
       akaganeite: Garcia, Morales, Barrero and Greneche, Corrosion Science 48 (2006).
     - Thick marine rust comes off in compact laminas: "Rust exfoliation on carbon steels in
       chloride-rich atmospheres", Corrosion Reviews 33 (2015).
-    - Loss of steel in the first year, 0.08 to 0.2 mm by a rough sea (C5), up to 0.7 mm at worst (CX): ISO 9223.
-    - 100 to 350 pits a cm2 on low carbon steel: Bhakta and Solomon, in Laycock, Cottis and Scarf,
-      J. Electrochem. Soc. 137 (1990); their shapes (dish, ellipse, undercut): ASTM G46.
+    - Loss of steel in the first year, 0.08 to 0.2 mm by the sea (C5), up to 0.7 mm at worst (CX): ISO 9223.
+    - 100 to 350 pits per cm2 on low carbon steel: Bhakta and Solomon, in Laycock, Cottis and Scarf, J. Electrochem.
+      Soc. 137 (1990); their shapes (dish, ellipse, undercut): ASTM G46.
     - Corroded steel is fractal: Xu, Ren and Wang, PLOS ONE 10 (2015) e0131361.
-    - A tubercle is a hard shell of magnetite around a soft core, which goes down into the pit: Ray, Lee, Little and
+    - A tubercle is a hard shell of magnetite around a soft core, which reaches into the pit: Ray, Lee, Little and
       Gerke, "The anatomy of tubercles", Materials and Corrosion 61 (2010).
-    - Assumed, since nothing to cite was found: how hard powder and flakes are as a heap, their friction, their colours.
+    - Assumed, without a source: hardness of loose powder and flakes, their friction and their colours.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def rust(
         amount: 0 to 1.
         rng: the only source of randomness.
         ratio: volume of dry rust to that of its steel; most of it is goethite and lepidocrocite.
-        lamina: thickness of one, in depths of the marks: 0.02 to 0.12 mm.
+        lamina: thickness of a lamina, in depths of the marks: 0.02 to 0.12 mm.
         hurst: exponent of the fractal field of the loss.
         early: earlier onset of rust in marks, standard deviations: cold work, and water that stands in them.
     """
@@ -76,7 +76,7 @@ def rust(
     pits = draw_pits(coat, rng)
     blisters = _draw_blisters(coat, rng)
 
-    # the steel: pits, and loss from all over in a local time that starts in nests and in pits
+    # the steel: pits, and a general loss over a local time that starts in nests and in pits
     pit = union_mm(coat, pits, age, rough) * np.float32(min(1.0, of_part[1]))
     time = np.maximum(1.2 * age + 0.6 * age**2 - 0.6 * share(late), 0.0)
     time += np.minimum(pit / np.float32(2.0 * deep), 0.3)
@@ -85,7 +85,7 @@ def rust(
     blunted = gaussian_filter(coat.z_mm, width, mode="nearest", truncate=3.0)
     steel = coat.z_mm + np.minimum(1.5 * time, 1.0) * (blunted - coat.z_mm) - loss - pit
 
-    # the rust: in laminas, packed in hollows, in blisters, the top of it powder
+    # the rust: in laminas, packed in hollows and in blisters, with powder on top
     scale, fallen = _scale(ratio * loss, flaky, age * float(of_part[2]), lamina * deep)
     packed = _pack_hollows(coat, steel + scale, time * np.float32(of_part[3]), packs)
     dome = union_mm(coat, blisters, age, flaky) * np.float32(min(1.0, of_part[4]))
@@ -104,25 +104,25 @@ def rust(
 
 
 def mark_depth_mm(coat: Coat) -> float:
-    """Depth or height of the marks: all but the last 2 % of how far the clean surface is from its brim."""
+    """Depth or height of the marks: 98 % quantile of the clean surface's distance from its brim."""
     off = np.abs(coat.clean_mm - coat.brim_mm)[::2, ::2]
     return max(float(np.quantile(off, 0.98)), 0.02 * coat.height_mm)
 
 
 def draw_pits(coat: Coat, rng: np.random.Generator) -> Bumps:
-    """Pits: log-normal in depth and width, 45 on a square as high as a character (180 a cm2 at 5 mm)."""
+    """Pits: log-normal in depth and width, 45 on a square of one character height (180 per cm2 at 5 mm)."""
     return scatter_bumps(coat, 45.0, rng, width=0.084, spread=0.4, slope=0.6, blunt=0.25, born=0.0)
 
 
 def _draw_blisters(coat: Coat, rng: np.random.Generator) -> Bumps:
-    """Blisters and tubercles: low domes, a fifth of a character's height across, half of them 0.15 to 0.3."""
+    """Blisters and tubercles: low domes, about 0.22 character heights across; half of them are 0.16 to 0.3."""
     return scatter_bumps(coat, 2.5, rng, width=0.22, spread=0.45, slope=0.3, blunt=0.6, born=0.1)
 
 
 def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:
     """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above.
 
-    Nothing is shorter than four samples; that half of all wave numbers a way is all that is drawn.
+    The shortest waves are four samples long, so only the lower half of the wave numbers along each axis is drawn.
     """
     from scipy import fft
 
@@ -141,7 +141,7 @@ def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) 
 
 
 def _general_loss(time: Field, rough: Field, hollow: Field, deep: float) -> Field:
-    """Steel lost from all over, mm: log-normal over the plate; up to three quarters less in hollows."""
+    """General loss of steel, mm: log-normal over the plate; up to three quarters less in hollows."""
     uneven = np.exp(0.5 * np.clip(rough, -2.5, 2.5))
     return np.asarray(np.float32(0.5 * deep) * time * uneven * (1.0 - 0.75 * hollow), dtype=np.float32)
 
@@ -155,10 +155,10 @@ def _scale(
     stays: float = 0.55,
     adherent: float = 0.21,
 ) -> tuple[Field, Field]:
-    """Scale left on the steel, mm, and laminas fallen (-1 at the edge of a flake: loose, lifted and next to go).
+    """Scale left on the steel, mm, and number of fallen laminas (-1 at the loose, lifted edge of a flake).
 
-    The outer laminas go first and leave terraces. `adherent` is the share of the rust that no flake takes along,
-    `stays` that which has neither washed nor fallen away where no flake is gone.
+    The outer laminas fall first and leave terraces. `adherent` is the share of the rust that never flakes off; `stays`
+    is the share that is left where no flake has fallen.
     """
     layers = made * np.float32(stays / lamina_mm)
     least = made * np.float32(adherent / lamina_mm)
@@ -174,13 +174,14 @@ def _scale(
 
 
 def _pack_hollows(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
-    """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, in places past the brim."""
+    """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, in places above the
+    brim."""
     hollow = np.maximum(coat.brim_mm - top, 0.0)
     return np.asarray(hollow * np.minimum(0.95 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
 
 
 def _burst_blisters(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
-    """Blisters with the crowns of the highest fallen in, and where (0 to 1): where the rust is swollen most."""
+    """Blisters with the highest crowns fallen in where the rust is most swollen, and where they are (0 to 1)."""
     if not blisters.height_mm.size:
         return dome, np.zeros_like(dome)
     high = np.float32(np.quantile(blisters.height_mm, 0.6))
@@ -202,8 +203,8 @@ def _yielding_layer(
 ) -> tuple[Field, Field]:
     """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.
 
-    Powder is the top of the rust and at most a third of it; what lies under it is compact and hard, and little powder
-    lies where flakes have gone. It crumbles under a fingernail, though its crystals are hard (Mohs 5).
+    Powder is the top of the rust, at most a third of it; the rust below is compact and hard. There is little powder
+    where flakes have fallen. Powder crumbles under a fingernail, though its crystals are hard (Mohs 5).
     """
     most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
     powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst) / (1.0 + np.maximum(fallen, 0.0)))
@@ -213,7 +214,7 @@ def _yielding_layer(
 
 
 def _friction(soft: Field, deep: float, *, powder: float = 0.65, scale: float = 0.45) -> Field:
-    """Friction of rust: gritty powder drags more than bared scale."""
+    """Friction of rust: gritty powder has more than bare scale."""
     dusty = np.minimum(soft / np.float32(0.02 * deep), 1.0)
     return np.asarray(scale + (powder - scale) * dusty, dtype=np.float32)
 
@@ -223,7 +224,7 @@ def _rusty_look(
 ) -> Coat:
     """A film of rust stains the steel, young rust is orange, old rust brown, bared magnetite nearly black.
 
-    `thick` in depths of the marks. Fresh orange bleeds over old rust where it is thickest.
+    `thick` is in depths of the marks. Fresh orange covers old rust where it is thickest.
     """
     film = np.float32(1.0 - 0.65 * min(1.0, 1.5 * age))
     cover = 1.0 - film * (1.0 - np.clip(9.0 * thick, 0.0, 1.0))

@@ -1,1 +1,1 @@
-"""Wear and knocks of the metal itself: rubbed, peened, dented."""
+"""Wear of the metal itself: rubbing, peening and dents."""

@@ -1,4 +1,4 @@
-"""A surface under stiff tools: their contact with it, and the depth of its marks below."""
+"""A surface under stiff tools: the level at which they touch it, and the depth of the marks below that level."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Bench(OneLine):
 
     Attributes:
         coat: surface before wear.
-        level_mm: (rows, cols) where a stiff tool that spans the strokes lies on the surface.
-        deep_mm: depth of the marks below it (height of raised ones).
+        level_mm: (rows, cols) height of a stiff tool that rests on the surface and spans the strokes.
+        deep_mm: depth of the marks below that level (height of raised marks).
     """
 
     coat: Coat
@@ -27,12 +27,12 @@ class Bench(OneLine):
     deep_mm: float
 
     def low(self, z_mm: Field) -> Field:
-        """0 on what a tool touches, 1 in the hollows."""
+        """0 where a tool touches, 1 in the hollows."""
         return rise(self.level_mm - z_mm - np.float32(0.25 * self.deep_mm), 0.5 * self.deep_mm)
 
 
 def on_bench(coat: Coat) -> Bench:
-    """Lay a stiff tool on the surface: on the land where the marks are sunk, on the marks where they are raised."""
+    """Rest a stiff tool on the surface: on the land if the marks are sunk, on the marks if they are raised."""
     from glyphs.opencv import cv2
 
     rows, cols = coat.shape
@@ -40,7 +40,7 @@ def on_bench(coat: Coat) -> Bench:
     cell = coat.height_mm / (coat.pitch_mm * step)
     thin = resize(coat.z_mm, (-(-rows // step), -(-cols // step)), how="area")
     stroke, line, held = (np.ones((2 * round(r * cell) + 1,) * 2, dtype=np.uint8) for r in (0.25, 0.7, 1.0))
-    # closing spans sunk strokes, opening then takes raised lines away; both leave tilt and bow of the plate alone
+    # closing spans sunk strokes, opening then removes raised lines; both keep tilt and bow of the plate
     top = cv2.morphologyEx(thin, cv2.MORPH_CLOSE, stroke)
     land = cv2.morphologyEx(top, cv2.MORPH_OPEN, line)
     stands = blur(cv2.dilate(top - land, held), 0.2 * cell)

@@ -1,4 +1,4 @@
-"""Blows, which move metal and remove none: edges peened over, dimples of shot, knocks. `wear` gives the sizes."""
+"""Blows, which move metal but remove none: peened edges, dimples of shot, knocks. For the sizes see `rubbing`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from glyphs.soiling.wear.bench import Bench, patches, rise
 from glyphs.surface.noise import Field
 
 MOST_HITS = 1.4
-"""Most dents: their areas add up to 1.4 times the part's, so that they cover 1 - exp(-1.4), three quarters of it."""
+"""Area of the most dents over the part's area; they then cover 1 - exp(-1.4), three quarters of the part."""
 
 
 def peen(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
@@ -42,7 +42,7 @@ def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
         return blur(values, width / step, mirror=True)
 
     stands = thin(z + gain)
-    # on the coarse grid, so that the edge of the land and its lip sink together
+    # computed on the coarse grid, so that the edge of the land and its lip sink together
     proud = np.maximum(stands - smooth(stands), 0.0)
     least = np.float32(0.02 * float(proud.max()) + 1e-9)
     sunk = np.asarray(proud * smooth(thin(gain)) / np.maximum(smooth(proud), least), dtype=np.float32)
@@ -50,7 +50,7 @@ def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
 
 
 def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: float = 0.16) -> Field:
-    """Depth of the dents of shot, mm: spherical caps at random places; where they overlap, the deepest counts.
+    """Depth of the dents of shot, mm: spherical caps at random places; where they overlap, the deepest one counts.
 
     `aspect` is the greatest depth of a dent over its width.
     """
@@ -79,7 +79,7 @@ def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: floa
 def knock(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
     """Dent and gouge the surface with corners of other parts; return it and where it was hit (0 to 1).
 
-    A corner bridges grooves, and the land between raised marks: it presses down only what stands above its own surface.
+    A corner bridges grooves, and the land between raised marks: it presses down only metal above its own surface.
     """
     coat, deep, size = bench.coat, bench.deep_mm, bench.coat.height_mm
     rows, cols = coat.shape

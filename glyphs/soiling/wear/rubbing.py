@@ -1,27 +1,28 @@
-"""Wear and damage of the metal itself: nothing is added, and all of it is as hard as the part.
+"""Wear and damage of the metal itself: no material is added, and the worn surface is as hard as the part.
 
     new   __  land   _rim     rubbed  . tool level, lowered    peened          rim of a dimple
             \\       /         ___/\\_____/\\_v___  scores          ___ lip          _/\\_    _
              \\_____/           \\_____/    shallower, round        ''-.____.-''\\__/    \\__/  mouth narrower
 
-- *Rubbing* (abrasion, a file, a belt). Archard (1953): metal goes as pressure times path, so a stiff tool lowers the
-  highest first and nothing that it does not reach: the surface becomes the lower of itself and the tool's level. It
-  comes down unevenly, as hands do. The tool's level carries scores, which are straight or slightly bowed, in one
-  direction or crossing, with ridges beside them: ductile metal is partly cut out of a score, partly ploughed aside
-  (Zum Gahr, Microstructure and Wear of Materials, 1987).
-- *Polishing*, three-body wear by loose grains: convex edges go, hollows stay; a soft tool rounds and leaves few scores.
-- *Peening*, by shot or a hammer: metal flows from the land over the groove, the mouth closes, the land sinks by as
-  much. Dents are caps of a sphere, at random: coverage 1 - exp(-k) with k their area over the part's (Kirk, "Dent
+- *Rubbing* (abrasion, a file, a belt). Archard (1953): the metal removed is proportional to pressure times path. A
+  stiff tool therefore lowers the highest places first and leaves those that it does not reach: the surface becomes
+  the lower of itself and the tool's level. The tool comes down unevenly, as it is led by hand. The tool's level
+  carries scores, which are straight or slightly bowed, in one direction or crossing, with ridges beside them: ductile
+  metal is partly cut out of a score, partly ploughed aside (Zum Gahr, Microstructure and Wear of Materials, 1987).
+- *Polishing*, three-body wear by loose grains: convex edges wear, hollows stay; a soft tool rounds and leaves few
+  scores.
+- *Peening*, by shot or a hammer: metal flows from the land over the groove, the mouth closes, and the land sinks by as
+  much. Dents are spherical caps at random places: coverage 1 - exp(-k), with k their area over the part's (Kirk, "Dent
   Formation and Coverage", The Shot Peener 34/4, 2020; "Morphology of Shot Peening Indentations", ibid. 17/2, 2003). The
   metal of a dent rises around it.
-- *Knocks*: dents and gouges from corners of other parts, with lopsided pile-up.
+- *Knocks*: dents and gouges from corners of other parts, with asymmetric pile-up.
 
 Sizes: belts of grit P36 to P80 leave Ra 2 to 6 um (belt makers' charts), 10 to 40 um from crest to trough; teeth of
 coarse files lie about 1 mm apart, and a grain or tooth that sticks out scores 0.02 to 0.2 mm deep. Blasting dents 0.1
 to 0.6 mm wide, ball peens 1 to 3 mm; a dent's depth is taken as 6 to 16 % of its width. Serials are made unreadable by
-grinding, filing, peening and punching (Iowa DCI laboratory, "Serial number restoration"), mostly to just about their
+grinding, filing, peening and punching (Iowa DCI laboratory, "Serial number restoration"), mostly down to about their
 depth (Treptow, "Handbook of Methods for the Restoration of Obliterated Serial Numbers", NASA CR-135322, 1978): so
-what is taken off is measured in depths of the mark, and tools grow with the characters.
+the metal removed is measured in depths of the mark, and tools scale with the characters.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ _FRESH_REFLECTANCE = 0.62
 
 @dataclass(frozen=True)
 class _Life:
-    """Shares of each kind of wear on one part, whatever the amount: 0 to 1 each, the leading one 1.
+    """Shares of the kinds of wear on one part, independent of the amount: 0 to 1, about 1 for the leading kind.
 
     Attributes:
         rubbed: wear by file, belt or sliding; every worn part has at least a little.
-        peened: wear by shot or hammer; knocks close edges too.
+        peened: wear by shot or hammer; at least 0.6 of `knocked`, because knocks also close edges.
         knocked: wear by other parts.
         soft: softness of the rubbing tool: 0 a file, 1 a buff or loose grains.
         crossed: spread of the rubbing directions: 0 one belt, 1 a hand with emery.
@@ -73,9 +74,9 @@ class _Life:
 
 
 def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Wear a part: `amount` 0 leaves it, 1 takes most of its marks.
+    """Wear a part: `amount` 0 leaves it unchanged, 1 removes most of its marks.
 
-    Parts differ: each has 0.5 to 1.5 of the amount, those with less catch up towards 1, and one kind of damage leads.
+    Parts differ: each has 0.5 to 1.5 times the amount (those below 1 catch up towards amount 1), and one kind leads.
     """
     own = float(rng.uniform(0.5, 1.5))
     amount = min(1.0, amount * (own + max(1.0 - own, 0.0) * amount**2))
@@ -94,7 +95,7 @@ def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         + bared * (np.float32(0.14 + 0.1 * (1.0 - life.soft)) - coat.friction)
         + np.float32(0.03) * dimpled,
     )
-    # what was hit is bright and matt, what was rubbed last is bright and as glossy as the tool was soft
+    # metal that was hit is bright and matt; metal that was rubbed last is bright, and glossier after a softer tool
     matt = np.float32(0.46) + bared * np.float32(-0.12 - 0.18 * life.soft)
     return worn.shaded(
         np.maximum(np.maximum(bruised, dimpled), bared),
@@ -119,7 +120,7 @@ def _rub(
     tool = bench.level_mm + np.float32(peak) - down - rough * scores
     give = np.float32(amount * deep * (0.02 + 0.25 * life.soft))
     cut = _smooth_min(z, tool, give)
-    # loose grains turn against edges: what stands above its surroundings goes, what lies below stays
+    # loose grains wear edges: metal above its surroundings is removed, metal below stays
     width = 0.035 * coat.height_mm / coat.pitch_mm * (0.5 + life.soft)
     cut = cut - np.float32(amount * (0.4 + 0.6 * life.soft)) * np.maximum(cut - blur(cut, width), 0.0)
     return cut, rise(z - cut, 0.12 * deep)
@@ -157,7 +158,7 @@ def _scores(coat: Coat, crossed: float, rng: np.random.Generator) -> Field:
 
 
 def _stroke(half_mm: float, fine_mm: float, size_mm: float, rng: np.random.Generator) -> Field:
-    """(across, along) table of one stroke's scores, each V-shaped with ridges, from one place to another."""
+    """(across, along) table of one stroke's scores, each V-shaped with ridges and of limited length."""
     lines, stations = int(2.0 * half_mm / fine_mm) + 1, 32
     count = max(8, int(2.0 * half_mm / (0.08 * size_mm)))
     at = rng.uniform(0, lines, count)

@@ -1,1 +1,2 @@
-"""Beside a weld: heat scale in plates, spatter welded on, grinder swathes across the mark, arc strikes, heat tint."""
+"""Beside a weld: heat scale in plates, welded-on spatter, grinder swathes across the mark, arc strikes, heat
+tint."""

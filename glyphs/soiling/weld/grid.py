@@ -9,7 +9,7 @@ from glyphs.surface.noise import Field
 
 
 def cells(along_mm: Field, spacing_mm: float, rng: np.random.Generator) -> tuple[NDArray[np.intp], Field]:
-    """Number of the interval, between irregular cracks, that each sample lies in, and how far in it, 0 to 1."""
+    """Number of the interval between irregular cracks at each sample, and the position within it, 0 to 1."""
     low, high = float(along_mm.min()), float(along_mm.max())
     width = spacing_mm * rng.uniform(0.45, 1.55, int((high - low) / (0.45 * spacing_mm)) + 3)
     ends = np.cumsum(width)

@@ -2,8 +2,8 @@
 
             burr  burr      lip smeared over an edge
     ____     ^  ^^  ^   __==          land
-        \\_/\\/\\_/  \\/\\_/    \\        /  disc: what stands above it goes,
-                            \\______/   what lies below it stays
+        \\_/\\/\\_/  \\/\\_/    \\        /  disc: metal above it is removed,
+                            \\______/   metal below it stays
 
 Sources: see `glyphs.soiling.weld.plate`.
 """
@@ -21,7 +21,7 @@ FURROW_MM = (0.005, 0.08)
 """Depth of a grain's furrow."""
 _DISC_RADIUS_MM = (57.5, 62.5)
 _GRIP = 0.04
-"""Clearance of the disc over a plate that is not ground, share of the greatest depth."""
+"""Clearance of the disc above a plate that is not ground, as a share of the greatest depth."""
 
 
 def crown(coat: Coat) -> Field:
@@ -35,11 +35,11 @@ def crown(coat: Coat) -> Field:
 
 
 def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Grind the plate twice, the second time lighter and askew; return top and cover of bright metal.
+    """Grind the plate twice, the second time lighter and at an angle; return top and cover of bright metal.
 
     Args:
-        coat: the plate before.
-        z: its top by now.
+        coat: the plate before the weld.
+        z: its present top.
         level: surface on which the disc rides.
         amount: 0 to 1.
         rng: random generator of the hand's movement.
@@ -55,7 +55,7 @@ def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Gene
 def _grind_once(
     coat: Coat, z: Field, level: Field, amount: float, press_mm: float, turn: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Grind once, in arcs of the disc's radius: remove what stands above the disc and smear it over edges."""
+    """Grind once, in arcs of the disc's radius: remove metal above the disc and smear it over edges."""
     pitch = coat.pitch_mm
     size = np.array(coat.shape[::-1]) * pitch
     radius = rng.choice(_DISC_RADIUS_MM) * rng.uniform(0.8, 1.0)
@@ -76,7 +76,7 @@ def _grind_once(
     near = line * depth.shape[1] + left
     cut = depth.ravel()[near]
     cut += (cell - left) * (depth.ravel()[near + 1] - cut)
-    # pressed hardest, it bites from the start; elsewhere the more, the wider the swathes grow
+    # where it is pressed hardest the disc bites from the start, elsewhere at larger amounts
     bite = 1.25 * amount - 0.6 * (1 - _swathes(lines, coat.height_mm, rng)) - _GRIP
     sunk = np.float32(press_mm) * bite.astype(np.float32)[line]
     grip = ramp(sunk, -_GRIP * press_mm, 0.2 * press_mm)
@@ -103,7 +103,8 @@ def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Fie
 def _furrows(
     coat: Coat, lines_mm: Field, length_mm: float, rng: np.random.Generator
 ) -> tuple[Field, Field, Field]:
-    """Furrows side by side: depth (lines, along) mm, and the shares of it cut and heaped up on each line (lines,)."""
+    """Furrows side by side: depth (lines, along), mm, and the shares of it that are cut and heaped up on each line
+    (lines,)."""
     coarse = np.sqrt(coat.height_mm / 5.0)
     width = max(rng.uniform(0.1, 0.18) * coarse, 1.6 * coat.pitch_mm)
     grain, within = cells(lines_mm, width, rng)
@@ -115,7 +116,7 @@ def _furrows(
 
 
 def _behind(took: Field, c: np.float32, s: np.float32, steps: int) -> Field:
-    """Share, 0 to 1, of a lip of metal smeared over the surface just behind, along the arcs."""
+    """Share, 0 to 1, of a lip of metal smeared along the arcs over the surface just behind."""
     lip = np.zeros_like(took)
     rows, cols = took.shape
     for k in range(1, steps + 1):

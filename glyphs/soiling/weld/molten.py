@@ -22,7 +22,7 @@ DROP_MM = (0.1, 3.0)
 _DROP_SPREAD = 0.55
 """Standard deviation of the logarithm of a diameter."""
 _EDGE_MM = 0.02
-"""Thickness of a drop that hides the ground."""
+"""Thickness at which a drop hides the ground."""
 Numbers = NDArray[np.float64]
 
 
@@ -31,9 +31,9 @@ class Seam(OneLine):
     """The bead of a weld beside the plate.
 
     Attributes:
-        away: unit vector (x, y) from it across the plate.
+        away: unit vector (x, y) from the seam across the plate.
         start_mm: position along that vector at which the plate begins.
-        reach_mm: distance over which its drops and its heat fall by e.
+        reach_mm: distance over which drops and heat decrease by a factor of e.
     """
 
     away: Numbers
@@ -41,13 +41,13 @@ class Seam(OneLine):
     reach_mm: float
 
     def nearness(self, x_mm: Numbers, y_mm: Numbers) -> Numbers:
-        """1 at the seam, falling by e every `reach_mm`."""
+        """1 at the seam, falling by a factor of e per `reach_mm`."""
         a, b = self.away / self.reach_mm
         return np.asarray(np.exp(self.start_mm / self.reach_mm - a * x_mm) * np.exp(-b * y_mm))
 
 
 def draw_seam(coat: Coat, rng: np.random.Generator) -> Seam:
-    """Draw a bead along one side, more often a long side, up to 12 degrees askew."""
+    """Draw a bead along one side, more often the top or bottom, up to 12 degrees askew."""
     size = np.array(coat.shape[::-1]) * coat.pitch_mm
     side = np.deg2rad(
         rng.choice([90.0, 270.0, 0.0, 180.0], p=[0.35, 0.35, 0.15, 0.15]) + rng.uniform(-12, 12)
@@ -60,14 +60,14 @@ def draw_seam(coat: Coat, rng: np.random.Generator) -> Seam:
 def add_spatter(
     coat: Coat, z: Field, seam: Seam, amount: float, share: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Drops that fly from the seam, freeze where they land and weld on: top and cover.
+    """Add drops that fly from the seam, freeze where they land and weld on; return top and cover.
 
     Args:
-        coat: the plate before.
-        z: its top by now.
-        seam: where they come from.
+        coat: the plate before the weld.
+            z: its present top.
+            seam: the seam that the drops come from.
         amount: 0 to 1.
-        share: share of a plate that they cover at 1 if all of it is as near as the seam.
+        share: share of the plate that drops cover at amount 1 if all of it is at the seam.
         rng: random generator of the drops.
     """
     median = 0.45 * np.sqrt(coat.height_mm / 5.0)
@@ -77,7 +77,7 @@ def add_spatter(
     diameter = np.clip(median * np.exp(_DROP_SPREAD * rng.standard_normal(n)), *DROP_MM)
     onset = rng.random(n) / seam.nearness(*at.T)
     heading = np.arctan2(seam.away[1], seam.away[0]) + 0.4 * rng.standard_normal(n)
-    # satellites burst off the large and lie ahead of them
+    # satellites burst off large drops and lie ahead of them
     parent = rng.choice(n, n // 2, p=diameter**3 / np.sum(diameter**3))
     small = np.maximum(diameter[parent] * rng.uniform(0.1, 0.3, n // 2), DROP_MM[0])
     ahead = diameter[parent] * (0.6 + rng.exponential(0.5, n // 2))
@@ -86,7 +86,7 @@ def add_spatter(
     diameter, onset = np.append(diameter, small), np.append(onset, onset[parent])
     n = len(at)
     splat = rng.random(n) < np.clip(0.9 * diameter / median - 0.8, 0.05, 0.7)
-    # of a cap of contact angle t, height over radius is tan(t / 2)
+    # a cap of contact angle t has height over radius tan(t / 2)
     high = np.where(splat, rng.uniform(0.14, 0.3, n), np.tan(np.deg2rad(rng.uniform(20.0, 45.0, n))))
     stretch = 1.0 + np.where(splat, 0.8, 0.35) * rng.random(n) ** 2
     lobe = np.where(splat, 0.16, 0.06) * rng.uniform(-1.0, 1.0, n)
@@ -100,10 +100,10 @@ def add_spatter(
 
 
 def _lay_drops(z: Field, drops: Any, pitch_mm: float) -> tuple[Field, Field]:
-    """Drops on a surface: each stands on the mean level below it, as liquid does, and so fills a groove it covers.
+    """Lay drops on a surface: each rests on the mean level below it, as a liquid does, and so fills a groove it covers.
 
-    A record of each drop: centre and radius (mm), height (radii), stretch along its heading, lobes, and whether it
-    spread.
+    Columns of `drops`: centre and radius (mm), height (radii), stretch along the heading, lobes, and whether it
+    splashed flat.
     """
     rows, cols = z.shape
     centre = np.stack([drops.x_mm, drops.y_mm], axis=1)
@@ -130,7 +130,7 @@ def _lay_drops(z: Field, drops: Any, pitch_mm: float) -> tuple[Field, Field]:
     q *= 1 - of(drops.lobe) * u * (4 * u * u - 3 * q) / (np.maximum(q, 1e-6) * np.sqrt(np.maximum(q, 1e-6)))
     inside = q < 1.0
     owner, at, q = owner[inside], row[inside] * cols + col[inside], q[inside]
-    # a cap of a sphere; what spread is lower in its middle than near its edge
+    # a spherical cap; a flat splash is lower in its middle than near its edge
     tip = drops.high
     ball = of((1 + tip * tip) / (2 * tip))
     cap = np.sqrt(np.maximum(ball * ball - q, 0.0)) - ball + of(tip)
@@ -149,7 +149,7 @@ def _lay_drops(z: Field, drops: Any, pitch_mm: float) -> tuple[Field, Field]:
 
 
 def add_arc_strikes(coat: Coat, z: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Arc strikes: an electrode that slips, and drags, leaves remelted craters with rims: top and cover."""
+    """Add arc strikes: a slipping, dragging electrode leaves remelted craters with rims; return top and cover."""
     z, cover = z.copy(), np.zeros_like(z)
     size = np.array(coat.shape[::-1]) * coat.pitch_mm
     for onset in (0.1, 0.35, 0.6):

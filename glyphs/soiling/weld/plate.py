@@ -5,15 +5,15 @@
      |     .--.   _.--._           _.'         (burr)  (burr)         rim       rim
      |____/    \\_/      \\___===__=='_==__     ^        ^     _______/\\_       _/\\____ land
      |  <----- falling density ------>   \\_/\\_/\\/\\_/\\__/\\_/         \\_____/
-     |                                    what is left of the mark: floors stay, the land goes down
+     |                                    ground mark: its floors stay, the land is lowered
 
-The hot plate takes on temper colours and scales, drops fly and freeze on it, somebody grinds (and takes tops of
-drops, scale and land along, never a floor that lies below the disc), drops of the next bead follow, an electrode
-slips. All of it is metal or oxide and hard: nothing yields under a tip, and what had been soft below is burnt.
+The order is: temper colours and scale on the hot plate, drops that freeze on it, a grinder (which removes tops of
+drops, scale and land, but no floor below the disc), drops of the next bead, and a slipping electrode. All of it is
+metal or oxide and hard: nothing yields under a tip, and soft dirt below is burnt away.
 
 Sources:
     - Drops: 0.1 to 3 mm, most of them small (log-normal, like drops of a bursting liquid: A. H. Lefebvre, Atomization
-      and Sprays). Large ones arrive fast and spread, small ones freeze as beads at an arrested contact angle of 40 to
+      and Sprays). Large drops arrive fast and spread, small drops freeze as beads at an arrested contact angle of 40 to
       90 degrees (S. Schiaffino, A. A. Sonin, Phys. Fluids 9, 1997; J. Chapuis et al., Exp. Therm. Fluid Sci. 48, 2013).
     - Scale: bluish-black FeO and Fe3O4, here 5 to 50 um (R. Y. Chen, W. Y. D. Yuen, Oxid. Met. 56, 2001), brittle:
       cracks across the strain, shorter ones between, plates that lift and spall (M. Schuetze, Protective Oxide
@@ -24,8 +24,8 @@ Sources:
       ISO 6520-1, imperfection 601.
     - Tint: straw 205, brown 260, purple 282, blue 310, grey above 371 degrees C (ASM Handbook 4D, Temper Colors).
 
-Estimates, from no source: the spread of drop sizes (0.55 in the logarithm), how many stick, the share of plates that
-spall (0.3) or lift, crack spacing, the depth and rim of strikes, and how sizes grow with the characters.
+Estimates without a source: the spread of drop sizes (0.55 in the logarithm), how many stick, the share of plates that
+spall (0.3) or lift, crack spacing, the depth and rim of strikes, and how sizes scale with the characters.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from glyphs.soiling.weld.molten import Seam, add_arc_strikes, add_spatter, draw_
 from glyphs.surface.noise import Field, ramp
 
 SCALE_MM = (0.005, 0.05)
-"""Thickness of scale, before it lifts."""
+"""Thickness of scale before it lifts."""
 _TINT_C = (20.0, 176.0, 205.0, 260.0, 282.0, 310.0, 337.0, 371.0, 500.0)
 _TINT = (
     *((1.0, 1.0, 1.0), (1.05, 1.0, 0.88), (1.3, 1.02, 0.45), (1.0, 0.56, 0.26), (0.68, 0.34, 0.6)),
@@ -58,7 +58,7 @@ _GROUND: _Finish = (0.36, 0.355, 0.34, 0.24, 0.6, 0.25, 2500.0)
 
 
 def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Soil a plate as welding beside it does (a `SoilModel`)."""
+    """Soil a plate by welding beside it (a `SoilModel`)."""
     if amount <= 0.0:
         return coat
     parts = np.clip(amount * rng.uniform(0.5, 1.5, 5), 0.0, 1.0)
@@ -79,7 +79,7 @@ def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
-    """The coat with the finish of every layer, from the lowest, mixed in by its cover (0 to 1)."""
+    """Mix the finish of every layer into the coat by its cover (0 to 1), the bottom layer first."""
     names = ("roughness", "reflectance", "friction", "hardness_mpa")
     planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
     for k in range(len(planes)):
@@ -90,7 +90,7 @@ def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
 
 
 def _add_tint(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
-    """Bands of temper colours: a film of some 50 nm, too thin to be touched."""
+    """Add bands of temper colours: a film of about 50 nm, too thin to be felt."""
     wave = 1.0 + 0.06 * slow_noise(coat, 1.5 * coat.height_mm, rng)
     x, y = (axis.astype(np.float64) for axis in axes_mm(coat))
     hot_c = (amount * rng.uniform(400.0, 600.0) * seam.nearness(x, y)).astype(np.float32) * wave + 20
@@ -106,7 +106,8 @@ def _add_tint(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -
 
 
 def _add_scale(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Plates between long cracks and the shorter ones across; some spalled, some lifted at one end: top and cover."""
+    """Add scale in plates between long cracks and shorter cross cracks; some spall, some lift: return top and
+    cover."""
     size = np.sqrt(coat.height_mm / 5.0)
     thick_mm = float(np.clip(size * rng.uniform(0.012, 0.04), *SCALE_MM))
     spacing = max(rng.uniform(25.0, 45.0) * thick_mm, 6.0 * coat.pitch_mm)
@@ -120,12 +121,12 @@ def _add_scale(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Fie
     shift = (spacing * rng.uniform(0, 9, int(row.max()) + 1)).astype(np.float32)
     col, along = cells(u + shift[row], 1.7 * spacing, rng)
     plate = row * (int(col.max()) + 1) + col
-    # a plate comes when its turn comes; three in ten never held, as many come off at one end
+    # each plate has its own onset; three in ten spall at once, three in ten lift at one end
     onset, lost, end = rng.random((3, int(plate.max()) + 1), dtype=np.float32)
-    turn_came = np.float32(amount) - (0.7 * onset + 2.0 * (lost < 0.3))[plate]
-    turn_came += 0.1 * slow_noise(coat, 0.8 * coat.height_mm, rng) * np.float32(amount)
+    grown = np.float32(amount) - (0.7 * onset + 2.0 * (lost < 0.3))[plate]
+    grown += 0.1 * slow_noise(coat, 0.8 * coat.height_mm, rng) * np.float32(amount)
     gap = 0.6 * coat.pitch_mm / spacing
     edge = np.minimum(1.7 * (0.5 - np.abs(along - 0.5)), 0.5 - np.abs(across - 0.5))
-    cover = ramp(turn_came, 0.0, 0.45) * ramp(edge, 0.3 * gap, 1.5 * gap)
+    cover = ramp(grown, 0.0, 0.45) * ramp(edge, 0.3 * gap, 1.5 * gap)
     lift = (np.maximum(end - 0.7, 0.0) * np.float32(8.0 * thick_mm))[plate] * along * along
     return coat.z_mm + cover * (np.float32(thick_mm) + lift), cover

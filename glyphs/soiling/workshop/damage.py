@@ -18,7 +18,7 @@ def add_burr(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
     ::
 
-          __/\\          /\\__   rim: highest at the edge, gone within 0.06 heights
+          __/\\          /\\__   rim: highest at the edge, zero from 0.06 heights on
               \\________/
     """
     from scipy.ndimage import distance_transform_edt
@@ -38,9 +38,9 @@ def add_burr(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator, most_pitted: float = 0.16) -> Coat:
-    """Corrosion pits, 20 to 120 um deep, in clusters, with a rusty, rough skin around them.
+    """Add clusters of corrosion pits, 20 to 120 um deep, with a rusty, rough skin around them.
 
-    `most_pitted` is the share of the plate at amount 1.
+    `most_pitted` is the share of the plate pitted at amount 1.
     """
     cluster = coat.noise(0.9 * coat.height_mm, rng)
     blob = coat.noise(rng.uniform(0.05, 0.09) * coat.height_mm, rng)
@@ -64,9 +64,10 @@ def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator, most_pitted
 
 
 def add_scratches(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2: float = 0.35) -> Coat:
-    """Narrow grooves, 5 to 40 um deep, in any direction, half of them along a common one; `most_a_mm2` at amount 1."""
+    """Add narrow grooves, 5 to 40 um deep, half of them along a common direction; `most_a_mm2` per mm2 at amount
+    1."""
     most = max(1, round(most_a_mm2 * coat.area_mm2))
-    # all are drawn and the first few taken, so that more is the same and some
+    # draw all and use the first few, so that a larger amount adds scratches to the same ones
     common = rng.uniform(0.0, np.pi)
     heading = np.where(
         rng.uniform(size=most) < 0.5, common + 0.12 * rng.standard_normal(most), rng.uniform(0.0, np.pi, most)

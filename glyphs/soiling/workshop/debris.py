@@ -15,7 +15,7 @@ _TINTS = ((0.34, 0.34, 0.34), (0.36, 0.31, 0.22), (0.20, 0.22, 0.32), (0.16, 0.1
 
 
 def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2: float = 0.28) -> Coat:
-    """Curls, slivers and grains, 0.05 to 0.4 mm high, resting on the highest points beneath them.
+    """Add curls, slivers and grains, 0.05 to 0.4 mm high, that rest on the highest points below them.
 
     ::
 
@@ -26,14 +26,14 @@ def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2
     most = max(1, round(most_a_mm2 * coat.area_mm2))
     # shares of curls, slivers and grains differ from part to part
     kinds = rng.choice(3, size=most, p=rng.dirichlet((1.5, 2.5, 3.0)))
-    # one stream a piece, so that more swarf is the same pieces and some
+    # one stream per piece, so that a larger amount adds pieces to the same ones
     streams = rng.spawn(most)
     count = round(most * amount)
     top = np.full(coat.shape, -np.inf, dtype=np.float32)
     tint = np.zeros((*coat.shape, 3), dtype=np.float32)
     for kind, stream in zip(kinds[:count], streams[:count], strict=True):
         _lay(top, tint, coat, int(kind), stream)
-    # a piece lies on what is there: it never lowers the surface
+    # a piece never lowers the surface
     lies = top > coat.z_mm + 1e-3
     if not lies.any():
         return coat
@@ -87,7 +87,7 @@ def _lay(
 
 
 def _curl(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float64], float, float]:
-    """Line of a curl from its middle, mm, half its width, and its height: a spiral opening as it goes."""
+    """Line of a curl (an opening spiral) relative to its place, its half width and its height, mm."""
     turns = 0.3 + rng.exponential(0.6)
     t = np.linspace(0.0, 1.0, 60)
     angle = 2 * np.pi * turns * t * rng.choice((-1.0, 1.0)) + rng.uniform(0, 2 * np.pi)
@@ -103,7 +103,7 @@ def _curl(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float64]
 
 
 def _sliver(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float64], float, float]:
-    """Line of a sliver: nearly straight, pointed at both ends."""
+    """Line, half width and height of a sliver, mm: nearly straight, pointed at both ends."""
     length = size_mm * float(np.clip(rng.lognormal(np.log(0.28), 0.6), 0.05, 1.2))
     s = np.linspace(-0.5, 0.5, 20)
     heading, bend = rng.uniform(0, 2 * np.pi), 0.25 * rng.standard_normal()
@@ -115,7 +115,7 @@ def _sliver(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float6
 
 
 def _grain(rng: np.random.Generator) -> tuple[NDArray[np.float64], float, float]:
-    """Line of a grain: about as long as it is wide."""
+    """Line, half width and height of a grain, mm: about as long as it is wide."""
     radius = float(np.clip(rng.lognormal(np.log(0.1), 0.45), 0.05, 0.3))
     length, heading = 2.0 * radius * rng.uniform(1.0, 1.8), rng.uniform(0, 2 * np.pi)
     s = np.linspace(-0.5, 0.5, 8) * length

@@ -23,12 +23,12 @@ _PAINTS = (
 
 
 def add_paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """A film that levels: thicker in grooves than on the land, in large areas, chipped in places.
+    """Add a film in large areas, which levels: it is thicker in grooves than on the land, and chipped in places.
 
     ::
 
         ~~~~~~~\\            /~~~~~~   land: 20 to 80 um
-        ________ \\~~~~~~~~/ ________   groove: the same and a part of its depth
+        ________ \\~~~~~~~~/ ________   groove: the same plus a share of its depth
                 \\__________/
     """
     from scipy.ndimage import gaussian_filter
@@ -56,7 +56,7 @@ def add_paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def add_oil(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Patches and films of oil: slippery, darker, glossy; a little of it stands in the grooves."""
+    """Add patches of oil: slippery, darker and glossy; a little of it stands in the grooves."""
     size = coat.height_mm
     wide = coat.noise(rng.uniform(0.6, 1.6) * size, rng)
     beads = coat.noise(0.12 * size, rng)
@@ -66,7 +66,7 @@ def add_oil(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     edge = 1.0 - 0.75 * amount
     wet = ramp(rank, edge, edge + 0.04)
     pooled = np.minimum(pool * coat.hollow_mm(), 0.05) * wet
-    # on grime it only soaks in: there is no clear film to push through
+    # oil soaks into grime, so there is no film on it
     pooled = np.where(coat.soft_mm > 0.0, 0.0, pooled).astype(np.float32)
     coat = coat.under_film(pooled, OIL_MPA, coat.friction + wet * (OIL_FRICTION - coat.friction))
     thick = 0.55 + 0.45 * ramp(rank, edge, edge + 0.3)

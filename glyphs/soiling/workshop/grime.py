@@ -1,4 +1,4 @@
-"""Caked grime, which collects in grooves, patch by patch, and yields to a hard push."""
+"""Caked grime, which collects in patches of the grooves and yields to a hard push."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def add_grime(
 
     ::
 
-        land ____                ____   patches (a rank above 1 - share) fill from their edge inwards:
-                 \\  .::::::.    /        little, to the brim, and in the middle slightly over it
+        land ____                ____   patches (rank above 1 - share) fill from their edge inwards:
+                 \\  .::::::.    /        partly, then to the brim, and in the middle slightly above it
                   \\::::::::::__/   between patches a residue stays in the corners
 
-    A patch is correlated noise over a threshold, so more grime means the same patches grown: at amount 1
-    `most_caked` and `most_stained` are the shares of the plate caked and stained.
+    A patch is correlated noise above a threshold, so that more grime enlarges the same patches. `most_caked` and
+    `most_stained` are the shares of the plate that are caked and stained at amount 1.
     """
     size = coat.height_mm
     wide = coat.noise(rng.uniform(0.45, 1.1) * size, rng)
@@ -65,12 +65,12 @@ def add_grime(
     hollow = coat.hollow_mm()
     over = np.float32(heap * amount) * ramp(rank, edge + 0.08, edge + 0.35)
     fill = np.minimum(level, 1.05) * hollow + over
-    # its own texture: lumps where there is enough of it, never cut below what lies beneath
+    # texture of the grime: lumps where it is thick enough, never below the surface under it
     lumps = (0.013 * texture + 0.003 * fine) * ramp(fill, 0.01, 0.08)
     fill = np.maximum(fill + lumps, 0.0).astype(np.float32)
 
     caked = ramp(fill, 0.004, 0.03)
-    # a film of micrometres, which is seen but not felt: smears and spatter, denser near the patches
+    # a film of micrometres, visible but not felt: smears and spatter, denser near the patches
     film = share((smear + spattered * spatter) / np.hypot(np.float32(1.0), np.float32(spattered)))
     bare = 1.0 - most_stained * (1.0 - (1.0 - amount) ** 3)
     opaque = np.clip(0.55 + 0.5 * amount + 0.22 * thin, 0.2, 0.98)

@@ -1,6 +1,6 @@
-"""The workshop's dirt, seven kinds of it.
+"""The workshop's dirt: a mixture of seven kinds.
 
-Order of the steps: burr (when the part is stamped), pits, scratches, paint, grime, oil, swarf.
+They are applied in this order: burr (which arises in stamping), pits, scratches, paint, grime, oil, swarf.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LEAST, _MOST = 0.4, 1.6
 
 @dataclass(frozen=True, repr=False)
 class Dirt(OneLine, Validated, error=StampError):
-    """Amount of each kind, 0 (none) to 1: the mean over parts; a single part has 0.4 to 1.6 times as much.
+    """Mean amount of each kind over parts, 0 (none) to 1; a single part has 0.4 to 1.6 times as much.
 
     Attributes:
         grime: caked into grooves and smeared over the land; yields to a hard push.
@@ -44,7 +44,7 @@ class Dirt(OneLine, Validated, error=StampError):
         scratches: narrow grooves in any direction.
         pits: corrosion, rusty and rough.
         paint: a hard film that levels grooves, chipped in places.
-        burr: a rim along the marks, beyond the one from the stamping itself.
+        burr: a rim along the marks, in addition to the burr of the stamping itself.
 
     Raises:
         StampError: an amount outside 0..1.
@@ -60,7 +60,7 @@ class Dirt(OneLine, Validated, error=StampError):
 
     @classmethod
     def of(cls, severity: float) -> Dirt:
-        """The usual mixture for one severity, 0 (clean) to 1.
+        """Return the usual mixture for a severity, 0 (clean) to 1.
 
         Raises:
             StampError: a severity outside 0..1.
@@ -84,15 +84,15 @@ class Dirt(OneLine, Validated, error=StampError):
 
 
 def workshop(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """The usual mixture of a severity (`glyphs.soiling.soils.SoilModel`)."""
+    """Soil a surface with the usual mixture for a severity (a `SoilModel`)."""
     return lay_mixture(coat, Dirt.of(amount), rng=rng)
 
 
 def lay_mixture(coat: Coat, dirt: Dirt, *, rng: np.random.Generator) -> Coat:
     """Lay a mixture on a surface.
 
-    Every kind draws from a stream of its own, and the same whatever its amount: so more grime leaves the
-    scratches where they were, and patches of grime grow.
+    Every kind has its own random stream, whose draws do not depend on the amount. More grime therefore leaves the
+    scratches in place and enlarges the same patches of grime.
     """
     for (name, layer), stream in zip(_LAYERS, rng.spawn(len(_LAYERS)), strict=True):
         amount = min(1.0, getattr(dirt, name) * stream.uniform(_LEAST, _MOST))

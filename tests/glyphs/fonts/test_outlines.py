@@ -155,7 +155,7 @@ def test_missing_damaged_and_letterless_files(tmp_path):
         path.write_bytes(content)
         with pytest.raises(FontError, match="cannot be read"):
             load_font(path)
-    with pytest.raises(FontError, match="no character of A-Z"):
+    with pytest.raises(FontError, match="none of the characters A-Z"):
         load_font(_font_with_only_an_exclamation_mark(tmp_path / "bare.ttf"))
 
 
