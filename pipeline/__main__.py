@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-if __name__ == "__main__":  # workers import this module, too, and need nothing of the command
+if __name__ == "__main__":  # worker processes import this module, too, and do not need the command line
     from pipeline.cli.main import main
 
     sys.exit(main())

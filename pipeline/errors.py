@@ -21,7 +21,7 @@ WEB = ("http", "https")
 _URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
 _PASSWORD = re.compile(r"(?<=://)[^/@:]*:[^/@]*@")
 _SHOWN: ContextVar[Mapping[str, str]] = ContextVar("_SHOWN", default=MappingProxyType({}))
-_OF_THE_MACHINE = frozenset(
+_MACHINE_ERRNOS = frozenset(
     getattr(errno, name)
     for name in ("EIO", "ENOSPC", "EDQUOT", "EROFS", "EMFILE", "ENFILE", "ENOMEM", "ESTALE", "ETIMEDOUT")
     if hasattr(errno, name)
@@ -30,7 +30,7 @@ _OF_THE_MACHINE = frozenset(
 
 
 class DataError(MarksError):
-    """Unusable content; `reading` turns it into a FileError of the file."""
+    """Unusable content; `reading` turns it into a FileError that names the file."""
 
     def __init__(self, what: str, hint: str) -> None:
         super().__init__(what, hint=hint)
@@ -41,14 +41,14 @@ class FaultError(FileError):
 
 
 class OwnFileError(FileError):
-    """A file, disk or limit of this machine that keeps the input from being read; a later attempt may succeed."""
+    """A file, disk or limit of this machine that prevents reading the input; a later attempt may succeed."""
 
 
 def is_machine_error(error: BaseException) -> bool:
     """Check whether disk, system or memory caused an error, whichever file it occurred at."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
+        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _MACHINE_ERRNOS):
             return True
         # no file is named: tempfile finds no writable folder, or the working folder is gone
         if isinstance(cause, FileNotFoundError) and cause.filename is None:
@@ -64,7 +64,7 @@ def describe_fault(error: Exception, *, longest: int = 300) -> str:
 
 
 def is_url(text: str | Path) -> bool:
-    """Whether a name is a URL (s3://bucket/key), a chain of them (zip://a::s3://b) included; else it is a path."""
+    """Whether a name is a URL, such as s3://bucket/key or the chain zip://a::s3://b, and not a path."""
     return _URL.match(str(text)) is not None
 
 
@@ -74,13 +74,13 @@ def is_web(url: str) -> bool:
 
 
 def without_secrets(url: str) -> str:
-    """A URL without secrets: no password, and no query of a web address, which may be a signature."""
+    """Remove the password from a URL, and the query from a web address: it may hold a signature."""
     shown = _PASSWORD.sub("***@", url)
     return shown.partition("?")[0] if is_web(shown) else shown
 
 
 def problem_of(name: str | Path, what: str, hint: str) -> FileError:
-    """The error of a file named by a path or a URL, under the name by which it is shown, without its secrets."""
+    """Make the error of a file or URL, with the name to show and without secrets."""
     shown = without_secrets(_SHOWN.get().get(str(name), str(name)))
     return FileError(shown, what.replace(str(name), shown), hint)
 
@@ -90,10 +90,10 @@ def shown_as(names: Mapping[str, str]) -> Iterator[None]:
     """Show files under other names in errors raised within the block.
 
     Args:
-        names: URL or name by which a file is shown, by its path.
+        names: the URL or name to show, by path.
 
     Raises:
-        FileError: as raised in the block, with the name shown.
+        FileError: as raised in the block, with the name to show.
     """
     token = _SHOWN.set({**_SHOWN.get(), **names})
     try:
@@ -111,7 +111,7 @@ def naming(name: str | Path) -> Iterator[None]:
     """Name the file, a path or URL, in errors that name no file.
 
     Raises:
-        FileError: in place of a MarksError of the block that names no file, or names the file differently.
+        FileError: in place of a MarksError that names no file, or names this one while another name is to be shown.
         MissingExtraError: as it is raised in the block.
     """
     try:
@@ -125,10 +125,10 @@ def naming(name: str | Path) -> Iterator[None]:
 
 
 def require_file(path: Path, *, most_bytes: int) -> None:
-    """Check that a file exists, is not empty and not too long.
+    """Check that a path is a file, not empty and not too long.
 
     Raises:
-        FileError: there is not.
+        FileError: it is not.
     """
     try:
         status = path.stat()
@@ -154,9 +154,9 @@ def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
 
     Args:
         path: the file.
-        most_bytes: longest file that is read.
-        kind: format read by a third-party parser: any error of the parser is reported as damage of the file. Without
-            it, an unforeseen error stays an error of the program.
+        most_bytes: size limit of the file.
+        kind: format that a third-party parser reads: each of its errors is reported as damage of the file. Without
+            it, an unexpected error remains a fault of the program.
 
     Raises:
         FileError: the file is missing or too long, or its content is at fault.

@@ -24,7 +24,7 @@ _CALIBRATED_HEIGHTS = 3.0
 
 @contextlib.contextmanager
 def _opened(settings: BenchSettings) -> Iterator[Bench]:
-    """Open a bench; SIGTERM and hang-up end it as an interrupt does, so that it lifts and is closed."""
+    """Open a bench; SIGTERM and SIGHUP end it like an interrupt, so that it lifts and is closed."""
     from pipeline.bench.bench import Bench
 
     def end(number: int, frame: object) -> None:
@@ -68,7 +68,7 @@ def home(bench: Path) -> None:
     with _opened(read_bench(bench)) as opened:
         opened.home()
         x, y, z = opened.stage.place_mm()
-        print(f"homed; the stage stands at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
+        print(f"homed; the stage is at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
 
 
 def calibrate(bench: Path) -> None:
@@ -77,7 +77,7 @@ def calibrate(bench: Path) -> None:
     Parameters
     ----------
     bench
-        The bench, bench.toml; under the comb lies a plate without marks.
+        The bench, bench.toml; a plate without marks must lie under the comb.
     """
     from glyphs.surface.maps import TraceDirection
     from pipeline.bench.settings import read_bench
@@ -134,15 +134,15 @@ def scan(
     region
         x0 y0 x1 y1 in mm from the plate's corner (default: the bench's field).
     directions
-        Trace directions in degrees; all four where the comb turns, else 0.
+        Trace directions in degrees (default: all four if the comb turns, else 0).
     part_id
-        What the part is called.
+        Name of the part.
     active
         Choose pass after pass while reading, and stop when the serial is sure; it needs a comb that turns.
     budget_s
         Most stage seconds with --active.
     format
-        What the serial looks like, with --active, such as AA999999; as read --format takes it.
+        Format of the serial, with --active, such as AA999999; see read --format.
     """
     from glyphs.surface.maps import TraceDirection
     from pipeline.bench.bench import feel_all, raster_passes

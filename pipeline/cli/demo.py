@@ -64,8 +64,8 @@ def _read(out: Path) -> int:
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 
-    print("Stamping plates, scanning them with simulated whiskers, and reading them without")
-    print("being given font or size. The first run on a machine takes longer: it compiles.\n")
+    print("Stamping plates, scanning them with simulated whiskers, and reading them; the reader")
+    print("knows neither font nor size. The first run on a machine takes longer: it compiles.\n")
     print(f"{'part':<13} {'stamped':<9} {'read':<9} {'':<6} {'decision':<9} confidence  font", flush=True)
     reader, parts = Reader(format="********", orientation=Orientation.UPRIGHT), []
     for number, (name, stamping) in enumerate(PLATES.items()):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.shared import Flag, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
-from pipeline.common.texts import listed
+from pipeline.common.texts import split_commas
 
 if TYPE_CHECKING:
     from pipeline.formats.whisker_file import WhiskerFile
@@ -43,7 +43,7 @@ def design(
 ) -> None:
     """Design the whisker that shows edges best in the worst case, and name the limits that bind.
 
-    With --array: the comb of default whiskers and the plan that feel a serial in the least stage time.
+    With --array: the comb of default whiskers and the plan that scan a serial in the least stage time.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def design(
     sensitive_to
         Tune the whisker to walls of this slope instead, degrees.
     trade_offs
-        Also say what a larger sideways slide, or another speed, would give.
+        Also report what a larger sideways slide, or another speed, would achieve.
     out
         Whisker file to write, .toml, for `scan --whisker`.
     picture
@@ -72,18 +72,18 @@ def design(
     drawing
         Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
     whisker
-        Whisker file that `identify` has written: say what that whisker does for the job, and by how much it may be
-        off, in place of a design.
+        Whisker file from `identify`: report what that whisker achieves for these demands, and how certain that is, in
+        place of a design.
     array
         Choose whiskers, rows, stagger, pitch, speed and plan instead.
     accuracy
-        Of --array: share of the characters to be read right, as measured on simulated parts.
+        With --array: share of the characters to be read right, as measured on simulated parts.
     dirt
-        Of --array: severity of the dirt that this is wanted at, one that was measured.
+        With --array: severity of the dirt for that accuracy, one of those measured.
     length_mm
-        Of --array: length of the line, mm (default: that of eight characters).
+        With --array: length of the line, mm (default: that of eight characters).
     whiskers
-        Of --array: numbers of whiskers to compare, separated by commas.
+        With --array: numbers of whiskers to compare, separated by commas.
     """
     if picture is not None:
         check_writable(picture, PICTURES)
@@ -101,9 +101,7 @@ def design(
             write_picture(array_figure(wanted, choices), picture)
         return
     if alpha is None or mu is None or depth_mm is None:
-        raise UsageError(
-            "design: --alpha, --mu and --depth-mm say what the whisker is for", "give all three, or --array"
-        )
+        raise UsageError("design: --alpha, --mu and --depth-mm are needed", "give all three, or --array")
     from pipeline.cli.design_report import explain_failure, print_report
     from pipeline.formats.whisker_file import SUFFIX, write_whisker_file
     from whisker_array.design.design import NoWhiskerError, design_whisker
@@ -122,7 +120,7 @@ def design(
     if whisker is not None:
         if any(flag is not None for flag in (out, picture, drawing, sensitive_to)):
             raise UsageError(
-                "design: --whisker is for a whisker that is built",
+                "design: --whisker reports an existing whisker and designs none",
                 "leave out --out, --picture, --drawing and --sensitive-to",
             )
         return _report_built(whisker, request)
@@ -163,7 +161,7 @@ def _report_built(path: Path, request: Request) -> None:
     built = read_whisker_file(path)
     if built.known is None or built.whisker.is_straight:
         raise CommandError(
-            f"{path} does not say how well its whisker is known", hint="let identify --out write it"
+            f"{path} does not state the uncertainty of its whisker", hint="let identify --out write it"
         )
     found = predictions(built.whisker, built.touch, built.known, more=fitness(request))
     print("\n".join(prediction_lines(found)))
@@ -183,7 +181,7 @@ def _range(flag: str, text: str) -> tuple[float, float]:
 def _sizes(text: str) -> tuple[int, ...]:
     """Numbers of whiskers, ascending."""
     try:
-        sizes = sorted({int(item) for item in listed(text)})
+        sizes = sorted({int(item) for item in split_commas(text)})
     except ValueError:
         sizes = []
     if not sizes or not 1 <= sizes[0] <= sizes[-1] <= MOST_WHISKERS:

@@ -1,4 +1,4 @@
-"""Report of a design in words and tables, for the engineer building it; why no whisker meets all limits."""
+"""Report a design in words and tables for the engineer who builds it, or why no whisker meets all limits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
-"""Ranges of sizes that can be made: named if they bind."""
+"""Limits of sizes that can be made; reported only if they bind."""
 
 
 class BoundWords(NamedTuple):
@@ -72,7 +72,7 @@ BOUND_WORDS: Final[Mapping[Bound, BoundWords]] = {
 
 
 def explain_failure(error: NoWhiskerError) -> str:
-    """Name the limits that cannot be met together, by how much the nearest whisker misses them, and what would help."""
+    """Name the limits that cannot be met together, how far the nearest whisker misses them, and what would help."""
     problem, nearest = error.problem, error.nearest
     if problem is None or nearest is None:
         return error.what
@@ -90,7 +90,7 @@ def explain_failure(error: NoWhiskerError) -> str:
 
 
 def fitness(request: Request) -> dict[str, Quantity]:
-    """Figures by name; NaN where the whisker jams on a wall of the request."""
+    """Figures of a whisker for a request, by name; NaN if it jams on a wall of the request."""
 
     def figure(number: int) -> Quantity:
         def of(whisker: LShaped, touch: Touch) -> float:
@@ -227,8 +227,8 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
     read = best.measured
     print(
         f"\nQuickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
-        f"{ways_words(read.directions)}; of {read.parts} parts so\n"
-        f"felt, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
+        f"{ways_words(read.directions)}; on {read.parts} parts\n"
+        f"scanned so, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
         f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.\n"
         "Accuracy was measured with the default whisker, slow: python\n"
         f"tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by {100 * request.speed_error:g} %."

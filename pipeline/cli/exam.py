@@ -16,7 +16,7 @@ from cyclopts import Parameter
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
 from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive
 from pipeline.common.settings import SettingsError
-from pipeline.common.texts import first_of, listed
+from pipeline.common.texts import first_of, split_commas
 
 if TYPE_CHECKING:
     from pipeline.benchmark.analysis.statistics import Statistics
@@ -56,22 +56,23 @@ def run(
     Parameters
     ----------
     out
-        Folder for the trials and the report; made if it is not there.
+        Folder for the trials and the report; made if missing.
     design
-        Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2,
-        marks-exam-2-80, or a TOML file of your own. In place of the flags that say what parts are, but for --parts.
+        Exam that defines the parts and what readers know of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48,
+        marks-exam-2, marks-exam-2-80, or a TOML file of your own. It replaces the flags that describe parts, except
+        --parts.
     parts
-        Number of parts for every soil, dirt, font and format (default: 200). Of a design: the first so many
+        Number of parts for every soil, dirt, font and format (default: 200). With --design: number of its first parts
         (default: all).
     mode
-        What reads, separated by commas: tactile, vision, fused, lights (vision of four photographs, the lamp on another
-        side each time), a reader of your own, module:function, that takes a pipeline.ExamPart and gives its text, or
-        another program, such as "rapidocr relief". Also groups: experts (what every expert of the modes named would
-        read alone), peers (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers),
-        plans (touch that chooses its passes against uniform, random and whole plans).
+        Readers, separated by commas: tactile, vision, fused, lights (vision of four photographs, each with the lamp on
+        another side), a reader of your own, module:function, that takes a pipeline.ExamPart and returns its text, or
+        another program, such as "rapidocr relief". Also groups: experts (every expert of the named modes alone), peers
+        (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers), plans (touch that
+        chooses its passes, against uniform, random and whole plans).
     give
-        What the reader is given beside the part: font, height, format, several separated by commas, or nothing
-        (default: what the design says, else the format). Repeat it to read every part with each:
+        Facts that the reader knows beside the part: font, height, format, several separated by commas, or nothing
+        (default: those of the design, else the format). Repeat it to read every part with each:
         --give format --give font,format.
     jobs
         Worker processes.
@@ -79,38 +80,37 @@ def run(
         Soils, separated by commas, each on parts of its own (default: workshop): caked, rust,
         paint, weld, mud, wear, casting, module:function of your own; rust+paint is one over the other.
     dirt
-        How dirty, 0 to 1, separated by commas (default: 0,0.3,0.6,0.9). Of --inputs: theirs, if known.
+        Severity of the dirt, 0 to 1, separated by commas (default: 0,0.3,0.6,0.9). With --inputs: theirs, if known.
     font
-        Built-in names or TTF/OTF files, separated by commas (default: gothic). Of --inputs: those that may be
+        Built-in names or TTF/OTF files, separated by commas (default: gothic). With --inputs: those that may be
         theirs (default: all built-in ones).
     format
-        Masks of the serials, separated by commas (default: AA999999). Of --inputs: theirs, if known.
+        Masks of the serials, separated by commas (default: AA999999). With --inputs: theirs, if known.
     height_mm
         Character height, mm (default: 5).
     seed
-        Seed of everything random: the same seed gives the same parts (default: 1).
+        Random seed: the same seed gives the same parts (default: 1).
     inputs
         Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
     truth
         CSV with the columns part and text, for --inputs.
     perturb
-        Read every part again under changes that should not matter: traced lines half a pitch beside, sensor noise, 6 %
-        light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another accepted
-        one. Takes about five times as long.
+        Read every part again with changes that should not matter: traced lines shifted by half a pitch, sensor noise,
+        6 % light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another
+        accepted one. Takes about five times as long.
     experts
-        Which experts are combined, separated by commas: network, templates (default: both). Templates alone read by
-        touch only.
+        Experts to combine, separated by commas: network, templates (default: both). Templates alone read by touch only.
     ablate
-        Rules of the decision, separated by commas: each of tactile, vision, lights and fused is also decided without
-        each, as "tactile without unread-marks", and compared with the whole. Contracts and terms of the score; a wrong
-        name lists them. Nothing is read again.
+        Rules of the decision to leave out, separated by commas: tactile, vision, lights and fused are also decided
+        without each, as "tactile without unread-marks", and compared with the full decision. Rules are contracts and
+        terms of the score; a wrong name lists them. Nothing is read again.
     fidelity
-        How touch is simulated.
+        Simulation of touch.
     certificate
         Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that it does
-        not vouch for, and the report says where the parts are unlike the certified ones.
+        not cover, and the report says where the parts are unlike the certified ones.
     cluster
-        Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
+        Address of a Dask scheduler (tcp://HOST:8786), whose workers read the parts instead. Needs the extra cluster.
     """
     from pipeline.benchmark.readers.modes import expand_groups
     from pipeline.benchmark.report.writing import write_report
@@ -127,18 +127,21 @@ def run(
         {"soil": soil, "severity": dirt, "font": font, "format": format, "height_mm": height_mm, "seed": seed},
     )  # fmt: skip
     vouching = checked(certificate) if certificate is not None else None
-    # parts of a design lie upright; how those of somebody else lie is not known
+    # parts of a design are upright; the orientation of other parts is unknown
     lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
     try:
-        reading = ReaderSettings(fidelity=Fidelity(fidelity), orientation=lie, experts=listed(experts))
+        reading = ReaderSettings(fidelity=Fidelity(fidelity), orientation=lie, experts=split_commas(experts))
     except ValueError as error:
         raise SettingsError(f"--experts is {experts!r}: {error}") from error
     if vouching is not None:
         reading = replace(reading, **vouching.thresholds())
     if inputs is not None:
-        reading = replace(reading, fonts=listed(font or ""))
+        reading = replace(reading, fonts=split_commas(font or ""))
     tried = Benchmark(
-        source, expand_groups(listed(mode), ablate=listed(ablate)), reading, PERTURBATIONS if perturb else ()
+        source,
+        expand_groups(split_commas(mode), ablate=split_commas(ablate)),
+        reading,
+        PERTURBATIONS if perturb else (),
     )
     with _at_work(len(source.items()), out, jobs, cluster) as (progress, executor):
         trials = run_benchmark(tried, out, executor=executor, progress=progress)
@@ -161,9 +164,9 @@ def gate(
     jobs
         Worker processes.
     raise_floors
-        Tighten the floors to what is found; none is ever loosened. Commit the files by themselves.
+        Tighten the floors to the present results; none is ever loosened. Commit the files by themselves.
     out
-        Keep the trials in this folder, one for each edition, for `benchmark compare` (default: they are not kept).
+        Keep the trials in this folder, in one folder for each edition, for `benchmark compare` (default: not kept).
     """
     from pipeline.benchmark.analysis import gate as floor
     from pipeline.benchmark.exam.design import design_named
@@ -217,7 +220,7 @@ def export(
         An edition: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2, marks-exam-2-80; or a TOML file of
         your own.
     folder
-        For the files; made if it is not there.
+        Folder for the files; made if missing.
     parts
         Number of parts, from the first (default: all). The first parts of a design are balanced, too.
     jobs
@@ -225,7 +228,7 @@ def export(
     cluster
         Address of a Dask scheduler (tcp://HOST:8786), whose workers make the parts instead. Needs the extra cluster.
     check
-        Write nothing: compare the folder with its manifest, and name what differs.
+        Write nothing: compare the folder with its manifest, and list the differences.
     """
     from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
@@ -237,9 +240,9 @@ def export(
         for path, problem in found.items():
             print(f"{path}: {problem}")
         if found:
-            hint = "run the export again, and remove what is not in the manifest"
+            hint = "run the export again, and remove files that are not in the manifest"
             raise CommandError(f"the folder differs from its manifest, files: {len(found)}", hint=hint)
-        print(f"{folder} is as its manifest says")
+        print(f"{folder} matches its manifest")
         return
     with _at_work(len(exam.items()), folder, jobs, cluster) as (progress, executor):
         written = exporting.export(exam, folder, executor=executor, progress=progress)
@@ -265,23 +268,24 @@ def score(
         CSV files, one for each reader. The second and later ones are compared with the first, part by part.
     design
         The exam: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2, marks-exam-2-80, or a TOML file of
-        your own; or
+        your own.
     truth
-        a CSV with the columns part and text, and a column for each factor, as truth.csv of an export.
+        In place of --design: a CSV with the columns part and text, and one for each factor, like truth.csv of an
+        export.
     parts
         Number of parts of the design, from the first (default: all). A part without an answer counts as read empty.
     name
         Names of the readers, separated by commas (default: those of their files).
     give
-        What the readers were given beside the part: font, height, format, or nothing.
+        Facts that the readers knew beside the part: font, height, format, or nothing.
     out
-        Folder for report.html, benchmark.csv, benchmark.json and benchmark.md, as of a run.
+        Folder for report.html, benchmark.csv, benchmark.json and benchmark.md, like those of a run.
     """
     if (design is None) == (truth is None):
         raise UsageError("score: give --design or --truth")
     if design is None and parts is not None:
         raise UsageError("score: --parts goes with --design")
-    names = listed(name) if name else tuple(path.stem for path in readings)
+    names = split_commas(name) if name else tuple(path.stem for path in readings)
     if len(names) != len(readings) or len(set(names)) != len(names):
         what = f"score: {len(readings)} tables, and the names {', '.join(names)}"
         raise UsageError(what, "give each its own name with --name")
@@ -298,6 +302,8 @@ def score(
 
     source: ListedParts | DesignedParts
     if truth is not None:
+        if truth.resolve() in (path.resolve() for path in readings):
+            raise UsageError(f"score: {truth} is the truth and a table of answers", "name the other table")
         source = ListedParts.of_table(truth)
         items = source.items()
     else:
@@ -315,7 +321,7 @@ def score(
         ):
             if some:
                 print(f"{reader}: {len(some)} parts {what}: {first_of(some)}", file=sys.stderr)
-    # part by part, as a run has them
+    # ordered by part, like the trials of a run
     trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
     benchmark = Benchmark(source, names, ReaderSettings())
     if out is None:
@@ -368,11 +374,11 @@ def _parts(
     inputs: list[str] | None, truth: Path | None, design: str | None, parts: int | None, give: tuple[str, ...],
     flags: dict[str, str | float | None],
 ) -> Parts:  # fmt: skip
-    """The parts of a folder, of a design, or of the flags that say what they are.
+    """The parts of a folder, of a design, or of the flags that describe them.
 
     Raises:
-        UsageError: flags that do not go together.
-        MarksError: parts that cannot be found or made.
+        UsageError: flags contradict each other.
+        MarksError: the parts cannot be found or made.
     """
     from pipeline.benchmark.exam.condition import Condition
     from pipeline.benchmark.exam.design import design_named, of_flags
@@ -382,7 +388,7 @@ def _parts(
     levels: dict[str, tuple[str | float, ...]] = {
         name: _numbers(str(value))
         if name == "severity"
-        else listed(value)
+        else split_commas(value)
         if isinstance(value, str)
         else (value,)
         for name, value in flags.items()
@@ -392,7 +398,7 @@ def _parts(
     if (inputs is None) != (truth is None):
         raise UsageError("benchmark: --inputs and --truth go together")
     if design is not None and (more := [*levels, *(["inputs"] if inputs else [])]):
-        what = f"benchmark: --design says what the parts are, and so does --{words.get(more[0], more[0])}"
+        what = f"benchmark: --design and --{words.get(more[0], more[0])} both describe the parts"
         raise UsageError(what, "leave one of them out")
     if inputs is not None and truth is not None:
         made = ["parts"] * (parts is not None) + ["give"] * bool(give)
@@ -400,7 +406,7 @@ def _parts(
             raise UsageError(f"benchmark: --{words.get(extra[0], extra[0])} is for parts that are made")
         formats, severities = levels.get("format", ("",)), levels.get("severity", (None,))
         if len(formats) > 1 or len(severities) > 1:
-            raise UsageError("benchmark: a folder has one format and one dirt")
+            raise UsageError("benchmark: --inputs takes one --format and one --dirt")
         return ListedParts.of_files(inputs, truth, Condition(severity=severities[0], format=formats[0]))
     if design is not None:
         return DesignedParts(design_named(design).with_given(give), parts)
@@ -410,18 +416,18 @@ def _parts(
 
 def _numbers(text: str) -> tuple[float, ...]:
     try:
-        return tuple(float(item) for item in listed(text))
+        return tuple(float(item) for item in split_commas(text))
     except ValueError as error:
         raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 
 
 def _check_stable(found: Statistics) -> None:
-    """Name every accepted serial that a perturbation made another accepted serial.
+    """Report every accepted serial that a perturbation changed into another accepted serial.
 
-    Single experts and programs of others decide nothing: the report alone has theirs.
+    Single experts and other programs make no decisions: only the report shows their changes.
 
     Raises:
-        CommandError: there is one.
+        CommandError: there is such a serial.
     """
     from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 

@@ -66,7 +66,7 @@ def failures_reported() -> Iterator[None]:
 
 @contextlib.contextmanager
 def resumable(kept: str | Path | None, *, hint: str = "") -> Iterator[None]:
-    """Say after an interrupt where finished parts are kept, or the hint; nothing is kept with None.
+    """After an interrupt, report where finished parts are kept, or the hint; None: nothing is kept.
 
     Raises:
         CommandError: on an interrupt.
@@ -84,7 +84,7 @@ def _missing(error: ModuleNotFoundError) -> str:
     """Name the extra that brings a missing library.
 
     Raises:
-        ModuleNotFoundError: the error itself, where no extra would bring it.
+        ModuleNotFoundError: the error itself, if no extra would bring the library.
     """
     from glyphs.errors import MissingExtraError
 

@@ -32,21 +32,22 @@ def certify(
 ) -> int:
     """Show, on parts whose serials are known, from which confidence readings may be accepted, and write a certificate.
 
-    Parts are read as read does, with the same settings. The certificate names the confidence from which at most RISK
-    of what is accepted is wrong, by a guarantee that allows for the number of parts; a page of it stands beside it, in
-    .html. Give it to read, serve and benchmark as --certificate. Where no confidence can be shown, it says about how
-    many parts are missing, and the exit status is 1. The same command continues an interrupted run.
+    Parts are read as by the command read, with the same settings. The certificate states the confidence from which at
+    most RISK of the accepted serials are wrong, with a guarantee that allows for the number of parts. A page about it
+    is written beside it (.html). Give it to read, serve and benchmark as --certificate. If no confidence can be
+    certified, the command estimates how many parts are missing, and the exit status is 1. The same command continues an
+    interrupted run.
 
     Parameters
     ----------
     inputs
         Parts, as for read.
     truth
-        CSV with the columns part and text: what is stamped on them. Parts without a line are left out.
+        CSV with the columns part and text: the stamped serials. Parts without a line are left out.
     risk
-        Share of wrong serials among the accepted that is not to be passed, such as 0.001.
+        Greatest share of wrong serials among the accepted, such as 0.001.
     confidence
-        With which that is to be shown, such as 0.95.
+        Confidence level of that guarantee, such as 0.95.
     out
         Certificate to write (.json).
     manifest
@@ -91,7 +92,7 @@ def _print_tests(found: Certification, confidence: float) -> None:
     rows = (
         (f"{test.threshold:g}", f"{test.accepted:,}", test.wrong, f"{test.bound:.3%}", test.shown.value)
         for test, after in zip(found.tests, (*found.tests[1:], None), strict=True)
-        # of thresholds that accept the same parts, the most lenient
+        # the last of the thresholds that accept the same parts
         if after is None or after.accepted != test.accepted or after.shown is not test.shown
     )
     headings = ("accepted from", "parts", "wrong", f"at most ({confidence:.4g})", "risk")
@@ -126,9 +127,9 @@ def study(
 ) -> int:
     """Read every part several times, and report the agreement of readings and the repeatability of depth.
 
-    Height maps are scanned anew for every trial; files NAME.1, NAME.2 ... are trials of one part; of a single scan or
-    photograph every trial is perturbed. Writes study.html, study.md, study.json and readings.csv. The exit status is 1
-    if any trial has no reading. The same command continues an interrupted run.
+    Height maps are scanned again for every trial. Files NAME.1, NAME.2 ... are trials of one part. A single scan or
+    photograph is perturbed for every trial. Writes study.html, study.md, study.json and readings.csv. The exit status
+    is 1 if any trial has no reading. The same command continues an interrupted run.
 
     Parameters
     ----------
@@ -140,7 +141,7 @@ def study(
         Virtual arrays that each measure every height map, to show what another array changes; recordings and
         photographs have one.
     reviewers
-        CSV with the columns part, reviewer and text: what people read; several lines of one reviewer and part are
+        CSV with the columns part, reviewer and text: readings by people; several lines with one reviewer and part are
         trials.
     truth
         CSV with the columns part and text (default: the expected texts of a manifest).

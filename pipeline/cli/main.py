@@ -85,7 +85,7 @@ _COMMANDS = (
     ("glyphs list", "Teach", "stamp:list_fonts", "List the fonts.", "database"),
     ("glyphs show", "Teach", "stamp:show", "Draw a sheet of fonts.", "out"),
     ("glyphs build", "Teach", "stamp:build", "Write a glyph database.", ""),
-    ("certify", "Judge", "judge:certify", "Show from which confidence your parts may be accepted, and certify it.",
+    ("certify", "Judge", "judge:certify", "Find the confidence from which readings may be accepted, and certify it.",
      "truth risk confidence out format"),
     ("study", "Judge", "judge:study", "Read parts several times: do readings repeat and agree?",
      "repeats truth reviewers out format"),
@@ -96,7 +96,7 @@ _COMMANDS = (
     ("calibrate", "Whisker", "whisker:calibrate", "Calibrate a recorded scan from its lead-in.", "out in-place"),
     ("identify", "Whisker", "whisker:identify", "Find the whisker and bench that made a recording over a test piece.",
      "piece whisker out figure"),
-    ("import", "Whisker", "whisker:import_traces", "Make a scan of traces recorded by others.", "traces out"),
+    ("import", "Whisker", "whisker:import_traces", "Make a scan from traces recorded by others.", "traces out"),
     ("design", "Whisker", "design:design", "Find the whisker to build.", "height-mm alpha mu depth-mm out array"),
     ("figures", "Whisker", "whisker:figures", "Compute and draw the results of the paper.", "out mu"),
     ("bench check", "Whisker", "bench:check", "Ask stage and converter to identify themselves.", ""),
@@ -110,11 +110,11 @@ _COMMANDS = (
     ("tokens list", "Serve", "store:list_tokens", "List the tokens.", ""),
     ("tokens revoke", "Serve", "store:revoke", "Revoke a token.", ""),
     ("store backup", "Serve", "store:backup", "Copy store and files while the service runs.", "previous"),
-    ("store restore", "Serve", "store:restore", "Bring a backup back into an empty store.", "folder"),
-    ("store check", "Serve", "store:check", "See whether store and files are as written.", "against json"),
-    ("benchmark run", "Exam", "exam:run", "Sit an exam, and write a report of it.", "out design parts mode give jobs"),
+    ("store restore", "Serve", "store:restore", "Restore a backup into an empty store.", "folder"),
+    ("store check", "Serve", "store:check", "Check that store and files are as written.", "against json"),
+    ("benchmark run", "Exam", "exam:run", "Take an exam, and write a report.", "out design parts mode give jobs"),
     ("benchmark compare", "Exam", "exam:compare", "Show what a change did, part by part.", "out"),
-    ("benchmark export", "Exam", "exam:export", "Write an exam as files, for readers that are no part of this program.",
+    ("benchmark export", "Exam", "exam:export", "Write an exam as files, for readers outside this program.",
      "parts jobs check"),
     ("benchmark score", "Exam", "exam:score", "Score answers to an exam from a file.", "design truth give out"),
     ("benchmark gate", "Exam", "exam:gate", "Fail if small editions are read worse than before.", "jobs"),
@@ -141,7 +141,7 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> None:
     """
     _read_docstrings_once()
     script = app.generate_completion(shell=shell)
-    # many an argument is the name of a file or something else: where nothing better is known, complete files
+    # many arguments are names of files: complete files where nothing better is known
     if shell == "bash":
         script = script.replace("\ncomplete -F ", "\ncomplete -o bashdefault -o default -F ")
     elif shell == "zsh":
@@ -169,10 +169,10 @@ def _command_of(given: Sequence[str]) -> tuple[list[str], App]:
 
 
 def _show_less(given: Sequence[str]) -> Callable[[], None]:
-    """Let help show only the commands and flags that matter.
+    """Let help show only the most important commands and flags.
 
     Returns:
-        To be called after help was shown: says what was left out.
+        Function to call after help was shown: it reports how much was left out.
     """
     from cyclopts.help.formatters import DefaultFormatter
 
@@ -195,13 +195,13 @@ def _show_less(given: Sequence[str]) -> Callable[[], None]:
 
     app.help_formatter = Short()
 
-    def tell() -> None:
+    def report_left_out() -> None:
         app.help_formatter = None
         if left_out:
             what = ("command" if flags is None else "flag") + "s" * (left_out > 1)
             print(f"{left_out} more {what}: {' '.join([PROGRAM, *words])} --help-all")
 
-    return tell
+    return report_left_out
 
 
 def whole_help(*names: str) -> None:
@@ -232,20 +232,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         pipe is closed.
     """
     _open_streams()
-    # products of small matrices take longer to share among threads than to do; numpy is not loaded yet
+    # small matrix products are slower when shared among threads; numpy is not loaded yet
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # to look for plugins of pydantic, which nothing here uses, takes each process 30 ms
+    # looking for pydantic plugins, which nothing here uses, takes each process 30 ms
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:
-        gc.set_threshold(10_000)  # modules make many objects that stay; to search them is a tenth of a start
-        # a worker runs the file named here before its first part; it calls functions of modules, and needs none of it
+        gc.set_threshold(
+            10_000
+        )  # modules make many lasting objects; searching them takes a tenth of the start
+        # multiprocessing would run the file named here in every worker, and workers do not need it
         vars(sys.modules["__main__"]).pop("__file__", None)
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        tell = None
+        report_left_out = None
         if not {*_HELP}.isdisjoint(given):
             whole_help(*given)
-            tell = None if "--help-all" in given else _show_less(given)
+            report_left_out = None if "--help-all" in given else _show_less(given)
         with (
             interrupts_noted(),
             show_compiling(lambda line: print(line, file=sys.stderr, flush=True)),
@@ -253,8 +255,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _worker_of(given) if arguments is None else contextlib.nullcontext(),
         ):
             status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
-        if tell is not None:
-            tell()
+        if report_left_out is not None:
+            report_left_out()
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except CycloptsError as error:
@@ -263,7 +265,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # the output pipe is closed: end as other programs in a pipe do
         return BROKEN_PIPE if error.status == BROKEN_PIPE else _complain(str(error), error.status)
     except Exception as error:
-        if is_machine_error(error):  # a full disk, say, wherever it was met
+        if is_machine_error(error):  # such as a full disk
             return _complain(f"{error}; check the disk and start it again", FAILED)
         traceback.print_exc()
         return _complain(f"{describe_fault(error)}; please report it with the lines above", FAULT)
@@ -316,9 +318,9 @@ def _open_streams() -> None:
             setattr(sys, name, open(number, "r" if name == "stdin" else "w"))  # noqa: SIM115
     for name in ("stdout", "stderr"):
         given = getattr(sys, name)
-        if isinstance(given, io.TextIOWrapper):  # a file's name may be no text
+        if isinstance(given, io.TextIOWrapper):  # a file's name may hold bytes that are not text
             given.reconfigure(errors="backslashreplace")
-        if type(given) is io.TextIOWrapper:  # not what a test has put there
+        if type(given) is io.TextIOWrapper:  # not a test's replacement
             stream = _Output(
                 given.buffer, given.encoding, given.errors,
                 line_buffering=given.line_buffering, write_through=given.write_through,
@@ -344,6 +346,6 @@ def _explained(error: CycloptsError) -> str:
 
 
 def _complain(message: str, status: int) -> int:
-    with contextlib.suppress(CommandError):  # the status says it, too
+    with contextlib.suppress(CommandError):  # if it cannot be printed, the status still shows the failure
         print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
     return status

@@ -73,7 +73,7 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     """Read a file and draw the reading; return lines that describe it.
 
     Raises:
-        FileError: a file that cannot be used.
+        FileError: the file cannot be used.
         CommandError: the file has several parts.
     """
     from pipeline.formats.find_parts import discover

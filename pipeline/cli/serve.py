@@ -41,8 +41,8 @@ def serve(
     Parameters
     ----------
     init_config
-        Serve nothing, but write a file of settings with every default, commented out: tactile-marks.toml, or the
-        file named. One that is there is left alone.
+        Do not serve, but write a settings file with every default, commented out: tactile-marks.toml, or the named
+        file. An existing file is not overwritten.
     """
     if init_config is not None:
         _write_settings((*init_config, DEFAULT_FILE)[0])
@@ -58,8 +58,8 @@ def serve(
 def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = None) -> None:
     """Work for a Dask scheduler until it ends, with one process per core; a lost process is replaced.
 
-    Start the scheduler with: dask scheduler. This is `dask worker` with one thread a process and the memory of maps
-    kept between parts, without which a part costs up to three times as much.
+    Start the scheduler with: dask scheduler. This is `dask worker` with one thread per process, and it keeps the memory
+    of maps between parts: without that a part takes up to three times as long.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     jobs
         Worker processes (default: one for each core).
     memory_gb
-        Memory of each process, in GB; one that takes more is replaced (default: its share of
-        the machine).
+        Memory limit of each process, in GB; one that uses more is replaced (default: its share of
+        the machine's).
     """
     from pipeline.workers.cluster import require_distributed
     from pipeline.workers.executors import cores
@@ -78,7 +78,7 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     if memory_gb is not None and not memory_gb > 0.0:
         raise UsageError(f"worker: memory_gb is {memory_gb}", "it must be above 0")
     require_distributed()
-    # what stands in the environment goes before what Dask's nanny would set for the processes that it starts
+    # variables in the environment override those that Dask's nanny would set for its processes
     environment = {**MALLOC, "NUMBA_NUM_THREADS": "1", **os.environ}
     memory = "auto" if memory_gb is None else f"{memory_gb}GB"
     arguments = [
@@ -107,8 +107,8 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     """Serve until a signal; running requests may finish first.
 
     Raises:
-        UsageError: an address that is taken, a certificate that cannot be used, tokens asked for and none there.
-        MarksError: a folder that cannot be made, a store that cannot be opened.
+        UsageError: the address is in use, the certificate cannot be used, or callers need a token and there is none.
+        MarksError: a folder cannot be made, or the store cannot be opened.
     """
     import uvicorn
 
@@ -129,7 +129,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     with contextlib.ExitStack() as until_served:
         bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
         for one, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
-            if one.port:  # tried here, to be reported in a line and not out of a running server
+            if one.port:  # tried here, so that the error is one line and not a running server's
                 listening(one.host, one.port, option=option).close()
         service = RunningService(settings, reading, started_s=STARTED_S)
         until_served.pop_all()
@@ -194,7 +194,7 @@ def check_tls(settings: ServiceSettings) -> None:
 
     cert, key = settings.tls.certificate, settings.tls.key
     for path in filter(None, (cert, key, settings.opcua.certificate, settings.opcua.key)):
-        if path.exists() and not path.is_file():  # a pipe would be waited for
+        if path.exists() and not path.is_file():  # opening a pipe would block
             raise UsageError(f"serve: {path} is not a file", "name a PEM file")
     if cert is None:
         if key is not None:
@@ -218,7 +218,7 @@ def _no_password() -> str:
 def listening(host: str, port: int, *, option: str) -> socket.socket:
     """Bind the socket before anything else is started, so that an address in use is reported at once."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # by its protocol asyncio knows that small answers are not to wait for the last one's acknowledgement
+    # asyncio sends small answers at once (TCP_NODELAY) only if the socket's protocol is given
     bound = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

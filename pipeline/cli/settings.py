@@ -5,7 +5,7 @@ tactile-marks.toml      font = ["gothic"]               (working folder, or the 
                         port = 8417
 environment             TACTILE_MARKS_HEIGHT_MM=5, TACTILE_MARKS_SERVICE_PORT=8417
 flags                   --height-mm 5, serve --port 8417
-job                     read --job housing-left.toml    (in place of environment and file; flags go over it)
+job                     read --job housing-left.toml    (in place of environment and file; flags override it)
 
 A command has a parameter of type `Reading`, `Workers` or `Service`, and one `config`. An unknown key is an error.
 """
@@ -38,11 +38,11 @@ from pipeline.workers.options import WorkerSettings
 DEFAULT_FILE = Path("tactile-marks.toml")
 MODELS: tuple[type[Settings], ...] = (ReadSettings, WorkerSettings, ServiceSettings)
 _BEGINNING = """\
-# Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
-# Environment variables and flags go over this file; `tactile-marks serve --help-all` names them.
+# Settings of tactile-marks, all with their defaults and commented out: remove the # before a name to set it.
+# Environment variables and flags override this file; `tactile-marks serve --help-all` names them.
 """
 _ALIKE = 0.75
-"""Likeness of names (difflib's ratio) from which one is taken for a slip of the other."""
+"""Likeness of names (difflib's ratio) from which one counts as a misspelling of the other."""
 _TYPES = {
     bool: "true or false",
     str: "text",
@@ -54,7 +54,7 @@ _TYPES = {
 
 
 def _flags(title: str, model: type[Settings], setting: str, example: str) -> Parameter:
-    """Flags of a group in help, which names the other sources of its settings."""
+    """Parameter for the flags of a model: one group in help, which names the other sources of its settings."""
     variable = model.variable(setting)
     where = f"Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
     return Parameter(name="*", group=Group(title, help=where))
@@ -69,18 +69,20 @@ Service = Annotated[
 ]
 Maps = Annotated[MapSettings, Parameter(name="*", group=Group("Settings of height files"))]
 ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
-"""For a command whose flags mean something else: settings from file and environment."""
+"""Settings from file and environment only, for a command whose flags mean something else."""
 ServiceOfFile = Annotated[ServiceSettings, Parameter(name="service", show=False)]
 """Likewise."""
 Config = Annotated[
     Path | None,
-    Parameter(help="TOML file with settings; tactile-marks.toml in the working folder is read by itself."),
+    Parameter(
+        help="TOML file with settings (default: tactile-marks.toml in the working folder, if it exists)."
+    ),
 ]
 JobPath = Annotated[
     Path | None,
     Parameter(
         help="Job file: settings of reading, in place of those of the environment and of tactile-marks.toml; flags "
-        "beside it go over it."
+        "override it."
     ),
 ]
 READING, WORKERS, SERVICE, MAPS = ReadSettings(), WorkerSettings(), ServiceSettings(), MapSettings()
@@ -90,9 +92,9 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
     """Fill in settings from environment and file that have no flag on the command line.
 
     Raises:
-        SettingsError: a file that cannot be read, unknown keys, a job beside a file of settings, a database that is not
-            there.
-        FileError: a job that cannot be used.
+        SettingsError: the file cannot be read or has unknown keys, a job and a settings file are both given, or the
+            database is missing.
+        FileError: the job cannot be used.
     """
     config, job = (
         next((Path(a.tokens[0].value) for a in arguments if a.name == flag and a.tokens), None)
@@ -135,7 +137,7 @@ def flag_of(name: str) -> str:
 
 
 def flag_like(given: str, flags: Sequence[str]) -> str:
-    """The flag that an unknown one stands for: without the name of its table, or one spelled much like it; or none."""
+    """The flag that an unknown one may mean: without its table's name, or one spelled similarly; empty if none."""
     for model in MODELS:
         plain = re.sub(rf"^--{model.table}[.-]", "--", given) if model.table else given
         if plain in flags:
@@ -198,7 +200,7 @@ def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iter
 
 
 def _unknown_section(name: str, file: Path) -> SettingsError:
-    """The error for a table that no settings are of; its hint is the nearest one, or all of them."""
+    """The error for an unknown table; the hint names the nearest one, or all of them."""
     leaves = {f"{model.table}.{leaf}" for model in MODELS if model.table for leaf in model.leaves()}
     sections = sorted({leaf.rpartition(".")[0] for leaf in leaves} | {"line"})
     own = name.rpartition(".")[2]
@@ -233,8 +235,8 @@ def _toml_of(file: Path) -> dict[str, Any]:
 def settings_file() -> str:
     """A `tactile-marks.toml` with every setting at its default, commented out.
 
-    A line of prose begins with "# ", a setting with "#" alone: without that sign the line is in force. Settings that
-    are not set unless somebody gives them a value have none here either, and their type in its place:
+    Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. A setting without a
+    default has its type in place of a value:
 
     # Port of the web interface; 0 takes any free one.
     #port = 8417

@@ -1,6 +1,7 @@
 """Types of flags, tables and pictures that several commands share.
 
-The enums behind some flags are too heavy for help. Tables are 80 columns wide if the output is not a terminal.
+Some flags repeat the values of enums that are too slow to import for help. Tables are 80 columns wide if the output is
+not a terminal.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def print_table(
     Args:
         headings: headings of the columns.
         rows: cells of each row.
-        words: headings of columns that hold words: they stand on the left, and are wrapped if needed.
+        words: headings of columns that hold words, which are left-aligned and wrapped if needed.
     """
     from rich.table import Table
 

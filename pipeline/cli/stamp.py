@@ -13,7 +13,7 @@ from pipeline.cli.exit_status import UsageError
 from pipeline.cli.shared import Flag, Positive, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.stamping import Stamping
-from pipeline.common.texts import listed
+from pipeline.common.texts import split_commas
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
@@ -46,8 +46,8 @@ def show(*font: str, out: Path | None = None) -> None:
     font
         Built-in names, TTF/OTF files or glyph databases (.glyphs); by default all built-in fonts.
     out
-        Picture to write, .png, .svg or .pdf. By default NAME.png here, of the only file or font that is named; else
-        fonts.png.
+        Picture to write, .png, .svg or .pdf (default: NAME.png in the working folder if one file or font is named, else
+        fonts.png).
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
     from pipeline.plots.fonts_picture import sheet_figure
@@ -109,16 +109,16 @@ def synth(
     Parameters
     ----------
     out
-        Folder for them.
+        Folder for the parts.
     parts
         Number of parts.
     dirt
-        How dirty, 0 to 1.
+        Severity of the dirt, 0 to 1.
     soil
-        What the dirt is; of several, separated by commas, the first lies lowest: workshop, caked, rust, paint, weld,
-        mud, wear, casting, or module:function of your own. The workshop's is a mixture of seven kinds.
+        Kinds of dirt, separated by commas, the lowest layer first: workshop, caked, rust, paint, weld, mud, wear,
+        casting, or module:function of your own. Workshop dirt is a mixture of seven kinds.
     mix
-        Amounts of these kinds, 0 to 1, in place of their shares of the mixture, such as grime=0.5,oil=0: grime (caked
+        Amounts of these seven, 0 to 1, in place of their shares of the mixture, such as grime=0.5,oil=0: grime (caked
         into the grooves), oil, swarf, scratches, pits, paint (chipped), burr (a ragged rim).
     photo
         Take a photograph of every part.
@@ -137,7 +137,7 @@ def synth(
     from pipeline.workers.options import WorkerSettings
 
     mixture = replace(Dirt.of(dirt), **_amounts(mix, vars(Dirt.of(0.0)))) if mix else None
-    spec = SynthSpec(**vars(stamping), soiling=Soiling(listed(soil), dirt, mixture=mixture))
+    spec = SynthSpec(**vars(stamping), soiling=Soiling(split_commas(soil), dirt, mixture=mixture))
     with WorkerSettings(jobs=jobs).opened(parts) as executor:
         each = partial(ordered_map, executor)
         made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
@@ -148,12 +148,14 @@ def _amounts(mix: str, kinds: Iterable[str]) -> dict[str, float]:
     """Parse kinds of dirt with their amounts.
 
     Raises:
-        UsageError: another kind, or no number.
+        UsageError: a kind is unknown, or an amount is not a number.
     """
     try:
-        found = {kind.strip(): float(amount) for kind, amount in (one.split("=") for one in listed(mix))}
+        found = {
+            kind.strip(): float(amount) for kind, amount in (one.split("=") for one in split_commas(mix))
+        }
     except ValueError as error:
         raise UsageError(f"--mix is {mix!r}", "write kinds and amounts, such as grime=0.5,oil=0") from error
     if unknown := [kind for kind in found if kind not in kinds]:
-        raise UsageError(f"--mix has no {unknown[0]!r}", f"the kinds are {', '.join(kinds)}")
+        raise UsageError(f"--mix has the unknown kind {unknown[0]!r}", f"the kinds are {', '.join(kinds)}")
     return found

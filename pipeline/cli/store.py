@@ -37,7 +37,7 @@ class StoreOptions:
         store: Address of the store (default: the one of the service's settings).
         folder: Folder of the service (default: the one of its settings).
         service: Settings of the service.
-        config: TOML file with settings; tactile-marks.toml in the working folder is read by itself.
+        config: TOML file with settings (default: tactile-marks.toml in the working folder, if it exists).
     """
 
     store: str | None = None
@@ -89,7 +89,7 @@ def add(
     name
         Name of the user or machine, such as line-3; reviews made with the token are signed with it.
     scope
-        What it allows: read, write (send parts) or review. May be repeated.
+        Right that it gives: read, write (send parts) or review. May be repeated.
     days
         Days for which it is valid (default: for ever).
     """
@@ -144,7 +144,7 @@ def backup(
     to
         New folder for the backup.
     previous
-        Earlier backup on the same disk: files that it holds are linked, and take no more room.
+        Earlier backup on the same disk: files that it holds are linked, and take no further space.
     """
     with at.open_store(as_it_is=True) as store:
         from pipeline.store.backup import back_up
@@ -186,7 +186,7 @@ def check(
 ) -> int:
     """Check the store and its files while the service runs; print problems and remedies.
 
-    Exit status: 1 if there is something to do.
+    Exit status: 1 if there is a problem.
 
     Parameters
     ----------

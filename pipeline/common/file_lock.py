@@ -1,4 +1,4 @@
-"""Locks on files: one process at a time; a lock ends with the process that holds it."""
+"""File locks: one holder at a time; a lock ends with the process that holds it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+# seconds between two attempts to lock
 _AGAIN_S = 0.05
 
 
 @contextlib.contextmanager
 def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
-    """Hold the lock file while the block runs; it is created if missing, and left in place.
+    """Hold a lock file while the block runs; it is created if missing, and left in place.
 
-    Threads exclude each other as processes do, for each opens the file anew. A system with neither fcntl nor msvcrt
-    runs one process only, and nothing is locked there.
+    Threads exclude each other like processes, because each call opens the file anew. A system with neither fcntl nor
+    msvcrt runs one process only, and nothing is locked there.
 
     Args:
-        path: path of the lock file, which holds nothing.
+        path: path of the lock file, which stays empty.
         wait: whether to wait until another holder releases it.
 
     Yields:
@@ -38,7 +39,7 @@ def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
 
 
 def _locked(handle: int, *, wait: bool) -> bool:
-    """Lock a file until it is closed; only fcntl waits."""
+    """Lock a file until it is closed; msvcrt never waits."""
     with contextlib.suppress(ImportError):
         import fcntl
 

@@ -34,11 +34,11 @@ class GoldenRecord:
     """One scan of the golden part.
 
     Attributes:
-        at: when.
-        line: line that has the whiskers.
-        reference: whether later ones are compared with it: the whiskers were new, or set anew.
-        measures: measured values; the gain is the mean over the whiskers, the zero that of the whisker whose air counts
-            most, relative to the land's moment.
+        at: time of the scan.
+        line: production line with the whiskers.
+        reference: whether later scans are compared with it: the whiskers were new or newly set up.
+        measures: measured values; the gain is the mean over the whiskers, the zero that of the whisker with the
+            largest mean signal in air, relative to the land's moment.
     """
 
     at: datetime
@@ -81,7 +81,7 @@ SIGMAS = 2.0
 
 
 def wear(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:
-    """Changes beyond their limits, each with a remedy; empty without any."""
+    """Changes beyond their limits, each with a remedy; empty if there are none."""
     found = []
     for name, limit in _LIMITS.items():
         if name not in now.measures or name not in reference.measures:

@@ -1,14 +1,14 @@
-"""Job files: how one kind of part is read, in a TOML file that commands, requests and triggers name.
+"""Job files: the settings for one kind of part, in a TOML file that commands, requests and triggers name.
 
 jobs/housing-left.toml      format = "AA999999"
                             region = [0.1, 0.3, 0.9, 0.6]
-                            certificate = "housing-left.json"       (a file is looked for beside the job)
+                            certificate = "housing-left.json"       (relative to the job's folder)
                             [line.lot]
                             format = "AAA99"
                             region = [0.0, 0.5, 1.0, 1.0]
 
-The keys are the settings of reading. A job is complete: settings that it leaves out have their defaults, whatever other
-settings are given, so that it means the same wherever it is named.
+The keys are the settings of reading. A job is complete: settings that it leaves out have their defaults, whatever a
+flag or settings file says, so that it means the same everywhere.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ SUFFIX = ".toml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
 """Form of a job's name, which is the name of a file and a word of a trigger."""
 FILES = ("lexicon", "database", "certificate")
-"""Settings that name a file; fonts may, too."""
+"""Settings that name a file; a font may be one, too."""
 
 _NAME_HINT = "write letters, digits, _, - and ., a letter or digit first"
-_MODE_HINT = "take it out; a part is read by all that it has files for, and read has --mode beside --job"
+_MODE_HINT = "take it out; a part is read with all its files, and read takes --mode beside --job"
 
 
 def files_of(settings: ReadSettings) -> list[Path]:
@@ -47,7 +47,7 @@ class JobFile:
 
     Attributes:
         name: the stem of its file.
-        settings: settings of the reader; files are named by their whole paths.
+        settings: settings of the reader, with absolute paths.
         written: content of the file.
         sha256: SHA-256 of the file.
     """
@@ -62,8 +62,7 @@ def read_job_file(path: Path) -> JobFile:
     """Read a job from its file.
 
     Raises:
-        FileError: as in `read_keys`; no name for a job, a setting that does not exist or is invalid, a file in it that
-            is not there.
+        FileError: as in `read_keys`; or an invalid name for a job, an unknown or invalid setting, or a missing file.
     """
     return job_of(path, *read_keys(path))
 
@@ -72,13 +71,13 @@ def read_keys(path: Path) -> tuple[dict[str, Any], str]:
     """Read the keys of a job file, not yet checked, and the file's SHA-256.
 
     Raises:
-        FileError: no such file, no TOML.
+        FileError: the file is missing or not TOML.
     """
     return toml_of(path), file_sha256(path)
 
 
 def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
-    """The job of a file that exists or will be written.
+    """Check the keys of a job file, which need not exist yet.
 
     Args:
         path: path of the file.
@@ -89,9 +88,9 @@ def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
         FileError: as in `read_job_file`.
     """
     if not re.fullmatch(NAME, path.stem):
-        raise FileError(path, "has no name for a job", _NAME_HINT)
+        raise FileError(path, "is not a valid name for a job", _NAME_HINT)
     if "mode" in written:
-        raise FileError(path, "holds mode, which no job has", _MODE_HINT)
+        raise FileError(path, "sets mode, which a job cannot", _MODE_HINT)
     try:
         settings = ReadSettings.of(**written)
     except SettingsError as error:
@@ -118,7 +117,7 @@ def job_text(written: Mapping[str, Any], lines: Iterable[str]) -> str:
 
 
 def with_whole_paths(settings: ReadSettings, folder: Path) -> ReadSettings:
-    """The settings with the whole paths of files in a folder; also fonts that are files there."""
+    """Resolve the files in settings, fonts included, relative to a folder."""
     folder = folder.absolute()
     paths = {name: folder / path for name in FILES if (path := getattr(settings, name)) is not None}
     fonts = tuple(str(folder / font) if (folder / font).is_file() else font for font in settings.font)

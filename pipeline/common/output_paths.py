@@ -1,4 +1,4 @@
-"""Files and folders of output: checked before the work starts, and written whole or not at all."""
+"""Output files and folders: checked before the work starts, and written whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from glyphs.errors import FileError
 from pipeline.common.texts import harmless
 
 PICTURES = (".png", ".svg", ".pdf")
-"""Suffixes of pictures that are drawn."""
+"""Suffixes of pictures that can be drawn."""
 
 
 def make_folder(folder: Path) -> None:
@@ -29,14 +29,14 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
-    """Try, before the work starts, whether a file can be written there.
+    """Check, before the work starts, that a file can be written.
 
     Args:
         path: the file.
         suffixes: suffixes that it may have (default: any).
 
     Raises:
-        FileError: it cannot.
+        FileError: it cannot be written.
     """
     if suffixes and path.suffix.lower() not in suffixes:
         raise FileError(path, "has an unsupported output format", f"end it in {', '.join(suffixes)}")
@@ -52,7 +52,7 @@ def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text; half surrogates, which file names may have, are written as words.
+    """Write a text; lone surrogates, which file names may hold, are written as escapes.
 
     Raises:
         FileError: it cannot be written.
@@ -71,7 +71,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV table whose cells are not formulas for a spreadsheet; half surrogates are written as words.
+    """Write a CSV table whose cells no spreadsheet takes for formulas; lone surrogates are written as escapes.
 
     Args:
         path: path of the table.

@@ -1,7 +1,7 @@
-"""Read TOML and JSON that people write: any fault of the text is one kind of error.
+"""Read TOML and JSON that people write; every fault of the text raises the same kind of error.
 
-The parsers raise more than their own errors: RecursionError for brackets in brackets, ValueError for a number of more
-digits than Python converts. Of several wrong keys of a model the message names the first.
+The parsers raise more than their own errors: RecursionError for deeply nested brackets, ValueError for a number with
+more digits than Python converts. If several keys are wrong, the message names the first.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def toml_of(path: Path) -> dict[str, Any]:
     """The table in a TOML file.
 
     Raises:
-        FileError: no regular file, too long a one, or no TOML.
+        FileError: it is not a regular file, too long, or not TOML.
     """
     require_file(path, most_bytes=MOST_BYTES)
     try:
@@ -51,14 +51,14 @@ def toml_of(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
     except RecursionError as error:
-        raise FileError(path, "is not TOML that can be read (too many brackets)", "take them out") from error
-    except ValueError as error:  # also of bytes that are no UTF-8, and of numbers that are too long
+        raise FileError(path, "nests brackets too deeply for TOML", "take them out") from error
+    except ValueError as error:  # also for bytes that are not UTF-8, and for numbers that are too long
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
 
 
 def toml_text(table: Mapping[str, Any], name: str = "") -> str:
-    """A table as TOML: texts, numbers, lists of them, and tables of these."""
-    # a JSON text, number or list is a TOML one, except DEL, which TOML wants escaped
+    """Write a table as TOML: strings, numbers, lists of them, and nested tables."""
+    # JSON strings, numbers and lists are valid TOML, except for DEL, which must be escaped
     lines = [
         f"{key} = {json.dumps(value, ensure_ascii=False)}\n".replace("\x7f", "\\u007f")
         for key, value in table.items()
@@ -70,10 +70,10 @@ def toml_text(table: Mapping[str, Any], name: str = "") -> str:
 
 
 def json_of(text: str | bytes) -> Any:
-    """The value of a JSON text.
+    """Parse a JSON text.
 
     Raises:
-        ValueError: it is none, or none that can be read.
+        ValueError: it is not JSON, or nested too deeply.
     """
     try:
         return json.loads(text)
@@ -82,7 +82,7 @@ def json_of(text: str | bytes) -> Any:
 
 
 def shown(value: object) -> str:
-    """A value as written, in at most one line."""
+    """A value as Python writes it, shortened."""
     try:
         text = repr(value)
     except ValueError:  # an integer of more digits than Python writes
@@ -101,14 +101,13 @@ def read_toml(
 
     Args:
         path: the file.
-        model: pydantic model, or what it adapts.
-        format_version: version that is read; a file without one counts as version 1, the first. None: files have no
-            version.
-        hidden: names of the model's own kinds, which are no keys.
+        model: pydantic model or type adapter.
+        format_version: supported version; a file without one counts as version 1. None: files have no version.
+        hidden: names of the model's alternatives, which are not keys of the file.
 
     Raises:
-        FileError: no file, too long a one, no TOML, of another version; unknown or missing keys, and values that
-            cannot be.
+        FileError: the file is missing, too long, not TOML or of another version; a key is unknown, missing or
+            invalid.
     """
     written = toml_of(path)
     if format_version is not None and (version := written.pop("format_version", 1)) != format_version:
@@ -123,7 +122,7 @@ def read_toml(
 
 
 def wrong_key(error: ValidationError, hidden: Collection[str] = ()) -> tuple[str, str]:
-    """The error of the first wrong key, and the hint."""
+    """Message and hint for the first wrong key."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"] if part not in hidden)
     if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -137,8 +136,10 @@ def wrong_key(error: ValidationError, hidden: Collection[str] = ()) -> tuple[str
         tags = first["ctx"].get("expected_tags")
         return says, f"write {tag} = one of {tags}" if tags else f"add {tag}"
     mend = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "value_error":  # of a whole table: its text is long, and the message names the keys
-        return f"cannot be{f' in [{key}]' if key else ''}: {mend}", "correct it"
+    if (
+        first["type"] == "value_error"
+    ):  # concerns a whole table: too long to show, and the message names the keys
+        return f"is invalid{f' in [{key}]' if key else ''}: {mend}", "correct it"
     return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend[:1].lower()}{mend[1:]}"
 
 
@@ -147,8 +148,8 @@ def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:
 
     Args:
         path: the file.
-        model: its values; None is left out.
-        heading: lines before them.
+        model: the model; None values are left out.
+        heading: lines before its keys.
 
     Raises:
         FileError: it cannot be written.

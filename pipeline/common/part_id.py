@@ -1,7 +1,7 @@
 """Names of parts: 26 characters that sort by time, in the form of a ULID.
 
 01KAKQ4Y6R 4T2M9XJ3V8QWZC5D
-milliseconds 80 bits at random; the one before plus one, where the clock has not gone on
+milliseconds 80 random bits; within one millisecond the previous name plus 1
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def new_part_id() -> str:
     global _last
     drawn = (time.time_ns() // 1_000_000) << _RANDOM_BITS | secrets.randbits(_RANDOM_BITS)
     with _lock:
-        # one more, also where the clock was set back
+        # also where the clock was set back
         same_millisecond = drawn >> _RANDOM_BITS <= _last >> _RANDOM_BITS
         _last = _last + 1 if same_millisecond else drawn
         number = _last

@@ -25,7 +25,7 @@ class Person:
 
     @property
     def holder(self) -> str:
-        """Key of this person's claims; empty without one."""
+        """Key of this person's claims; empty without token and seat."""
         return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
 
     def said(self, review: ReviewRecord) -> bool:
@@ -38,10 +38,10 @@ class ClaimRecord:
     """A part that a person works on.
 
     Attributes:
-        part_id: which.
+        part_id: id of the part.
         holder: as in `Person.holder`.
         who: the person's name; empty if unknown yet.
-        until: time at which it becomes free by itself.
+        until: time at which the claim expires.
     """
 
     part_id: str
@@ -55,11 +55,11 @@ class AuditFigures:
     """Results of audits of accepted parts that were drawn since a time.
 
     Attributes:
-        drawn: all of them.
-        waiting: not read yet.
-        disputed: read differently, and waiting for the review that decides.
+        drawn: number of audits.
+        waiting: number of parts that nobody has read yet.
+        disputed: number read differently that wait for the deciding review.
         not_judged: number that people could not read.
-        accepted_wrong: share of wrong ones among those judged, with the interval of Clopper and Pearson.
+        accepted_wrong: share of wrong readings among those judged, with the Clopper-Pearson interval.
     """
 
     drawn: int

@@ -1,7 +1,7 @@
 """Records of a reading by camera, touch or both, and of the scan to make if the camera is unsure.
 
-Boxes are in mm of the frame of what was read: the plate's for touch, the photograph's for the camera; of a photograph
-whose scale is unknown they are in its pixels.
+Boxes are in mm, in the plate's frame for touch and in the photograph's for the camera; they are in pixels for a
+photograph whose scale is unknown.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class CandidateRecord:
 
     Attributes:
         char: the character.
-        probability: share of belief, 0 to 1.
+        probability: posterior probability, 0 to 1.
         score: fit of its template, 1 is perfect; 0 without a template.
     """
 
@@ -41,12 +41,12 @@ class CharacterRecord:
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown.
         state: read, confused, not read or mismatch; empty where it was not judged.
         grade: grade of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
-        box_px: as box_mm, in the photograph's own pixels where that is None.
+        box_px: the same in pixels, for a photograph whose scale is unknown; else None.
         state_chars: with "confused" the two characters; with "mismatch" the one that stands there and the one expected.
         action: action for the mark; empty if none is needed, or it was not graded.
-        depth_min_mm: depth of the mark where it is least, height of a raised one; None if unknown.
-        depth_mean_mm: likewise, on average.
-        depth_sd_mm: standard deviation of that average.
+        depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
+        depth_mean_mm: mean depth, likewise.
+        depth_sd_mm: standard deviation of the mean depth.
         burr_mm: height of the rim beside its strokes above the land; None if unknown.
     """
 
@@ -69,17 +69,17 @@ class CharacterRecord:
 
     @property
     def box(self) -> Box:
-        """In the unit of the picture: mm where its scale is known, else pixels."""
+        """The box in mm where the scale is known, else in pixels."""
         return self.box_mm or self.box_px or (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class ReasonRecord:
-    """One thing to know about a reading, for programs; `ReadingRecord.messages` say it to people.
+    """A reason or remark for programs; `ReadingRecord.messages` has the same for people.
 
     Attributes:
-        code: which, such as low_confidence, too_shallow, senses_disagree, not_in_order.
-        places: places that it is about, from 1.
+        code: its kind, such as low_confidence, too_shallow, senses_disagree, not_in_order.
+        places: places concerned, from 1.
     """
 
     code: str
@@ -101,13 +101,13 @@ class RivalRecord:
 
 @dataclass(frozen=True)
 class LineRecord:
-    """Another line of the part than its serial.
+    """A line of the part other than its serial.
 
     Attributes:
         name: its name in the settings; empty for a line that the settings do not name.
         text: text of the line.
         confidence: probability that all of it is right, 0 to 1.
-        box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown, and where its place is not.
+        box_mm: x0, y0, x1, y1; None if the photograph's scale or the line's place is unknown.
         box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
     """
 
@@ -139,7 +139,7 @@ class CodeRecord:
         kind: Data Matrix, QR Code or Micro QR Code.
         text: its text; GS1 codes with identifiers in brackets, control characters as their pictures (␝).
         same: whether it holds the serial that was read; None if it has no serial, or none was read.
-        box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown, and where its place is not.
+        box_mm: x0, y0, x1, y1; None if the photograph's scale or the code's place is unknown.
         box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
     """
 
@@ -156,11 +156,11 @@ class PassRecord:
 
     Attributes:
         direction_deg: direction of travel, 0, 90, 180, 270.
-        line_mm: position of each whisker's line: y of passes along x, x of passes along y.
-        along_mm: (least, greatest) place along the lines.
+        line_mm: position of each whisker's line: y for passes along x, x for passes along y.
+        along_mm: (least, greatest) coordinate along the lines.
         speed_mm_s: speed of the stage.
         preload_mm: depth below the land at which the free tip ran.
-        stage_s: stage seconds spent up to its end, from the first pass on.
+        stage_s: stage seconds from the start of the first pass to the end of this one.
         why: the reason for choosing it, in words; empty if none is known.
         text: most probable text after it.
         confidence: probability that the whole text is right, 0 to 1.
@@ -179,7 +179,7 @@ class PassRecord:
 
 @dataclass(frozen=True)
 class ReadingRecord:
-    """One reading of a part, as it is kept and sent: in the store, by the service, and in tables.
+    """One reading of a part, as the store keeps it and as the service and tables show it.
 
     Fields that a reader does not fill have their defaults.
 
@@ -188,31 +188,31 @@ class ReadingRecord:
         text: the serial; empty where nothing was found.
         decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
-        characters: place by place.
-        messages: messages about it, in words.
-        font: font whose shapes answered best.
-        height_mm: character height; None where it is unknown, or the photograph's scale is.
+        characters: its characters in order.
+        messages: remarks for people.
+        font: font whose templates fit best.
+        height_mm: character height; None if it or the photograph's scale is unknown.
         rotation_deg: rotation of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
-        seconds: it took to read, loading included.
-        at: time of the reading; the store puts its own time.
+        seconds: time taken to read it, loading included.
+        at: time of the reading; the store sets its own.
         part: name of the part.
         error: why there is no reading; empty where there is one.
         height_px: character height in pixels of a photograph whose scale is unknown; else None.
         raised: raised marks.
         expected: text that the part should read; empty if none is known.
         verify_probability: probability that the part has the expected text; None where no text was expected.
-        rivals: other serials with some belief, most first.
+        rivals: other possible serials, the most probable first.
         lines: the part's other lines: those that the settings name first, then the rest.
         codes: Data Matrix and QR codes in its photographs.
         fields: named fields of the marking, such as SER KB74 or (21)KB74, on any of its lines.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
-        photos: photographs that it is of; 0 of touch alone.
-        passes: passes of a part that was felt pass by pass, in their order; boxes and lines share a frame.
-        stage_s: stage seconds that they took; None where the part was not felt so.
-        stopped: why no more were felt: sure, no gain, budget, all felt, nothing found, stage failed.
+        photos: number of photographs read; 0 for touch alone.
+        passes: passes of active touch in order, in the frame of the boxes.
+        stage_s: stage seconds of these passes; None without active touch.
+        stopped: why touch stopped: sure, no gain, budget, all felt, nothing found, stage failed.
         faults: faults of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
     """
@@ -263,15 +263,15 @@ class ScanPlanRecord:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
         directions_deg: directions of travel, 0, 180, 90, 270.
         passes: passes of the array.
-        line_pitch_mm: between neighbouring traces.
-        sample_pitch_mm: between samples of a trace.
+        line_pitch_mm: distance of neighbouring traces.
+        sample_pitch_mm: distance of samples along a trace.
         speed_mm_s: speed of the stage.
         preload_mm: depth below the land at which the free tip runs.
-        seconds: the scan takes.
-        height_mm: character height that it is made for.
+        seconds: duration of the scan.
+        height_mm: assumed character height.
         reason: why touch is needed, in words.
-        middle_mm: x, y in the region's frame of what lies under the middle of the photograph, by which a stage
-            finds the region; None where the scale is not known: the region is then the stage's whole field.
+        middle_mm: x, y of the photograph's middle in the region's frame, by which a stage finds the region; None if
+            the scale is unknown: the region is then the stage's whole field.
     """
 
     region_mm: tuple[float, float, float, float]
@@ -288,7 +288,7 @@ class ScanPlanRecord:
 
 
 def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
-    # kept, for to make one takes milliseconds
+    # cached: making one takes milliseconds
     if kind not in _ADAPTERS:
         _ADAPTERS[kind] = TypeAdapter(kind)
     return _ADAPTERS[kind]
@@ -309,7 +309,7 @@ def from_json(kind: type[T], data: Any) -> T:
     """Make a record from the result of `to_json`, or from its JSON text.
 
     Raises:
-        ValueError: data that are no such record.
+        ValueError: the data are not such a record.
     """
     adapter = _adapter(kind)
     made: T = adapter.validate_json(data) if isinstance(data, str) else adapter.validate_python(data)

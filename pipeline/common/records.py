@@ -5,7 +5,7 @@
          --- reviews  (a person's answers; never changed)
          --- events   (everything that happened, in order; never changed)
 
-All times are aware and in UTC. What a reading is stands in `reading_records`.
+All times are aware and in UTC. Readings are in `reading_records`.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ class EvidenceRecord:
         name: the sender's name for it; never used as a path.
         media_type: media type for the browser.
         meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
-        at: when; set by the store.
-        gone: whether its time was up and the file is no longer kept.
+        at: time; set by the store.
+        gone: whether the file has expired and was deleted.
     """
 
     kind: EvidenceKind
@@ -98,12 +98,12 @@ class ReviewRecord:
 
     Attributes:
         action: confirm, correct or unreadable.
-        before: the text as it stood.
-        after: the text as it is.
-        who: name of the person, as given.
-        token: name of the token that was used; empty if none is asked for.
-        note: anything the person wants to say.
-        at: when; set by the store.
+        before: text before the review.
+        after: text after it.
+        who: name that the person gave.
+        token: name of the token used; empty if none is required.
+        note: the person's remark.
+        at: time; set by the store.
     """
 
     action: ReviewAction
@@ -117,13 +117,13 @@ class ReviewRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """One thing that happened to a part.
+    """An event in the history of a part.
 
     Attributes:
-        at: when.
+        at: time of the event.
         kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, review_undone, enrolled,
             serial_alarm, serial_again, evidence_expired.
-        data: more, by kind.
+        data: details, which depend on the kind.
     """
 
     at: datetime
@@ -133,11 +133,11 @@ class EventRecord:
 
 @dataclass(frozen=True)
 class TouchWait:
-    """Wait of a part for touch.
+    """A part's wait for touch.
 
     Attributes:
-        by_stage: the stage of its line feels it; otherwise the sender supplies a scan.
-        until: time at which it goes to a person all the same; None: no limit.
+        by_stage: the stage of its line scans it; otherwise the sender supplies a scan.
+        until: time at which it goes to review without touch; None: no limit.
     """
 
     by_stage: bool
@@ -163,9 +163,9 @@ class AgreementDay:
 
     Attributes:
         day: day, UTC.
-        parts: read.
+        parts: number of parts read.
         compared: number of them for which the line's own reader has sent a serial.
-        same, other, nothing: number of these that were read the same, otherwise, not at all.
+        same, other, nothing: number of these read the same, differently, or not at all.
         accepted: number of those compared that would have been accepted.
         accepted_other: number of these that were not read the same.
     """
@@ -188,17 +188,17 @@ class PartRecord:
         id: made by the store; sorts by time.
         name: the line's name for it; not unique.
         state: state of the part.
-        text: the serial as it stands: as reviewed, else as last read; empty while touch is needed.
+        text: the current serial: as reviewed, else as last read; empty while touch is needed.
         created_at: time of its receipt.
         changed_at: time of the last change.
-        reading: the last one; None before any.
-        expected: text it should read; empty if none is.
+        reading: the last reading; None before the first.
+        expected: text that it should have; empty if unknown.
         database: glyph database asked for; empty for the built-in fonts.
         job: job that it was read by; empty for the service's own settings.
         line: line that it came from; empty where lines have no names.
         plan: the scan to make, while touch is needed or after it was missed.
         touch: its wait for touch; None for a part that does not wait.
-        review: the last one; None before any.
+        review: the last review; None before the first.
         shadow: result in shadow mode; None for a part that the service has decided.
     """
 
@@ -224,9 +224,9 @@ class TokenRecord:
     """A token, without its secret.
 
     Attributes:
-        name: unique.
+        name: unique name.
         scopes: scopes of the token.
-        created_at: when.
+        created_at: time of creation.
         expires_at: time from which it is refused; None: never.
         revoked_at: time at which it was revoked; None: it was not.
     """
@@ -245,9 +245,9 @@ class Delivery:
     Attributes:
         id: rises with time.
         target: webhook or mqtt.
-        part_id: whose.
+        part_id: id of its part.
         payload: content to send.
-        attempts: so far in vain.
+        attempts: number of failed attempts.
     """
 
     id: int
@@ -286,9 +286,9 @@ class PartStory(History):
 
     Attributes:
         part: the part with its present state.
-        opinions: on it since its last review, the latest of each person, oldest first.
-        audit: its last audit, with the accepted text and the person's; None before any.
-        awaits_audit: it was drawn for an audit that is still open.
+        opinions: each person's latest opinion since the last review, oldest first.
+        audit: its last audit, with the accepted text and the person's; None before the first.
+        awaits_audit: whether it was drawn for an audit that is still open.
     """
 
     part: PartRecord
@@ -302,8 +302,8 @@ class TrendStep:
     """Parts of one hour or day.
 
     Attributes:
-        at: its start, by UTC.
-        parts: received in it.
+        at: start of the hour or day, UTC.
+        parts: number of parts received.
         accepted: number of them accepted and not questioned since.
         review: number of them that a person reviews or has reviewed.
         rejects: number of them whose last reading was a reject.
@@ -322,17 +322,17 @@ class Statistics:
 
     Attributes:
         since: its beginning.
-        parts: accepted by the service.
+        parts: number of parts received.
         by_camera: number of them accepted by the camera alone.
         fell_back: number of them sent to touch.
-        by_state: parts by how far they have come.
-        rejects: parts whose last reading was a reject.
-        reviewed: parts that a person looked at.
+        by_state: number of parts in each state.
+        rejects: number of parts whose last reading was a reject.
+        reviewed: number of parts that a person reviewed.
         right_before_review: number of them whose reading was confirmed unchanged.
         characters_reviewed, characters_right: number of characters in the reviewed parts' texts, and of right ones.
-        seconds: (p50, p99) of reading by source; sources without any are left out.
-        trend: the hours, or days, in order, those without any part included.
-        awaiting: parts in the review queue now, whatever their time.
+        seconds: (p50, p99) of the reading time by source; sources without readings are left out.
+        trend: the hours or days in order, including those without parts.
+        awaiting: number of parts in the review queue now, whenever they were received.
     """
 
     since: datetime
@@ -357,7 +357,7 @@ class AlertRecord:
     Attributes:
         name: reject_rate, review_rate, drift, drift:JOB, bench, golden or golden_overdue.
         part_id: the latest part when it was raised.
-        at: when.
+        at: time at which it was raised.
         message: description of the problem, for a person.
     """
 

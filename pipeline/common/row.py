@@ -2,7 +2,7 @@
 
     ReadingRecord --row_of--> columns --> (CSV, terminal, summary)
 
-What a record says of every place is one text here, in the few characters that a cell has room for; places count from 1.
+Whatever a record holds for each place is one short text here; places count from 1.
 """
 
 from __future__ import annotations
@@ -43,32 +43,32 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         source: tactile, vision or fused.
         seconds: time spent, loading included.
         error: why there is no reading; empty when there is one.
-        font: font whose templates answered best.
+        font: font whose templates fit best.
         height_mm: character height found; None if unknown in mm.
         rotation_deg: rotation of the line, from +x towards +y.
         raised: raised marks.
-        flags: flags of the reading, and shortfalls of the mark against the rules.
+        flags: messages about the reading and about rules that the mark breaks.
         alternatives: a place's other candidates with their probabilities, as "3: 8 0.21, B 0.02; 5: S 0.01", places
             from 1.
-        depth_min_mm: depth of the mark where it is least (height of a raised one); None if unknown.
+        depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
         depth_mean_mm: mean depth of the characters; None if unknown.
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where unknown.
         expected: the text that the part should read; empty if none is known.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
         verify_probability: probability that the part has the expected text; None where no text was expected.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
-        rivals: other serials with some belief, as "KB74 0.021"; a comma between.
+        rivals: other possible serials with their probabilities, as "KB74 0.021, KB71 0.013".
         grade: mark quality, A to F, of the worst character; empty if none was graded.
         grades: grades of all characters, a letter each; "?" where too little was scanned.
         action: action for the mark and its places, as "clean 3 5, re-strike 7"; empty if none is needed.
         height_px: character height in pixels, of a photograph whose scale is unknown; else None.
-        lines: the part's other lines, as "lot=LOT77;date=12/26"; a line that was not asked for has no name: "SN8".
+        lines: the part's other lines, as "lot=LOT77;date=12/26"; one that the settings do not name is just "SN8".
         codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
         fields: named fields of the marking, as "MFR=0AB12;SER=KB74"; empty without names.
         burr_mm: height of the highest rim beside a character's strokes; None if unknown.
         at: time of the reading, ISO 8601.
         program: version of the program.
-        settings: hash of the settings; rows with the same were read alike.
+        settings: hash of the settings; rows with the same hash were read with the same settings.
     """
 
     places = record.characters
@@ -108,7 +108,7 @@ def depths_text(places: Sequence[CharacterRecord]) -> str:
 
 
 def lines_text(lines: Sequence[LineRecord]) -> str:
-    """Other lines of a part: "lot=LOT77;date=12/26"; only the text of a line that was not requested."""
+    """Other lines of a part: "lot=LOT77;date=12/26"; only the text of a line that the settings do not name."""
     return ";".join(f"{line.name}={line.text}" if line.name else line.text for line in lines)
 
 
@@ -142,7 +142,7 @@ def states_text(places: Sequence[CharacterRecord]) -> str:
 
 
 def state_text(state: str, chars: Sequence[str]) -> str:
-    """One place: "read", "not read", "confused 8/B", or "mismatch 8/B" where 8 stands in place of a B."""
+    """State of a place: "read", "not read", "confused 8/B", or "mismatch 8/B" where 8 stands in place of a B."""
     return f"{state} {'/'.join(c or '-' for c in chars)}".strip()
 
 

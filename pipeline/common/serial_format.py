@@ -21,7 +21,7 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
     """The grammar of the serials; None if the settings have none.
 
     Raises:
-        FileError: a lexicon that cannot be used.
+        FileError: the lexicon cannot be used.
         SettingsError: settings that contradict each other.
     """
     words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
@@ -68,9 +68,9 @@ def read_lexicon(path: Path) -> frozenset[str]:
 
 
 def format_like(text: str) -> str:
-    """The format of texts like this one: AA999999 of KX407251, Aaa-99 of Lot-07.
+    """The format that a text suggests: AA999999 for KX407251, Aaa-99 for Lot-07.
 
-    Letters and figures may be others of their kind, all else stays.
+    Each letter or digit may be any other of its kind; all else is fixed.
     """
     return "".join(_like(char) for char in " ".join(text.split()))
 
@@ -80,5 +80,5 @@ def _like(char: str) -> str:
         return "A"
     if char in ascii_lowercase:
         return "a"
-    # what means something else in a mask is taken as it is
+    # characters with a meaning in a mask are escaped
     return "9" if char in digits else f"\\{char}" if char in "*\\?[]{}|^$+" else char

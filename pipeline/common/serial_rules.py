@@ -4,10 +4,10 @@
     read before?          KX407251 was already read on tray-7/part-3        (`pipeline.store.parts` asks)
     in its place?         KX407299 is 48 ahead of the parts before it
 
-A misread serial must not raise an alarm for the next hundred. The expected number is therefore the median over the
-last `WINDOW` parts that were read with certainty, not the last one plus 1. It is used only while most of these parts
-form a series. Their serials count whether or not they were in sequence: a lot that begins with another number raises
-`WINDOW // 2 + 1` alarms, then it is the series.
+One misread serial must not raise an alarm for the next hundred parts. The expected number is therefore the median over
+the last `WINDOW` parts that were read with certainty, not the last number plus 1. It is used only while most of these
+parts form a series. Serials count even if they were out of sequence: a lot that starts at another number raises
+`WINDOW // 2 + 1` alarms, and then is the series.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class NumberedSerial(NamedTuple):
 
     @property
     def series(self) -> tuple[str, int, str]:
-        """The parts that all serials of its series have in common."""
+        """What all serials of its series have in common."""
         return self.head, self.digits, self.tail
 
 
@@ -77,8 +77,8 @@ class ProductionOrder:
 
     Attributes:
         name: name of its file.
-        serials: one by one, without blanks.
-        ranges: first and last of serials that count, such as KX400000..KX409999.
+        serials: single serials, without blanks.
+        ranges: first and last serial of each range, such as KX400000..KX409999.
     """
 
     name: str
@@ -123,15 +123,15 @@ class SerialRules:
         """The objection to a serial that is out of sequence.
 
         Args:
-            text: text of the part now.
-            before: (how many parts before it, serial) of those that were read with certainty, the latest first.
+            text: serial of the present part.
+            before: (number of parts back, serial) of the parts read with certainty, the latest first.
         """
         place = split_serial(text)
         known = [(back, found) for back, one in before if (found := split_serial(one)) is not None][:WINDOW]
         if not self.jump or len(known) < _MOST:
             return None
         ((head, tail), n_alike), *_ = Counter((one.head, one.tail) for _, one in known).most_common()
-        # number of the present part, as each of them predicts it
+        # the present part's number, as each of them predicts it
         said = [one.number + back for back, one in known if (one.head, one.tail) == (head, tail)]
         middle = median_low(said)
         if n_alike < _MOST or sum(abs(one - middle) <= self.jump for one in said) < _MOST:

@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 
 from glyphs.errors import MarksError
 from pipeline.common.parsed import json_of, shown
-from pipeline.common.texts import listed
+from pipeline.common.texts import split_commas
 
 
 class SettingsError(MarksError):
@@ -72,7 +72,7 @@ class Settings(BaseModel):
         """Refuse a name that no setting has.
 
         Raises:
-            SettingsError: there is none; names near it are in the hint.
+            SettingsError: no setting has the name; the hint lists similar ones.
         """
         known = list(cls.leaves())
         if name not in known:
@@ -96,11 +96,11 @@ _MODES = {
 
 
 def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
-    """Error that describes the first invalid value.
+    """Make the error that describes the first invalid value.
 
     Args:
         error: error of pydantic.
-        called: gives the user's name of a setting.
+        called: returns the name by which the user knows a setting.
     """
     first = error.errors()[0]
     message = first["msg"].removeprefix("Value error, ")
@@ -108,18 +108,18 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
         return SettingsError(message)
     name = ".".join(key for key in first["loc"] if isinstance(key, str))
     if first["type"] in ("dataclass_type", "model_type"):
-        what = f"{called(name)} is {shown(first['input'])}, and names a group of settings"
+        what = f"{called(name)} is {shown(first['input'])}, but it is a group of settings"
         return SettingsError(what, hint="write one of them after a dot, such as watch.folder or tcp.port")
     return SettingsError(f"{called(name)} is {shown(first['input'])}: {message[:1].lower()}{message[1:]}")
 
 
 def _by_commas(value: Any) -> Any:
-    return listed(value) if isinstance(value, str) else value
+    return split_commas(value) if isinstance(value, str) else value
 
 
 def _split(value: tuple[str, ...]) -> tuple[str, ...]:
-    # a flag's several names come as one text
-    return listed(",".join(value))
+    # one flag may hold several names
+    return split_commas(",".join(value))
 
 
 def _mode(value: Any) -> Any:
@@ -174,11 +174,11 @@ class NamedLine:
         """Parse the written form.
 
         Raises:
-            ValueError: it has no name, no format, or a region that is none.
+            ValueError: the name or format is missing, or the region is invalid.
         """
         place, sign, written = (piece.strip() for piece in text.partition("="))
         if not (sign and written):
-            raise ValueError(f"{text!r} is no line; write NAME=FORMAT, such as lot=AAA99")
+            raise ValueError(f"{text!r} is not a line; write NAME=FORMAT, such as lot=AAA99")
         name, at, region = place.partition("@")
         if not _LINE_NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a name for a line; write letters, digits, _ and -")
@@ -204,7 +204,7 @@ def _region(value: Any) -> Any:
     """Parse a region of four shares.
 
     Raises:
-        ValueError: they are none.
+        ValueError: it is not four shares, or not a region.
     """
     if value is None:
         return None
@@ -219,7 +219,7 @@ def _region(value: Any) -> Any:
 
 
 MOST_RULES, MOST_RULE_CHARS = 16, 2_000
-"""Formats, lines, check digits or depth rules of one job, and characters of each: every one is work to prepare."""
+"""Most formats, lines, check digits or depth rules of a job, and characters in each: preparing them takes time."""
 
 
 def _few(value: Any) -> Any:
@@ -237,7 +237,7 @@ def _formats(value: tuple[str, ...]) -> None:
     from recognition.language.format_text import parts_of
     from recognition.language.grammar import Grammar
 
-    parts_of(value)  # together they can have one of each kind: found before any is prepared
+    parts_of(value)  # refuses two of one kind, before any is prepared
     for text in value:
         Grammar.parse(text)
 
@@ -322,13 +322,13 @@ class ReadSettings(MapSettings):
 
     mode: Annotated[Literal["tactile", "vision", "fused", "auto"] | None, BeforeValidator(_mode)] = None
     """Senses to read with: touch (tactile), the camera (vision), both together (fused), or all that a part has files
-    for (auto). Default: touch, and the camera for a part that has a photograph only."""
+    for (auto). Default: touch, and the camera for a part that has only a photograph."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
-    """Built-in font or TTF/OTF file; may be repeated. Any font is read; the shapes of one that is named are compared
-    with the marks, too."""
+    """Built-in font or TTF/OTF file; may be repeated. Any font is read; marks are also compared with the shapes of the
+    fonts named here."""
     experts: Annotated[Names, AfterValidator(_split), _where_given(_experts)] = ()
-    """Experts to read with, separated by commas: network (any font), templates (the named fonts, and the die that a lot
-    has taught; alone they read by touch only). Default: both."""
+    """Experts to read with, separated by commas: network (any font), templates (the named fonts, and the die learned
+    from a lot; alone they read by touch only). Default: both."""
     format: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), _where_given(_formats)
     ] = ()
@@ -352,7 +352,7 @@ class ReadSettings(MapSettings):
     line: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_by_name), AfterValidator(_lines)
     ] = ()
-    """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
+    """Another line on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
     height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
@@ -370,16 +370,16 @@ class ReadSettings(MapSettings):
     accept_confidence: Share | None = None
     """Least confidence, 0 to 1, for a reading to be accepted (default: the reader's own)."""
     accept_risk: float | None = Field(default=None, gt=0.0, lt=1.0)
-    """Share of wrong readings among the accepted that is to be expected at most, such as 0.005, in place of a
-    confidence; see certify for your own parts."""
+    """Greatest expected share of wrong readings among the accepted, such as 0.005, in place of a confidence; see
+    certify for your own parts."""
     certificate: Path | None = None
-    """Certificate (.json, see certify): no reading is accepted that it does not cover, and a warning is given where
-    the parts are unlike the certified ones."""
+    """Certificate (.json, see certify): readings that it does not cover are not accepted, and parts unlike the
+    certified ones raise a warning."""
     active: bool = False
-    """Feel height maps pass by pass, and stop when the serial is sure or more touch would not help; else the whole plan
-    is felt. A message of the part says how many seconds of stage time that took."""
+    """Scan height maps pass by pass, and stop when the serial is sure or more touch would not help. Default: the whole
+    plan. A message of the part states the stage seconds used."""
     budget_s: float = Field(default=60.0, gt=0.0, le=3600.0, allow_inf_nan=False)
-    """Most stage seconds of a part that is felt pass by pass."""
+    """Most stage seconds of a part that is scanned pass by pass."""
 
     @property
     def regions(self) -> bool:
@@ -389,5 +389,5 @@ class ReadSettings(MapSettings):
 
     @property
     def touch_budget_s(self) -> float | None:
-        """Greatest stage seconds of active touch; None for the whole plan."""
+        """Most stage seconds of active touch; None for the whole plan."""
         return self.budget_s if self.active else None

@@ -14,11 +14,11 @@ class Share:
     Attributes:
         count: number of cases.
         total: number of trials.
-        low: lower end of the 95 % interval; 0 of nothing.
-        high: upper end; 1 of nothing.
+        low: lower end of the 95 % interval; 0 without trials.
+        high: upper end; 1 without trials.
 
     Raises:
-        ValueError: more than all, or fewer than none.
+        ValueError: the count is below 0 or above the total.
     """
 
     count: int
@@ -40,7 +40,7 @@ def share(count: int, total: int, *, exact: bool = False) -> Share:
     """A share with Wilson's 95 % interval, or the exact one; both assume independent trials.
 
     Raises:
-        ValueError: more than all, or fewer than none.
+        ValueError: the count is below 0 or above the total.
     """
     unknown = Share(count, total, 0.0, 1.0)
     if total == 0:

@@ -21,21 +21,21 @@ class Stamping:
     Attributes:
         format: Mask of the serials: A letter, 9 digit, * either, any other character itself.
         font: Built-in name or TTF/OTF file.
-        seed: Of everything random: the same seed gives the same parts.
+        seed: Random seed: the same seed gives the same parts.
         height_mm: Character height in mm.
         depth_mm: Depth of the marks in mm (default: the usual one for the height).
         face: Face of the die.
         bevel_deg: Slope of the walls, degrees.
         raised: Raised marks instead of sunk ones.
         variation: Let blows and plates differ as in a shop.
-        practice: How it is stamped: by a press (default), by hand with single stamps, or ideally.
+        practice: Way of stamping: by a press (default), by hand with single stamps, or ideally.
         die: In place of a face: also a V with a blunt edge, pile-up on one side, double strikes, one wall missing.
-        plate: What is stamped: bent (cylinder: line along its axis; ring: around it), or left rough by a tool.
+        plate: Surface of the part: bent (cylinder: line along its axis; ring: around it), or left rough by a tool.
         layout: A straight line, one turned by up to 5 degrees, an arc, or another line above or below.
         pixel_mm: Size of a pixel on the part, mm.
-        light_azimuth_deg: Where the lamp stands: 0 at the right, 90 below, 270 above (default: drawn at random).
-        light_elevation_deg: How high it stands over the plate (default: drawn from 25 to 65).
-        lights: Photographs of each part, PART.light-1.png and so on, the lamp on another side each time.
+        light_azimuth_deg: Direction of the lamp: 0 right, 90 below, 270 above (default: drawn at random).
+        light_elevation_deg: Elevation of the lamp over the plate (default: drawn from 25 to 65).
+        lights: Photographs of each part, PART.light-1.png and so on, each with the lamp on another side.
     """
 
     format: str

@@ -2,8 +2,8 @@
 
 Cells of CSV that a spreadsheet takes for formulas are text with an apostrophe in front: =1+1 <-> '=1+1.
 
-Serials of one length are compared place by place, for the places are known; of another length the fewest edits are
-taken (Levenshtein), EXTRA and MISSING where one has nothing beside it::
+Serials of equal length are compared place by place. Others are aligned with the fewest edits (Levenshtein), with EXTRA
+or MISSING beside a character that has no partner::
 
     true   A B 1 2 3             true   A B 1 2 3
     read   A 8 1 2 3             read   A   1 2 3 7
@@ -16,7 +16,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-# as spreadsheets take them for formulas; the wide signs, too, in East Asian editions
+# beginnings that spreadsheets take for formulas; East Asian editions also accept the full-width signs
 _FORMULA = re.compile(r"'*[=+\-@\t\r\n＝＋－＠]")
 MISSING = "nothing"
 """Stands for the missing reading of a stamped character."""
@@ -34,23 +34,23 @@ def same_text(one: str, other: str) -> bool:
     return without_blanks(one) == without_blanks(other)
 
 
-def listed(text: str) -> tuple[str, ...]:
+def split_commas(text: str) -> tuple[str, ...]:
     """Split items separated by commas."""
     return tuple(item.strip() for item in text.split(",") if item.strip())
 
 
 def first_of(names: Sequence[str]) -> str:
-    """Write the first five of some names, and the number of others."""
+    """Join the first five names; "..." stands for the others."""
     return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 def harmless(text: str) -> str:
-    """A cell's text as it is written."""
+    """A text for a cell, marked with an apostrophe if a spreadsheet would take it for a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
 def original(cell: str) -> str:
-    """Recover the text of a cell."""
+    """Recover the text from a cell that `harmless` has made."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 

@@ -1,4 +1,4 @@
-"""Versions that answers depend on: of the program, hashes of files and settings, and their differences."""
+"""Versions of the program, files and settings that readings depend on, and their differences."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def program_version() -> str:
 
 
 def library_versions(names: Iterable[str]) -> dict[str, str]:
-    """Versions of Python, of the machine, and of those libraries that are installed."""
+    """Versions of Python and of the named libraries that are installed, and the machine."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
@@ -86,7 +86,7 @@ def file_sha256(path: Path) -> str:
 
 
 def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """The first entries that differ, also in tables within: "height_mm was 5.0, now 4.0"."""
+    """The first entries that differ, also in nested tables: "height_mm was 5.0, now 4.0"."""
     wanted = json.loads(json.dumps(dict(now)))
     return "; ".join(islice(_differences(was, wanted, within=""), _MOST_SHOWN))
 
@@ -101,6 +101,6 @@ def _differences(was: Mapping[str, Any], now: Mapping[str, Any], *, within: str)
 
 
 def in_short(value: object) -> str:
-    """A value, shortened."""
+    """A value as JSON, shortened."""
     text = json.dumps(value)
     return text if len(text) <= _MOST_CHARACTERS else text[: _MOST_CHARACTERS - 3] + "..."

@@ -27,7 +27,7 @@ _MATLAB_NUMBERS = (
 
 
 def read_grd(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """A grid of Surfer, whose first row is the lowest: text, version 6 or version 7.
+    """Read a Surfer grid (text, version 6 or version 7), whose first row is the lowest.
 
     Raises:
         DataError: the file cannot be used.
@@ -50,13 +50,13 @@ def read_grd(path: Path, most: int = MAX_PIXELS) -> RawMap:
         at += max(size, 0)
     rows, cols, _, _, x_pitch, y_pitch, _, _, turn, blank = _SURFER_7.unpack_from(data, sections[b"GRID"])
     if turn:
-        raise DataError(f"is a grid that is turned by {turn:g} degrees", "export it without a rotation")
+        raise DataError(f"is a grid rotated by {turn:g} degrees", "export it without a rotation")
     z = _matrix(data, "<f8", sections[b"DATA"], (rows, cols), most)
     return RawMap(np.where(z >= blank, np.nan, z), x_pitch, y_pitch, bottom_first=True, rows_stated=True)
 
 
 def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """A Gwyddion Simple Field, whose first row is the top one.
+    """Read a Gwyddion Simple Field, whose first row is the top one.
 
     Raises:
         DataError: the file cannot be used.
@@ -81,7 +81,7 @@ def _matrix(data: bytes, kind: str, start: int, shape: tuple[int, int], most: in
 
 
 def read_mat(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The matrix of a MATLAB file, its only one or `z_mm`, and the number `pitch_mm` if there is one.
+    """Read `z_mm` or the only matrix of a MATLAB file, and the number `pitch_mm` if there is one.
 
     Raises:
         DataError: the file cannot be used.

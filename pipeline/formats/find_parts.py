@@ -1,4 +1,4 @@
-"""Find the parts of a run by file names alone: files of one stem in one folder are one part; none is opened.
+"""Find the parts of a run from file names, without opening files: files of one stem in one folder are one part.
 
     part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, felt and photographed under two lights
 
@@ -104,7 +104,7 @@ def discover(
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
         manifests: more manifests, of any file name.
         photos: photographs in folders are parts of their own even beside height maps and scans.
-        beside: photographs of the same stem beside a file named belong to its part (on this machine).
+        beside: photographs beside a named local file with the same stem belong to its part.
         height_images: .png and .tif are height maps, not photographs.
 
     Raises:
@@ -169,7 +169,7 @@ class FoundFiles:
         self._beside: dict[str, dict[str, list[str]]] = {}
 
     def add_local(self, given: str, *, beside: bool = False) -> None:
-        """Add the files that a file, a folder or a glob of this machine names.
+        """Add the files that a local file, folder or glob names.
 
         Raises:
             FileError: a folder that cannot be listed.
@@ -183,7 +183,7 @@ class FoundFiles:
             self.add(sorted(str(Path(p)) for p in glob.glob(given) if os.path.isfile(p)))
 
     def add(self, files: Sequence[str], *, named: bool = False) -> None:
-        """Add the files of one folder or glob, or one named on its own with the photographs beside it.
+        """Add the files of one folder or glob, or one file named on its own with the photographs beside it.
 
         Args:
             files: paths or URLs; hidden ones are skipped.
@@ -237,7 +237,7 @@ class FoundFiles:
 
 
 def _files_in(folder: str) -> list[str]:
-    """Files of a folder by name, with their kind, without a system call for each."""
+    """Files of a folder, sorted by name, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
             return sorted(str(Path(e.path)) for e in entries if _is_file(e))
@@ -255,7 +255,7 @@ def _is_file(entry: os.DirEntry[str]) -> bool:
 
 
 def kind_of_named(file: str) -> str:
-    """The attribute of a part for a named file of an unsupported kind: its reader refuses it."""
+    """The attribute of a part for a named file of an unsupported kind, which its reader refuses."""
     suffix = os.path.splitext(split_name(file)[1])[1].lower()
     return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"
 
@@ -278,7 +278,7 @@ def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
 
 
 def _stem_name(stem: str) -> str:
-    """A name that can be stored, for any bytes in the file's name."""
+    """A name that can be stored, whatever bytes the file's name holds."""
     return stem.encode("utf-8", "replace").decode()[: _MOST_NAME if len(stem) > 255 else None]
 
 

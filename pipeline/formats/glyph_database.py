@@ -3,7 +3,7 @@
 name of the format, format_version, sha256       a line each
 the database as JSON, compressed by zlib         an array is {"dtype", "shape", "base64"}
 
-The digest is that of all that follows it. It is checked before anything is unpacked: a damaged file is refused, never
+The digest covers everything after it. It is checked before anything is unpacked: a damaged file is refused, never
 half-read. A file can come from anywhere, so its unpacked size is limited.
 """
 
@@ -39,7 +39,7 @@ MOST_FONTS = 200
 MOST_GLYPH_POINTS = 5_000
 """Most points of one character: the work of drawing it grows with their square."""
 _LEAST_UNPACKED_BYTES, _MOST_RATIO = 64_000_000, 20
-"""Limits of unpacked data: a size that is always allowed, and a multiple of the file's length; exemplars halve."""
+"""Limits of the unpacked size: one always allowed, and a multiple of the file's length; exemplars pack to half."""
 _NUMBERS = ("<f4", "<f8")
 
 
@@ -49,10 +49,10 @@ class Exemplar(OneLine):
 
     Attributes:
         char: the character.
-        font_name: the font it was stamped with, may be empty if unknown.
+        font_name: the font it was stamped with; empty if unknown.
         relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
             NaN where unknown.
-        note: anything the enroller wants to say.
+        note: remark of the person who enrolled it.
         enrolled_at: ISO 8601 time, given by the caller.
         height_mm: character height; 0 where unknown.
         rotation_deg: rotation of its line in the plate frame.
@@ -154,15 +154,15 @@ def _checked_body(data: bytes) -> bytes:
         raise DataError(what, "update this program to read it")
     body = data[len(_head(b"")) :]
     if not data.startswith(_head(body)):
-        raise DataError("is damaged or cut short (its digest does not fit)", "restore it from a copy")
+        raise DataError("is damaged or cut short (its digest does not match)", "restore it from a copy")
     return body
 
 
 def _unpacked(body: bytes) -> GlyphDatabase:
-    """Unpack a database whose digest fits; any fault in it comes from the program that wrote it.
+    """Unpack a database whose digest matches; any fault in it comes from the program that wrote it.
 
     Raises:
-        DataError: whatever is wrong with it.
+        DataError: it is too large or invalid.
     """
     most, unpacking = max(_LEAST_UNPACKED_BYTES, _MOST_RATIO * len(body)), zlib.decompressobj()
     text = unpacking.decompress(body, most)

@@ -1,8 +1,8 @@
 """Conversion of the heights of a file to a HeightMap: bad points, rows, units, offset, and one pitch for both axes.
 
-Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that are no
-such part in the unit that the file states (millimetres where it states none) are asked about. A unit that is given
-replaces the file's without a question.
+Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that fit no
+such part in the file's unit (default: millimetres) are refused with a hint at the unit they fit. A unit in the settings
+replaces the file's.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
-# mm, shorter side of a map: a tenth of the lowest lettering met, a coin's; and where the file states its unit
+# mm, shorter side of a map: a tenth of the smallest lettering, a coin's; and the same where the file states its unit
 LEAST_PLATE_MM, LEAST_STATED_MM = 0.1, 0.02
-# mm, height range: what measures more does not resolve a mark of 0.1 mm
+# mm, height range: an instrument with a larger range does not resolve a mark of 0.1 mm
 MOST_RELIEF_MM = 100.0
 # height range over the shorter side: no plate lies more than 45 degrees askew under an instrument
 MOST_RELIEF_SHARE = 1.0
 # mm, height range of a map that is not flat: a twentieth of the shallowest mark
 LEAST_RELIEF_MM = 1e-3
-# mm, height range of a stamped plate: of several units that make a part, the likeliest comes nearest
+# mm, usual height range of a stamped plate: of several possible units the one nearest to it is the likeliest
 USUAL_RELIEF_MM = 0.2
 # least height range over the shorter side where the file states its unit: instruments measure unmarked parts, too
 LEAST_RELIEF_SHARE = 3e-5
-# mm, height range less tilt and dome: twenty times the deepest stamped mark
+# mm, height range without tilt and dome: twenty times the deepest stamped mark
 MOST_DEPTH_MM = 10.0
 # mean steepness over a fiftieth of the shorter side: 45 degrees everywhere
 MOST_STEEPNESS = 1.0
@@ -54,16 +54,15 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
 
 
 def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
-    """Factors that make millimetres of heights and of sample distances.
+    """Factors that convert heights and sample distances to millimetres.
 
     Args:
-        raw: its heights, without bad points.
-        pitch: the smaller distance of samples, in the file's numbers; millimetres where the settings give it.
-        settings: a unit given goes before the file's; heights and distances may have different units, so what it
-            would make absurd keeps the file's.
+        raw: heights of the file, without bad points.
+        pitch: the smaller distance of samples, in the file's numbers; in millimetres if the settings give it.
+        settings: their unit replaces the file's, except for heights or distances that it would make absurd.
 
     Raises:
-        DataError: the numbers are no part; says in which unit they would be.
+        DataError: the numbers fit no part; the hint names a unit in which they do.
     """
     shape = _Shape(raw, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
@@ -87,7 +86,7 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     asked = [
         (unit == "in", shape.unusual(z), what, unit)
         for unit in UNITS
-        # no format states its numbers wrongly by as much as a nanometre
+        # no format that states a unit confuses it with the nanometre
         if unit != "nm" or raw.z_mm is None
         for what, (z, xy) in factors(unit).items()
         if not shape.absurdity(z, xy)
@@ -98,8 +97,8 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     if not shape.odd_size(xy_mm):
         return z_mm, xy_mm  # flat, noisy or askew
     raise DataError(
-        f"{absurd}; in no unit are these the numbers of a part",
-        "give the distance of its samples with --pitch-mm, or say with --unit that it is right",
+        f"{absurd}; these numbers fit a part in no unit",
+        "give the distance of its samples with --pitch-mm, or confirm the unit with --unit",
     )
 
 
@@ -109,8 +108,8 @@ class _Shape:
     Attributes:
         raw: the map.
         pitch: smaller distance of samples.
-        relief: range of heights, without the outer 0.2 percents.
-        depth: range of heights less tilt and dome, without the outer percents.
+        relief: range of heights, without the outer 0.2 % at each end.
+        depth: range of heights without tilt and dome, and without the outer 1 % at each end.
         rise: mean steepness over a fiftieth of the shorter side, per sample.
     """
 
@@ -180,9 +179,9 @@ def _length(mm: float) -> str:
 # greatest relative difference of two pitches that count as equal: 1 in 1000 shears no character
 SAME_PITCH = 1e-3
 MUCH_FINER = 4.0
-# mm from the median height: what lies farther off is some instrument's bad point
+# mm from the median height: anything farther off is an instrument's bad point
 MAX_HEIGHT_MM = 1000.0
-# mm, median height that is taken off: float32 holds a nanometre up to here
+# mm: a larger median height is subtracted; up to here float32 resolves a nanometre
 MOST_OFFSET_MM = 10.0
 # mm: even with a unit given, no readable character has samples so far apart
 MAX_PITCH_MM = 10.0
@@ -257,7 +256,7 @@ def _squared(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[
     """Heights on a square grid, and its pitch.
 
     The coarser axis is resampled linearly to the finer pitch; where one pitch is more than four times the
-    other, the finer axis is resampled to the coarser pitch instead. What touches a dropout stays one.
+    other, the finer axis is resampled to the coarser pitch instead. A sample interpolated with a dropout is a dropout.
     """
     finer, coarser = sorted((x_mm, y_mm))
     if coarser / finer - 1.0 <= SAME_PITCH:
@@ -280,6 +279,6 @@ def _resampled(z: NDArray[np.float64], n_rows: int, step: float) -> NDArray[np.f
     at = np.minimum(np.arange(n_rows) * step, z.shape[0] - 1)
     low = np.minimum(at.astype(np.intp), z.shape[0] - 2)
     weight = (at - low)[:, None]
-    # a row that is hit exactly does not look at its neighbour, which may be a dropout
+    # a row at an exact multiple does not use its neighbour, which may be a dropout
     between = (1.0 - weight) * z[low] + weight * z[low + 1]
     return np.asarray(np.where(weight == 0.0, z[low], np.where(weight == 1.0, z[low + 1], between)))

@@ -1,7 +1,7 @@
 """Check an HDF5 file before it is read: all content must be inside it, and of bounded size.
 
-HDF5 can point to other files (external links, external storage, virtual datasets), and what a stranger sends may not
-read the server's. Nothing is decoded and no link is followed.
+HDF5 can point to other files (external links, external storage, virtual datasets), and a stranger's file must not read
+the server's. Nothing is decoded and no link is followed.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ def check_hdf5(path: Path, *, most: int) -> None:
 
     Args:
         path: the file.
-        most: values of its signal; another dataset may hold twice as many.
+        most: most values of its signal; another dataset may hold twice as many.
 
     Raises:
-        MarksError: it is not so.
+        MarksError: a check fails.
     """
     import h5py
 
@@ -47,7 +47,7 @@ def check_hdf5(path: Path, *, most: int) -> None:
         if (problem := file.visititems_links(see)) is not None:
             raise problem
         for name, link in links.items():
-            # a soft link's target, within the file, is met by itself
+            # a soft link's target lies in the file and is visited on its own
             if isinstance(link, h5py.HardLink) and isinstance(found := file[name], h5py.Dataset):
                 _check_dataset(found, most)
 
@@ -65,7 +65,7 @@ def _check_dataset(dataset: Any, most: int) -> None:
             hint = "write it in smaller chunks"
             raise MarksError(f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", hint=hint)
     count = math.prod(map(int, dataset.id.shape or ()))
-    # of a single whisker the stage's positions are twice as many as the samples
+    # with a single whisker there are twice as many stage positions (x and y) as samples
     if count > (most if dataset.name == "/scan/signal" else 2 * most):
         what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
         raise MarksError(what, hint="split the recording")

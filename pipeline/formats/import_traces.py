@@ -1,12 +1,13 @@
 """Import recorded traces as a scan: cut into passes and resampled at even steps along the travel.
 
-    stage  x |        ______      number   -1 0 0 0 0 0 -1 1 1 ...     a pass is what one number marks, or one file
+    stage  x |        ______      number   -1 0 0 0 0 0 -1 1 1 ...     a pass has one number, or is one file
              |   ____/            lifted    1 1 0 0 0 0  1 ...         air, then land
              |__/                                                      samples that stand still are left out
              +-------------> t    position: u = +-x or +-y, growing; moments by straight lines at even steps of u
 
-Stages do not run evenly, and passes do not begin at one place: all of a direction are laid on one raster, over the
-stretch that all of them ran. The rate comes from the ends of each stretch of time, not from single steps:
+Stages do not run evenly, and passes do not begin at the same place: all passes of a direction are resampled on one
+raster, over the stretch that they share. The sampling rate comes from the whole time between pauses, not from single
+steps:
 
 time |          ....             ties: several samples to a tick of a coarse clock
      |   ...  ..
@@ -39,16 +40,16 @@ from whisker_array.whisker.touch import Touch
 _MOST_BYTES = 2_000_000_000
 # drift of a pass across its travel, as a share of the travel
 _ASKEW = 0.02
-# distance of two samples, in steps, above which the stretch between them was not felt
+# distance of two samples, in steps, above which the stretch between them is a dropout
 _GAP_STEPS = 2.5
-# stretch common to all passes of a direction, as a share of the longest, below which it is a mistake
+# least stretch that all passes of a direction must share, as a share of the longest pass
 _SHORT = 0.5
 PAUSE_STEPS = 2.5
 """Step of the clock, in usual steps, above which sampling was paused."""
 MOST_MOMENT_N_MM = 1000.0
 """Moment that no whisker can carry: a newton at the end of a metre."""
 SPEEDS_MM_S = (0.2, 2000.0)
-"""Speeds of a stage that traces; beyond them the times are in another unit."""
+"""Least and greatest speed of a tracing stage; outside them the times are in another unit."""
 
 Floats = NDArray[np.float64]
 
@@ -117,7 +118,7 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
     largest = float(np.nanmax(np.abs(signal), initial=0.0, where=np.isfinite(signal)))
     if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
-        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, and no whisker bears them"
+        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, more than any whisker bears"
         raise DataError(what, 'correct moment_unit; write "V" for counts, too, and run calibrate')
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
@@ -142,7 +143,7 @@ def _pass(
     if travel == 0.0 or strayed > _ASKEW * travel:
         raise DataError(
             f"moves {abs(went[0]):.3f} mm in x and {abs(went[1]):.3f} mm in y in {name}, {table.at(int(rows[0]))} on",
-            "a pass runs along x or along y, from one end to the other; lift and number it so",
+            "a pass runs along x or along y, from one end to the other; correct columns.lifted and columns.pass",
         )
     direction = TraceDirection((90 if axis else 0) + (180 if went[axis] < 0.0 else 0))
     u = between_polls(np.sign(went[axis]) * at[rows, axis])
@@ -159,10 +160,10 @@ def _pass(
 
 
 def between_polls(u: Floats) -> Floats:
-    """Positions of a stage that is polled more slowly than the signals: straight lines from poll to poll.
+    """Interpolate positions between polls, for a stage that is polled more slowly than the signals.
 
-    A poll shows as several samples of one position. Where a position holds for much longer than polls usually do, the
-    stage stands, and nothing is changed.
+    Until the next poll, several samples have one position. Where a position holds for much longer than usual, the stage
+    stands, and nothing is changed.
 
     Args:
         u: (samples,) mm along the travel.
@@ -198,7 +199,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
             "leave out incomplete passes, or import them separately",
         )
     if layout.part_mm is not None:
-        # run-in and run-out are on the part's land: no whisker feels anything before it
+        # run-in and run-out must lie on the part's land: off the part no whisker touches
         edges = layout.part_mm[::2] if direction.along_x else layout.part_mm[1::2]
         first, last = sorted(-v if direction.backward else v for v in edges)
         low, high = max(low, first), min(high, last)
@@ -246,7 +247,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
 
 
 def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
-    """Samples per second, by the clock of the rows if they have one; it may start anew with a pass."""
+    """Samples per second, from the clock of the rows if they have one; it may restart with each pass."""
     columns = layout.columns
     if columns.time is None or table.n_rows < 2:
         if not (rate := layout.sampling_rate_hz or table.rate_hz):
@@ -280,7 +281,7 @@ def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> No
         units: units of the times and of the positions.
 
     Raises:
-        DataError: with the units that they are likely in.
+        DataError: the speed is impossible; the hint names the likely unit.
     """
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:

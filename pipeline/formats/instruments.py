@@ -4,8 +4,8 @@ X3P and SDF state a right-handed frame: y grows with the row, so the first row i
 `Origin` of an X3P is in the north or its increment along y is negative. Some writers put the top row first and do not
 say so.
 
-SurfaceTopography hands out `heights()[x, y]` so that its transpose, seen as an image, stands upright with the top row
-first, whatever the format; except for X3P and SDF, whose rows it hands on in the file's order.
+The transpose of SurfaceTopography's `heights()[x, y]` is an upright image with the top row first in every format except
+X3P and SDF, whose rows keep the file's order.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ _NO_FORMAT = (
     "is in no format that is read as heights (.npz, .npy, .x3p, .sdf, .sur, .opd, .stl, .ply, .obj, .pcd, and text: "
     "x y z columns or a matrix)"
 )
-# first bytes of archives, if the suffix is not that of a format that is read
+# first bytes of archives, refused unless the suffix is that of a supported format
 _PACKED = {
     **{b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"},
     b"PK\x03\x04": "a workbook or packed (ZIP)",
 }
 _LONGEST_LINE = 1_000_000
-"""Most bytes of a text's first line: a row of 40,000 heights has half of them."""
+"""Most bytes of a text's first line: a row of 40,000 heights has half as many."""
 _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm"
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
@@ -81,11 +81,11 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
             raise DataError(what, "install it with: pip install 'tactile-marks[formats]'") from error
         try:
             with open_topography(str(path)) as reader:
-                # of Gwyddion: what the user has selected, no missing data
+                # Gwyddion's masks are the user's selections, not missing data
                 getattr(reader, "_masks", {}).clear()
                 channel = _height_channel(reader, most)
                 surface = reader.topography(channel_index=channel.index)
-                # X3P and SDF are met with either row first
+                # X3P and SDF files occur with either row first
                 return _raw_map(surface, rows_stated=path.suffix.lower() not in (".x3p", ".sdf"))
         except CannotDetectFileFormat as error:
             if named:
@@ -153,11 +153,11 @@ def _raw_map(surface: Any, *, rows_stated: bool) -> RawMap:
     )
 
 
-# description (main.xml), unpacked: more than anyone writes
+# unpacked description (main.xml), bytes: real ones are far smaller
 _MOST_DESCRIPTION_BYTES = 16_000_000
 # most that X3P stores for one sample: three coordinates as float64
 _MOST_BYTES_PER_SAMPLE = 24
-# room for what a file holds beside its heights: a vendor's files, a trailer
+# bytes for whatever a file holds beside its heights: a vendor's files, a trailer
 _MOST_SPARE_BYTES = 64_000_000
 _IN_MEMORY_BYTES = 64_000_000
 _MAIN, _CHECKSUM = "main.xml", "md5checksum.hex"
@@ -183,8 +183,8 @@ def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
 def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The first layer of an X3P surface, in metres.
 
-    A description with an unusual root element, or with a checksum that it has outlived, is read all the same; the
-    checksum of the heights must hold.
+    A description with an unusual root element or an outdated checksum is read all the same; the checksum of the heights
+    must match.
 
     Raises:
         DataError: the file cannot be used.

@@ -17,7 +17,7 @@ when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MOST_BYTES = {"height_map": 1_000_000_000, "scan": 4_000_000_000, "photo": 500_000_000}
-"""Size of the longest file of each kind that is read."""
+"""Size limit of a file of each kind."""
 HEAD_BYTES = 16
 """Number of first bytes of a file that determine its kind."""
 
@@ -97,7 +97,7 @@ def file_kind(suffix: str, *, tables: bool = True) -> str:
 
     Args:
         suffix: its suffix.
-        tables: text that may hold heights and may hold anything else counts as a height map.
+        tables: whether text files, which may or may not hold heights, count as height maps.
     """
     suffix = suffix.lower()
     return "height_map" if tables and suffix in TABLE_SUFFIXES else _BY_SUFFIX.get(suffix, "")

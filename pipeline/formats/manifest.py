@@ -5,7 +5,7 @@ A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
 A2,s3://lots/7/A2.npz
 A3,,,A3.light-1.png | A3.light-2.png                    several photographs of one part
 
-A table without headings has a column of files, perhaps one of names before it and one of expected texts after it.
+A table without headings has a column of files, and optionally one of names before it and one of expected texts after.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def is_manifest(name: str) -> bool:
 
 
 def names_no_files(name: str) -> bool:
-    """Whether a CSV on this machine lists texts of parts, as a truth or a table of rows does, and names no files."""
+    """Whether a local CSV lists texts of parts but no files, as a table of truths or of readings does."""
     path = Path(name)
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
@@ -77,15 +77,15 @@ def names_no_files(name: str) -> bool:
 def read_manifest(source: str) -> Sequence[PartFiles]:
     """The parts of a table, see `table_lines`.
 
-    A file that is named relatively lies beside the table. A part without a name is called as the first of its
-    files, with as much of the folder as makes it unique. Other columns and empty lines are passed over.
+    File names are relative to the table. A part without a name takes that of its first file, with as much of the folder
+    as makes it unique. Other columns and empty lines are ignored.
 
     Args:
         source: path or URL of the table.
 
     Raises:
-        FileError: it cannot be read, has no column of files or one that may be misspelled, or a line without a
-            file, with a part spoken of before, or not complete; says which line.
+        FileError: it cannot be read, has no column of files or a misspelled one, or a line names no file, repeats a
+            part or is not complete; names the line.
         MissingExtraError: a library that URLs need is not installed.
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
@@ -110,7 +110,7 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
 
 
 def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
-    """Make a part of one line."""
+    """Make a part from one line."""
     if _CONTROL.search("".join(cells.values())):
         column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
         raise DataError(f"{where} has a line break or control character under {column}", "check its quotes")
@@ -148,7 +148,7 @@ def _place(source: str, where: str, name: str) -> str:
 
 
 def _columns(header: Sequence[str]) -> dict[str, int]:
-    """The place of each known column."""
+    """The index of each known column."""
     found: dict[str, int] = {}
     for place, title in enumerate(header):
         name = title.strip().lower()

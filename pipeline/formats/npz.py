@@ -1,11 +1,11 @@
 """Height maps as `.npz`: `z_mm` (rows, cols) in mm, NaN for dropouts, row 0 at the top, and one `pitch_mm`.
 
-Beside them may lie what is on the part: `friction`, `soft_mm` (thickness of dirt that yields, under `z_mm` as its
-top) and `hardness_mpa`, each a map on the same grid or one number; and `rows`, which says that the first row is the
-top one ("top-first") or the lowest one ("bottom-first"). A file without it may have been written either way.
+Optional members describe dirt on the part: `friction`, `soft_mm` (thickness of dirt that yields, with `z_mm` as its
+top) and `hardness_mpa`, each a map on the same grid or one number. `rows` says whether the first row is the top one
+("top-first") or the lowest one ("bottom-first"). A file without it may have been written either way.
 
-The header of a member is looked at before the member is unpacked: what is too large or of the wrong type is
-refused without taking the memory.
+The header of a member is checked before the member is unpacked: one that is too large or of the wrong type is refused
+without using memory.
 """
 
 from __future__ import annotations
@@ -111,8 +111,7 @@ class _Archive(zipfile.ZipFile):
         if "rows" not in self.members:
             return None
         if (stated := self.item("rows", kinds="U")) not in _ROWS:
-            what = "states no order of its rows"
-            raise DataError(what, f"save rows as {' or '.join(_ROWS)}, or leave it out")
+            raise DataError(f"has rows = {stated!r}", f"save rows as {' or '.join(_ROWS)}, or leave it out")
         return str(stated)
 
     def soil(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -140,8 +139,8 @@ class _Archive(zipfile.ZipFile):
 def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of an `.npz` file, and the dirt on the part.
 
-    A member of the dirt that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal
-    friction.
+    If only some of the dirt's members are there, defaults fill in the others: no soft dirt, hardness of caked grime,
+    nominal friction.
 
     Raises:
         DataError: the file cannot be used.

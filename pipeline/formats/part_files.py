@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
-from pipeline.common.texts import listed
+from pipeline.common.texts import split_commas
 from pipeline.errors import is_url, is_web
 from pipeline.formats.kinds import HEIGHT_IMAGE_SUFFIXES, file_kind
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 LOCAL = ("file", "local")
 _MOST_FILE_NAME = 120
-# folders whose names are kept, so that a table of many missing files lists each folder once
+# number of cached folder listings, so that a table of many missing files lists each folder once
 _KEPT_FOLDERS = 16
 _MOST_NAMED = 5
 
 
 def split_name(name: str | Path) -> tuple[str, str]:
-    """Folder and last part of a path or URL; a web address's query is no part of it."""
+    """Folder and last part of a path or URL, without the query of a web address."""
     name = str(name)
     if not is_url(name):
         folder, slash, last = name.rpartition("/")
@@ -74,7 +74,7 @@ def beside(source: str, name: str) -> str:
         return name
     if not is_url(source):
         place = os.path.join(os.path.dirname(source), name)
-        # spelled as Path spells it, so that equal names compare equal; most names need no Path object for that
+        # spelled as Path does, so that equal names compare equal; most names need no Path object for that
         return str(Path(place)) if ("//" in place or "./" in place) and not name.endswith("/") else place
     folder = split_name(source)[0]
     scheme, _, place = folder.partition("://")
@@ -104,13 +104,13 @@ def spelling_on_disk(name: str) -> Path:
             found /= part
             continue
         alike = _names(found).get(folded(part), ())
-        # another composition of the same letters goes before other letters
+        # the same letters in another composition come before other letters
         same = [one for one in alike if _composed(one) == _composed(part)] or alike
         if not same:
             return path
         if len(same) > 1:
             raise FileError(
-                path, f"is not there, and {' and '.join(same[:_MOST_NAMED])} are", "name one as it is spelled"
+                path, f"is not there, but {' and '.join(same[:_MOST_NAMED])} are", "name one as it is spelled"
             )
         found /= same[0]
     return found
@@ -150,13 +150,13 @@ class PartFiles:
     """One part by its files, each a path or URL; empty if missing.
 
     Attributes:
-        name: unique in its list; control characters are written as words.
+        name: unique in its list; control characters are written as escapes.
         height_map: file of its height map.
         scan: file of its recorded scan.
-        photos: files of its photographs, the others under other lights or at other exposures.
+        photos: files of its photographs, taken under several lights or at several exposures.
         expected: text that it should read; empty if none is known.
         format: format of its serial; empty for that of the run.
-        font: font of its mark; empty where the run's are meant.
+        font: font of its mark; empty for those of the run.
         problem: why it cannot be read, found before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.
 
@@ -207,7 +207,7 @@ def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
     if part.format:
         own["format"] = (part.format,)
     if part.font:
-        own["font"] = listed(part.font)
+        own["font"] = split_commas(part.font)
     return settings.model_copy(update=own) if own else settings
 
 
@@ -232,7 +232,7 @@ def set_of(file: str) -> str:
 def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     """The parts with unique names: as much of the folder before a name as needed.
 
-    Parts of one name and one folder, which only manifests can tell of, are numbered.
+    Parts with the same name and folder, which only manifests can list, are numbered.
     """
     names = [p.name for p in parts]
     if len(set(names)) == len(names):

@@ -2,7 +2,7 @@
 
 Pillow reads the header and decodes; OpenCV decodes pictures of 16 bit, which Pillow would cut to 8.
 
-decoded (rows, cols, 3 or 4) --turn_upright--> --lay_on_ground--> (rows, cols, 3) --stretch--> 8 or 16 bit
+decoded (rows, cols, 3 or 4) --turn_upright--> --flatten_opacity--> (rows, cols, 3) --stretch--> 8 or 16 bit
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _SAMPLED = 1_000_000
 _DARK_PERCENT, _BRIGHT_PERCENT = 1.0, 99.0
 """Percentiles of 16 bit pictures: values far beyond are hot pixels or glints."""
 _BELOW, _ABOVE = 1.0, 2.0
-"""Range kept below and above the percentiles, of their distance: flanks of a small line lie there, and photographs
-of 8 bit fill about as much of their scale."""
+"""Range kept below and above the percentiles, as a multiple of their distance: it holds the flanks of a small line, and
+8 bit photographs fill about as much of their scale."""
 _BLANK = 2.0 / 255.0
-"""Range of the middle 99.8 % of a blank page, of the full scale."""
+"""Range of the middle 99.8 % of a blank page, as a share of full scale."""
 
 
 def turn_upright(pixels: Decoded, orientation: int) -> Decoded:
@@ -50,10 +50,10 @@ def turn_upright(pixels: Decoded, orientation: int) -> Decoded:
     return turned[:, ::-1] if orientation in (2, 4, 5, 7) else turned
 
 
-def lay_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
+def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
     """(rows, cols, 3) opaque pixels, and the background ("white", "black") that shows through; "" if none does.
 
-    Evenly opaque or transparent pictures keep their colours. Where what is opaque is dark the ground is white, else
+    Evenly opaque or transparent pictures keep their colours. The background is white if the opaque parts are dark, else
     black.
     """
     colours = pixels[..., :3]
@@ -74,7 +74,7 @@ def lay_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
 def stretch(pixels: Decoded) -> Pixels:
     """Stretch pixels of 16 bit to their full scale; 8 bit is unchanged.
 
-    The scale ends a little beyond the percentiles, and nowhere beyond the numbers there are.
+    The scale ends a little beyond the percentiles, but not beyond the least and greatest values.
     """
     if pixels.dtype == np.uint8:
         return pixels.view(np.uint8)
@@ -91,7 +91,7 @@ def stretch(pixels: Decoded) -> Pixels:
 
 def is_blank(pixels: Decoded) -> bool:
     """Whether a page is blank."""
-    made, _ = lay_on_ground(pixels)
+    made, _ = flatten_opacity(pixels)
     low, high = np.percentile(_some(made), (0.1, 99.9))
     return bool(high - low < _BLANK * np.iinfo(made.dtype).max)
 
@@ -114,7 +114,7 @@ _COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 28
 _SUBFILE, _REDUCED = 254, 1
 """Tag of a TIFF page, and its bit for a smaller copy of another page."""
 _MOST_PAGES = 24
-"""Most pages of a TIFF among which one that is not blank is searched; each is decoded."""
+"""Most pages of a TIFF to search for one that is not blank; each is decoded."""
 _FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
 """Passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond."""
 _NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
@@ -126,7 +126,7 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
 
     Pictures of 16 bit are stretched between percentiles, so that neither a 12 bit camera nor a single glint leaves
     the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
-    frame. Transparent pixels are laid on white, or on black where the rest is bright. The photograph's notes say so.
+    frame. Transparent pixels are laid on white, or on black if the rest is bright. The photograph's notes say so.
     The pixel size is taken from the file where it states one in metres or inches that is not a usual default (72 or
     96 dpi).
 
@@ -142,9 +142,9 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     with _opened(path, most) as image:
         page, pages = _page(path, image) if image.format == "TIFF" else (0, getattr(image, "n_frames", 1))
         if min(image.size) < 8:
-            raise DataError(f"has {_size(image)}, which shows no characters", "take it larger")
+            raise DataError(f"has {_size(image)}, too few for characters", "take a larger photograph")
         pixels, pitch_mm = _decoded(path, image, page), _pitch_mm(image)
-    pixels, ground = lay_on_ground(pixels)
+    pixels, ground = flatten_opacity(pixels)
     notes = [] if image.format == "MPO" or pages < 2 else [_page_note(image.format, page, pages)]
     notes += [f"the picture is transparent in places; it was laid on {ground}"] if ground else []
     return Photo(stretch(pixels), pitch_mm=pitch_mm, notes=tuple(notes))
@@ -200,7 +200,7 @@ def _size(image: ImageFile) -> str:
 
 def _pitch_mm(image: ImageFile) -> float | None:
     """Size of a pixel, if x and y agree to a hundredth and it is neither absurd nor a program's default."""
-    # what EXIF says is a camera's habit, no scale; WebP has nothing else
+    # EXIF holds a camera's default resolution, not a scale; WebP has no other
     if image.format == "WEBP" or (image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit")):
         return None
     unit_mm, (x_dpi, y_dpi) = _INCH_MM, (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
@@ -221,7 +221,7 @@ def _pitch_mm(image: ImageFile) -> float | None:
 def _page(path: Path, image: ImageFile) -> tuple[int, int]:
     """Choose the first page of a TIFF that is not blank; return its number and the number of pages.
 
-    Smaller copies of a page do not count. Beyond `_MOST_PAGES` nothing is looked at or counted.
+    Smaller copies of a page do not count, nor do pages beyond `_MOST_PAGES`.
     """
     whole = []
     for number in range(_MOST_PAGES):
@@ -256,13 +256,13 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
     deep = _is_deep(path, image)
     if image.mode in ("I", "F") and not deep:
         raise DataError(
-            f"is a {image.format} of numbers of 32 bit, not a photograph",
+            f"is a {image.format} of 32 bit numbers, not a photograph",
             "read heights with --height-image and --pitch-mm, or from .npz with z_mm and pitch_mm",
         )
     try:
         if image.format == "PNG":
             with Image.open(path, formats=("PNG",)) as again:
-                again.verify()  # loading passes over damaged checksums
+                again.verify()  # loading ignores damaged checksums
         if deep:
             made = _decoded_deep(path, page)
         else:
@@ -272,7 +272,7 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
     except (OSError, SyntaxError, ValueError) as error:
         what = f"is a {image.format} that is damaged, unusual or ends too soon"
         raise DataError(what, "copy it again, or save it as PNG of 8 bit") from error
-    # of a TIFF both libraries have turned it
+    # both libraries have turned a TIFF already
     turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
     return turn_upright(made, turned)
 
@@ -284,7 +284,7 @@ def _is_deep(path: Path, image: ImageFile) -> bool:
     if image.format == "PPM":
         return image.mode == "I"
     with path.open("rb") as stream:
-        return image.format == "PNG" and stream.read(25)[24:] == b"\x10"  # of IHDR, which comes first
+        return image.format == "PNG" and stream.read(25)[24:] == b"\x10"  # bit depth in the first chunk, IHDR
 
 
 def _decoded_deep(path: Path, page: int) -> Decoded:
@@ -297,7 +297,7 @@ def _decoded_deep(path: Path, page: int) -> Decoded:
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
-    """A stored page of a picture, (rows, cols) or (rows, cols, channels); None if it is damaged."""
+    """Decode a page of a picture, (rows, cols) or (rows, cols, channels); None if it is damaged."""
     from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()
@@ -311,9 +311,9 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits, if the user declares them as heights.
+    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits that the user declares to be heights.
 
-    The pitch is the pixel's size where the file says one.
+    The pitch is the pixel's size if the file states one.
 
     Raises:
         FileError: a colour picture, or one of 8 bits.
@@ -339,7 +339,7 @@ def _size_of_doubles(path: Path) -> tuple[int, int] | None:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
     with path.open("rb") as stream, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what is damaged is refused below
+        warnings.simplefilter("ignore")  # damaged files are refused below
         head = stream.read(HEAD_BYTES)
         if (kind := kind_of(head)) is None or kind.name != "TIFF":
             return None

@@ -1,7 +1,7 @@
 """Heights from meshes (STL, PLY, OBJ, by trimesh) and points.
 
 x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a
-grid keep their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
+grid keep their heights; others are joined by triangles, of which the highest at a place counts, so that the underside
 of a closed body is not read. The files state no unit.
 """
 
@@ -30,9 +30,9 @@ MOST_SCATTERED = 2_000_000
 MOST_DRAWN = 300_000_000
 """Most samples that the triangles of a mesh cover together: two seconds of work."""
 _LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
-"""Samples along the longer side of a map made of triangles, whose own size may be meaningless: a flat land has two."""
+"""Samples along the longer side of a map of triangles; their own size may mean nothing: a flat land has two."""
 _GAP = 6.0
-"""Sides of a triangle between points, mean distances, from which it spans a dropout."""
+"""Longest side of a triangle between points, in mean distances, from which it spans a dropout."""
 # a grid: least rows and columns, least share of them with a point, and pitches by which a point may miss its place
 _LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
 
@@ -48,7 +48,7 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """
     import trimesh
 
-    with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
+    with path.open("rb") as stream:  # given a path, trimesh would look for textures beside it
         scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
     corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for geometry in scene.geometry.values():
@@ -211,7 +211,7 @@ def _draw(z, places, faces):  # type: ignore[no-untyped-def]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
         if abs(area) < 1e-12:  # a wall
             continue
-        # the plane, and the heights that a triangle of almost no area may not leave
+        # slopes of its plane, and limits of its heights: the slopes of a thin triangle are inaccurate
         across = ((b[2] - a[2]) * (c[1] - a[1]) - (c[2] - a[2]) * (b[1] - a[1])) / area
         down = ((c[2] - a[2]) * (b[0] - a[0]) - (b[2] - a[2]) * (c[0] - a[0])) / area
         low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])

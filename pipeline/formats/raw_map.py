@@ -13,9 +13,9 @@ from pipeline.errors import DataError
 
 # heights that programs write for missing points; besides these all numbers of nines, such as -99.99 and -9999
 _MISSING = (-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0)
-# least distance of such a height from all others, in ranges of the others; and for any other height that means missing
+# least distance of such a height from all others, in ranges of the others; and the same for any other marker
 _APART, _FAR_APART = 2.0, 100.0
-# share of the points that may be missing: of the well-known heights, and of others
+# share of the points that may be missing, for the well-known heights and for other markers
 _MOST_MISSING, _MOST_OTHERS = 0.9, 0.2
 _SUBSAMPLE = 200_000
 

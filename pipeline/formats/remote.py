@@ -3,10 +3,10 @@
     s3://bucket/lot/a.npz --fetched--> /tmp/tactile-marks-x/height_map/a.npz --read--> gone
 
 Credentials, endpoints and proxies are those of fsspec's file systems: AWS_ACCESS_KEY_ID, AWS_PROFILE,
-AWS_ENDPOINT_URL, GOOGLE_APPLICATION_CREDENTIALS, or fsspec's own configuration, which goes before the limits of time
-here. Only kinds of URL that name one file in one place are read: chains (`zip://a::s3://b`), archives and caches,
-which could write or open anything else, are refused. What stands in a name is taken as it is: no %20 is turned into a
-space, and :: in an object's name is no chain.
+AWS_ENDPOINT_URL, GOOGLE_APPLICATION_CREDENTIALS, or fsspec's own configuration, which overrides the time limits here.
+Only kinds of URL that name one file in one place are read: chains (`zip://a::s3://b`), archives and caches, which could
+write or open anything else, are refused. Names are used unchanged: %20 does not become a space, and :: in an object's
+name is not a chain.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ _S3, _GS, _HTTP = ("s3fs", "s3"), ("gcsfs", "gs"), ("aiohttp", "cluster")
 _EXTRAS = {"s3": _S3, "s3a": _S3, "gs": _GS, "gcs": _GS, **dict.fromkeys(WEB, _HTTP)}
 _MORE = ("abfs", "abfss", "az", "ftp", "hdfs", "memory", "sftp", "smb", "ssh", "webhdfs")
 _SCHEMES = (*LOCAL, *_EXTRAS, *_MORE)
-# time that a server may take to answer at all, and to send something more
+# seconds that a server may take to connect, and between two pieces of data
 _CONNECT_S, _SILENCE_S = 5.0, 20.0
 _ATTEMPTS = 2
 _LEAST_BYTES_PER_S = 50_000.0
 _START_S = 60.0
-"""Longest copy: this time plus its size divided by that rate, so that a slow server is given up."""
+"""Longest copy: this time plus its size divided by that rate; a slower server is given up."""
 _NETWORK_MEND = "check the network, the endpoint and the credentials, and start it again"
 _QUERY = re.compile(r"\?[^\s'\"]+")
-"""Query of an address in a library's message; it may sign the address."""
+"""Query of an address in a library's message; it may hold a signature."""
 
 
 def list_remote(url: str) -> list[str]:
     """Files of a folder (not of folders in it) or of a glob, as URLs in the order of their names.
 
-    Of a URL that names a file, that file. A folder of a web server ends in a slash and is what links its page has.
+    A URL of a file gives that file. A folder of a web server ends in a slash; its files are the links on its page.
 
     Raises:
         FileError: no such place, or it cannot be listed.
@@ -67,7 +67,7 @@ def list_remote(url: str) -> list[str]:
         entries = files.glob(path, detail=True).values() if has_magic(url) else files.ls(path, detail=True)
         found = [str(entry["name"]) for entry in entries if _is_file(entry)]
         bare, path = url.rstrip("/"), path.rstrip("/")
-        if bare.endswith(path):  # the names lack what stands before: s3://, sftp://host
+        if bare.endswith(path):  # the names lack the beginning: s3://, sftp://host
             return sorted({bare.removesuffix(path) + name for name in found})
         return sorted({str(files.unstrip_protocol(name)) for name in found})
 
@@ -76,15 +76,15 @@ def list_remote(url: str) -> list[str]:
 def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
-    Errors of a copy name its URL. If a part can be felt, a photograph that cannot be copied is a problem of the
+    Errors of a copy name its URL. If the part has touch files, a photograph that cannot be copied is a problem of the
     photograph alone.
 
     Args:
         part: the part, with the names of its files; one with a problem is not copied at all.
-        photos: photographs, too, are wanted of parts that can be felt.
+        photos: whether to copy photographs of parts with touch files, too.
 
     Raises:
-        FileError: a file that is not there, may not be read, is too long, or cannot be copied.
+        FileError: a file is missing, may not be read, is too long, or cannot be copied.
         MissingExtraError: a library that URLs need is not installed.
     """
     if part.felt and not photos:
@@ -111,7 +111,7 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
 
 @contextlib.contextmanager
 def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
-    """A copy of one file in a folder of its own, under its own name as far as that is harmless.
+    """Copy one file to a folder of its own, under its own name without unsafe characters.
 
     Errors of the block name the URL.
 
@@ -123,7 +123,7 @@ def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
     with _as_file_errors(url):
         path = str(files._strip_protocol(url))
         guard = _guard(url, most_bytes)
-        # a web server answers the copy itself with the size, or the reason for a refusal
+        # a web server states the size, or refuses, when the copy is requested
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
             raise problem_of(url, "is not a file", "name a file, or the folder among the inputs")
@@ -139,7 +139,7 @@ def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
 
 
 def _guard(url: str, most_bytes: int) -> Any:
-    """Fsspec's callback of a copy: ends one that is too long or too slow."""
+    """Fsspec's callback that ends a copy that is too long or too slow."""
     from fsspec.callbacks import Callback
 
     began_s = time.monotonic()

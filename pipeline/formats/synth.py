@@ -1,7 +1,7 @@
 """Make test parts: stamped plates, dirt, photographs, and the table of their texts.
 
-The truth stands in `truth.csv` alone; no part's own file holds its text. A part depends on the seed and its
-number only, so the first ten of fifty are the same as ten.
+Only `truth.csv` holds the texts, no part's own file does. A part depends on the seed and its number only, so the first
+ten of fifty are the same as ten.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from pipeline.formats.photos import write_photo
 TRUTH_FILE = "truth.csv"
 MAX_PARTS = 1_000_000
 MOST_LIGHTS = 12
-_OF_THE_STAMP = (
+_STAMP_SETTINGS = (
     *("format", "font", "height_mm", "depth_mm", "face", "bevel_deg", "raised"),
     *("practice", "die", "plate", "layout"),
 )
@@ -70,8 +70,8 @@ class SynthSpec(Stamping):
         draw_light(rng, azimuth_deg=self.light_azimuth_deg, elevation_deg=self.light_elevation_deg)
         Camera(pitch_mm=self.pixel_mm)
         if self.practice is not None and not self.variation:
-            what = "a practice is how blows differ"
-            raise SettingsError(what, hint="leave out either it or 'no variation'")
+            what = "a practice makes blows differ, and 'no variation' makes them equal"
+            raise SettingsError(what, hint="leave out one of the two")
         known: Mapping[str, Any]
         for kind, known in (("practice", PRACTICES), ("die", DIES), ("plate", PLATES), ("layout", LAYOUTS)):
             if (name := getattr(self, kind)) is not None:
@@ -99,7 +99,7 @@ class SynthSpec(Stamping):
 def make_part(spec: SynthSpec, number: int) -> Part:
     """Make the part with a number; it does not depend on parts made before."""
     return stamp(
-        **{name: getattr(spec, name) for name in _OF_THE_STAMP},
+        **{name: getattr(spec, name) for name in _STAMP_SETTINGS},
         variation=None if spec.variation else StampingVariation.none(),
         dirt=spec.soiling.severity if spec.soiling.mixture is None else spec.soiling.mixture,
         soil=spec.soiling.soils,
@@ -127,8 +127,8 @@ def write_parts(
         spec: settings of the parts.
         folder: output folder, made if missing.
         parts: number of parts.
-        photos: whether photographs are taken.
-        overwrite: write into a folder that is not empty.
+        photos: whether to take photographs.
+        overwrite: whether to write into a folder that is not empty.
         each: calls a function with every number and gives the results in order, as `map` does; the files written do
             not depend on it.
 
@@ -136,7 +136,7 @@ def write_parts(
         (name, text) of each part.
 
     Raises:
-        FileError: the folder is not empty and not to be overwritten, or cannot be written.
+        FileError: the folder is not empty and `overwrite` is off, or it cannot be written.
         MapError: a photograph too large.
         SettingsError: an invalid number of parts.
     """
@@ -179,6 +179,6 @@ def write_surface(path: Path, height_map: HeightMap, soil: Soil | None) -> None:
         FileError: it cannot be written.
     """
     members = {} if soil is None else soil_members(soil)
-    # half precision holds micrometres of a tenth of a millimetre, at half the size
+    # half precision resolves a tenth of a millimetre to a micrometre, at half the size
     more = {name: np.asarray(values).astype(np.float16) for name, values in members.items()}
     write_npz(path, height_map, more=more)

@@ -1,8 +1,8 @@
-"""Read tables that people save from a spreadsheet, in every form of CSV that one writes.
+"""Read tables that people save from a spreadsheet, in every form of CSV that spreadsheets write.
 
 bytes --byte order mark--> text (UTF-8, UTF-16) --"sep=" line, or count--> delimiter --quotes--> TableLine
 
-Every table of a user's passes through here: manifests, texts to expect, production orders, answers to an exam.
+All tables from users are read here: manifests, expected texts, production orders, answers to an exam.
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ def table_lines(
         comments: skip lines that begin with #.
         delimiter: between cells (default: detected).
         skip_lines: lines to skip at the start, where the delimiter is given.
-        errors: method to decode invalid bytes, such as `CP1252`.
+        errors: error handler for invalid bytes, such as `CP1252`.
 
     Raises:
-        DataError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.
+        DataError: it is a workbook, not UTF-8 or UTF-16 text, or not CSV; names the line.
     """
     number = skip_lines
     with path.open("rb") as start:
@@ -112,7 +112,7 @@ def check_serial(line: int, text: str) -> str:
     """
     if _ROUNDED.fullmatch(text):
         what = f"line {line} holds {text}, a serial that a spreadsheet has rounded"
-        raise DataError(what, "have the column as text there, and save the table again")
+        raise DataError(what, "format the column as text there, and save the table again")
     return text
 
 
@@ -170,7 +170,7 @@ def _bounded(stream: TextIO) -> Iterator[str]:
     """The lines of a stream.
 
     Raises:
-        DataError: a line that no table has.
+        DataError: a line is too long for a table.
     """
     while line := stream.readline(_MOST_LINE):
         if len(line) == _MOST_LINE:
@@ -181,8 +181,8 @@ def _bounded(stream: TextIO) -> Iterator[str]:
 def _delimited(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], str, int]:
     """The lines to parse, their delimiter, and the number of lines before them.
 
-    The delimiter is the one that a "sep=" line names, or the one that gives most of the first lines as many cells as
-    the first of them has.
+    The delimiter is the one that a "sep=" line names, or the one that splits most of the first lines into as many cells
+    as the first.
     """
     sample = list(islice(lines, _SAMPLE_LINES))
     first = next((k for k, line in enumerate(sample) if line.strip()), len(sample))

@@ -2,7 +2,7 @@
 
 text --layout of the first lines--> head | body --numpy--> NumberTable --> RawMap
 
-Any delimiter, a decimal point or comma, headings, and words for missing values are read.
+Any delimiter, a decimal point or comma, headings, and words for missing values are accepted.
 
 Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
 Surfer, Zygo XYZ and plain `key = value unit` lines. The first row of a matrix is the top one, unless a column of y
@@ -35,7 +35,7 @@ _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
-# a number with marks between its thousands and a decimal sign, in a line of numbers parted by semicolons or tabs
+# a number with thousands separators and a decimal sign, in a line of numbers separated by semicolons or tabs
 _GROUPED = re.compile(
     r"(?m)^(?=[^\n]*[;\t])[-+\d.,'’ \u00a0\u202f;\teE]*?\d([.,'’ \u00a0\u202f])\d{3}(?:\1\d{3}){0,3}(?!\1)[.,]\d"
 )
@@ -131,7 +131,7 @@ def read_number_table(path: Path) -> NumberTable:
 
 
 def _decode(data: bytes) -> str:
-    """Decode the text, with one kind of line ends, without quotes and without marks between thousands."""
+    """Decode the text, with one kind of line ends, without quotes and thousands separators."""
     text = data.decode(encoding_of(data[:_SNIFF_BYTES]), CP1252)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     if '"' in text[:_SNIFF_BYTES]:
@@ -164,12 +164,12 @@ def _count(line: str, layout: Layout) -> int:
             numbers += 1
         elif not _IS_MISSING.fullmatch(cell):
             return 0
-    # only this tells a decimal comma from a comma between columns
+    # at least half numbers: only this distinguishes a decimal comma from a comma between columns
     return len(cells) if 2 * numbers >= len(cells) else 0
 
 
 def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
-    """The names of the columns, with the units that a line below them may have."""
+    """The names of the columns, with the units from a line below them, if any."""
     cells = tuple(_cells_of_head(line, layout.columns) for line in head[-2:])
     if len(cells) == 2 and all(cells):
         units = [unit.strip("[]()- ") for unit in cells[1]]
@@ -179,7 +179,7 @@ def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
 
 
 def _cells_of_head(line: str, columns: int) -> tuple[str, ...]:
-    """The cells of a line of the head, in lower case; empty if their number is not that of the columns."""
+    """The cells of a line of the head, in lower case; empty unless there is one for each column."""
     line = line.strip().lstrip("#%/ ").lower()
     cells = [cell.strip() for cell in re.split(r"[;,\t]", line) if cell.strip()]
     cells = cells if len(cells) == columns else line.split()
@@ -228,7 +228,7 @@ def _number(cell: str) -> float:
 # most columns of a list of points (x y z, intensity, colour, normal); least rows for each of its columns
 _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
-# characters of a heading that are searched
+# number of characters of a heading that are searched
 _MOST_HEAD = 10_000
 # text before a key of a heading, and the keys as different programs and languages spell them
 _LINE = r"(?im)^(?:[^\w\n]|_)*"
@@ -273,7 +273,7 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
     else:
         return _matrix(table)
     raw = replace(map_of_points(points, most=most), z_mm=z_mm, xy_mm=xy_mm)
-    # places counted 0, 1, 2 are no lengths
+    # coordinates that count 0, 1, 2 are not lengths
     counted = xy_mm is None and raw.x_pitch == raw.y_pitch == 1.0
     return replace(raw, x_pitch=None, y_pitch=None) if counted else raw
 
@@ -282,7 +282,7 @@ def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], float | None
     """(n, 3) x, y and z, and the units of z and x in mm; None if the table does not name them.
 
     Raises:
-        DataError: a unit that is not known.
+        DataError: a unit is unknown.
     """
     found: dict[str, tuple[int, float | None]] = {}
     for column, name in enumerate(table.names):
@@ -348,7 +348,7 @@ def _matrix(table: NumberTable) -> RawMap:
 
 
 def _stated_pitches(head: str, rows: int, cols: int) -> tuple[float | None, float | None, float | None]:
-    """Column and row pitch that a heading states, and their unit in mm; None for what it does not state."""
+    """Column and row pitch that a heading states, and their unit in mm; None for each that is missing."""
     width, height = (_in_head(head, keys) for keys in _SIZE_KEYS)
     x, y = (_in_head(head, keys) for keys in _PITCH_KEYS)
     if width and height:
@@ -390,7 +390,7 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
 
 
 def _with_first_row(z: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:
-    """The matrix below the numbers that name its columns, such as y\\x, 0.0, 0.1; unchanged if words name them."""
+    """The matrix with its heading as first row if that is numbers, such as y\\x, 0.0, 0.1; else unchanged."""
     axis = [_number(name) for name in names[1:]]
     return np.vstack([[np.nan, *axis], z]) if axis and np.isfinite(axis).all() else z
 

@@ -1,4 +1,4 @@
-"""One file, by its suffix: a height map or a scan."""
+"""Read a height map or a scan from a file, by its suffix."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from pipeline.formats.raw_map import RawMap
     from whisker_array.scan.scan import Scan
 
-# most that a height file stores for one sample, and room for what it holds beside its heights
+# most bytes that a height file stores for one sample, and for everything else
 _BYTES_PER_SAMPLE, _SPARE_BYTES = 24, 64_000_000
-# of files that are height maps where they are named as such
+# readers of files that are height maps only if the user says so
 _NAMED = {
     ".mat": ("binary_grids.read_mat", "MATLAB"),
     **dict.fromkeys(PHOTO_SUFFIXES, ("photos.read_height_image", "picture")),
@@ -31,7 +31,7 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
     """Read the height map in a file, in mm, row 0 at the top.
 
     Args:
-        path: the file; its suffix says which format it is.
+        path: the file; its suffix determines the format.
         settings: unit, pitch, kind and order of rows (default: as the file states them).
 
     Raises:
@@ -48,7 +48,7 @@ def read_part_map(
     Args:
         path: as in `read_height_map`.
         settings: likewise.
-        most: samples that it may have, checked from the file's head where its format has one.
+        most: most samples that it may have, checked from the file's header if its format has one.
 
     Raises:
         FileError: likewise.
@@ -74,7 +74,7 @@ def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
 
     Args:
         path: the file.
-        most: samples that it may have; with it, a file that points to other files is refused, too.
+        most: most samples that it may have; with it, a file that points to other files is refused, too.
 
     Raises:
         FileError: the file cannot be used.

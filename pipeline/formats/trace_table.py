@@ -34,7 +34,7 @@ class TraceTable:
         columns: (rows,) float64 by name or number; NaN where a value is missing.
         first_line: line of the first row; 0 where the file has no lines.
         rate_hz: rate given in the file, or 0.
-        stamped: columns that held time stamps, now seconds.
+        stamped: columns of time stamps, converted to seconds.
     """
 
     columns: dict[Column, NDArray[np.float64]]
@@ -69,16 +69,16 @@ class TraceTable:
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
-    """Read the columns that the description names; time stamps become seconds.
+    """Read the columns that the description names; time stamps are converted to seconds.
 
-    TDMS channels that begin at other times than the first, or were sampled at another rate, are laid on its samples.
+    TDMS channels with another start or sampling rate than the first are resampled at its samples.
 
     Args:
         path: the file.
         layout: description of the columns and of the text layout.
 
     Raises:
-        DataError: a file of another kind or damaged; a missing column; a value that is not a number.
+        DataError: the file is of another kind or damaged, lacks a column, or has a value that is not a number.
         MissingExtraError: the library for TDMS is missing.
     """
     if path.suffix.lower() == ".tdms":
@@ -104,7 +104,7 @@ def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
             first_line += 1
             continue
         if line.number != (expected := first_line + len(values) // n):
-            raise DataError(f"has nothing in line {expected}, and values after it", "take it out")
+            raise DataError(f"has an empty line {expected} before further values", "take it out")
         for place, name in zip(places, wanted, strict=True):
             stamp = second_of_day(line.cell(place)) if name == asked.time else None
             stamped.update(() if stamp is None else (name,))
@@ -126,7 +126,7 @@ def second_of_day(written: str) -> float | None:
 
 
 def _is_units(line: TableLine, places: Sequence[int]) -> bool:
-    """Whether a line below the header names units: it has words, and no digit in any column wanted."""
+    """Whether a line below the header names units: it has text, but no digit, in the wanted columns."""
     written = "".join(line.cell(place) for place in places)
     return bool(written) and not any(char.isdigit() for char in written)
 
@@ -197,12 +197,12 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
 def _on_first_clock(
     columns: Mapping[Column, Floats], channels: Mapping[Column, Any], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
-    """Channels on the samples of the first one, over the stretch that all of them cover.
+    """Resample channels at the samples of the first one, over the time that all of them cover.
 
     Args:
         columns: values of each channel.
         channels: the channels, each with a clock.
-        states: channels that hold a value until it changes; the others are joined by straight lines.
+        states: channels that hold a value until it changes; the others are interpolated linearly.
 
     Raises:
         DataError: one is not recorded at the same time as the others.
@@ -218,7 +218,7 @@ def _on_first_clock(
     run_s = at_s[first][(at_s[first] > at_s[late][0] - tick_s) & (at_s[first] < at_s[early][-1] + tick_s)]
     if run_s.size < 2:
         gap_s = at_s[late][0] - at_s[early][-1]
-        what = f"has channel {late!r} begin {gap_s:.3f} s after channel {early!r} ends"
+        what = f"has channel {late!r}, which begins {gap_s:.3f} s after channel {early!r} ends"
         raise DataError(what, "record all channels at the same time")
     return {
         name: values[np.searchsorted(at_s[name], run_s + tick_s, side="right") - 1]

@@ -1,9 +1,9 @@
-"""Description of trace files recorded by others, as TOML: columns, units, and places of the whiskers.
+"""Description of trace files from other systems, as TOML: columns, units, and positions of the whiskers.
 
 whisker = "whisker.toml"          the whiskers (`pipeline.formats.whisker_file`), beside this file
 moment_unit = "V"                 N*mm, mN*m, N*m, or V
 position_unit = "mm"              um, mm, m, in
-lead_mm = 1.5                     of each pass, before and behind the marks
+lead_mm = 1.5                     run-in and run-out of each pass
 [columns]                         by name, or by number from 1; of TDMS "group/channel"
 moment = ["ch0", "ch1"]           one a whisker
 x = "X"
@@ -30,10 +30,10 @@ class Columns(Strict, strict=True):
     Attributes:
         moment: column of each whisker's signal.
         x: x of the stage's position.
-        y: likewise; plate frame, y down the part.
-        time: in `time_unit`, or time stamps; `None`: the rate is known.
+        y: y of the stage's position, in the plate frame, with y down the part.
+        time: time in `time_unit`, or time stamps; `None`: the rate is known.
         lifted: not 0 where the array is lifted off; `None`: all samples touch.
-        number: number of the pass, negative between passes; `None`: a file is a pass.
+        number: number of the pass, negative between passes; `None`: each file is one pass.
     """
 
     moment: tuple[Column, ...] = Field(min_length=1, strict=False)
@@ -53,9 +53,9 @@ class Csv(Strict, strict=True):
     """Layout of text.
 
     Attributes:
-        delimiter: between values.
+        delimiter: separator of values.
         decimal: decimal sign of numbers, a point or a comma.
-        skip_lines: before the header, or before the first values where columns are numbered.
+        skip_lines: number of lines before the header, or before the first values if columns are numbered.
     """
 
     delimiter: str = Field(default=",", min_length=1, max_length=1)
@@ -70,15 +70,15 @@ class TracesFile(Strict, strict=True):
         whisker: whisker file.
         columns: columns of the quantities.
         moment_unit: unit of the signals.
-        position_unit: unit of the positions only; the keys name their own units.
-        time_unit: unit of the time column, where it holds numbers.
-        sampling_rate_hz: sampling rate where no column has the time, and no TDMS channel its increment.
-        lead_mm: run-in and run-out on bare land; 0 where there is none.
-        across_mm: distance of each tip beside the stage's position: towards +y in passes along x, towards +x in
-            passes along y (default: all on the position).
-        turns: the comb is turned with the direction: across_mm is to the right of the travel.
+        position_unit: unit of the position columns only; keys in mm stay in mm.
+        time_unit: unit of the time column, if it holds numbers.
+        sampling_rate_hz: sampling rate, if there is neither a time column nor a TDMS channel with its increment.
+        lead_mm: run-in and run-out on bare land; 0 without any.
+        across_mm: lateral distance of each tip from the stage's position: towards +y in passes along x, towards +x in
+            passes along y (default: 0).
+        turns: whether the comb turns with the direction: across_mm is then to the right of the travel.
         behind_mm: distance of each tip behind the position (default: 0).
-        part_mm: x0, y0, x1, y1 of the part; a tip beyond it feels nothing (default: the whole plate).
+        part_mm: x0, y0, x1, y1 of the part; a tip beyond it does not touch (default: the whole plate).
         part_id: name of the part.
         start_time: ISO 8601 with zone.
         csv: layout of text files.
@@ -108,12 +108,12 @@ class TracesFile(Strict, strict=True):
         if n > 1 and not self.across_mm:
             raise ValueError(f"lacks the key across_mm, with {n} whiskers that do not run on one line")
         if self.behind_mm and min(self.behind_mm) != 0.0:
-            raise ValueError("has no whisker with 0 in behind_mm, which is counted from the foremost")
+            raise ValueError("has no whisker with 0 in behind_mm, which counts from the foremost whisker")
         if self.part_mm is not None and not (
             self.part_mm[0] < self.part_mm[2] and self.part_mm[1] < self.part_mm[3]
         ):
             raise ValueError(
-                f"has part_mm {list(self.part_mm)}, which is least x, least y, greatest x, greatest y"
+                f"has part_mm {list(self.part_mm)}; it must be least x, least y, greatest x, greatest y"
             )
         named = self.columns.named()
         if len(set(named)) < len(named):
@@ -126,7 +126,7 @@ def read_traces_file(path: Path) -> TracesFile:
     """Read a description of trace files.
 
     Raises:
-        FileError: no file, no TOML, unknown or missing keys, invalid numbers.
+        FileError: the file is missing or not TOML, or has unknown, missing or invalid keys.
     """
     hidden = ("constrained-str", "constrained-int")
     return read_toml(path, TracesFile, format_version=_FORMAT_VERSION, hidden=hidden)

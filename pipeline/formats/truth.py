@@ -40,11 +40,11 @@ class Accuracy:
 
     Attributes:
         truth: text by part.
-        parts: parts with a truth.
+        parts: number of parts with a truth.
         parts_right: number of parts read without any error.
-        characters: true characters of those parts.
+        characters: number of true characters of those parts.
         edits: characters wrong, missing or too many.
-        without_truth: parts that were read but have none.
+        without_truth: number of parts that were read but have no truth.
         seen: names of the parts with a truth, as the table has them.
     """
 
@@ -92,8 +92,8 @@ class PartLine:
     Attributes:
         line: number in the file.
         part: its name.
-        text: stamped on it, or read.
-        others: the further columns, by their headings in lower case.
+        text: text stamped on it, or read.
+        others: the other columns, by their headings in lower case.
     """
 
     line: int
@@ -134,7 +134,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         repeated: a part may have several lines.
 
     Raises:
-        FileError: the table lacks columns, or names a part twice without permission.
+        FileError: the table lacks columns, or repeats a part although `repeated` is off.
     """
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         lines = table_lines(path)
@@ -168,7 +168,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 
 
 def part_name(cell: str) -> str:
-    """The part named in a cell: a file name from any system stands for its part."""
+    """The part named in a cell: a file name or path of any system stands for the part with its stem."""
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
     return path.stem if file_kind(path.suffix) else cell
 
@@ -176,7 +176,7 @@ def part_name(cell: str) -> str:
 _MOST_BYTES = 50_000_000
 _SEPARATE = "separate all columns by the same comma, semicolon or tab, and call the one meant serial"
 _RANGE = re.compile(r"\s*(\S+?)\s*\.\.\s*(\S+)\s*")
-# characters that no stamp has, but that appear in the cells of a wrongly parsed table
+# characters that no stamp has, but that the cells of a wrongly parsed table have
 _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 
 
@@ -184,8 +184,8 @@ def read_order(path: Path) -> ProductionOrder:
     """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099.
 
     Raises:
-        FileError: no such file, not text, no column or several that could hold the serials, a cell that is no
-            serial, or an invalid range; names the line.
+        FileError: the file is missing or not text, no single column holds the serials, a cell is not a serial, or a
+            range is invalid; names the line.
     """
     with reading(path, most_bytes=_MOST_BYTES):
         column, lines = _serials_column(list(table_lines(path, comments=True)))

@@ -7,10 +7,10 @@ l1_mm = 35.04                  lengths in mm, angles in degrees
 material = "music wire"        or a table with name, e_mpa, poisson, density_g_cm3, yield_mpa
 [section]
 kind = "ribbon"                thickness_mm, width_mm; "round": diameter_mm
-[identified]                   of a whisker that `identify` has found: how well
+[identified]                   uncertainty, for a whisker that `identify` has measured
 names = ["l1_mm", ...]         sd: standard deviations; correlation: a row for each name
 
-A test piece or golden part is a TOML of a `Piece`, or its own height map:
+A test piece or golden part is a TOML file of a `Piece`, or a height map:
 
 kind = "pits"                  or "grooves", "ball", "step"
 angle_deg = [30, 45, 60]       walls; lengths in mm: depth_mm, floor_mm, width_mm, radius_mm, land_mm
@@ -59,7 +59,7 @@ class WhiskerFile:
     Attributes:
         whisker: the whisker.
         touch: contact of the whisker with the surface.
-        character_height_mm: the characters it is for.
+        character_height_mm: height of the characters it is made for.
         line_pitch_mm: distance of traced lines.
         sample_pitch_mm: distance of samples.
         speed_mm_s: scan speed.
@@ -97,7 +97,7 @@ class _Identified(Strict):
     def knowledge(self) -> Knowledge:
         sd, n = np.array(self.sd), len(self.names)
         if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
-            what = f"identified has {n} names, and not as many of sd and of each side of correlation"
+            what = f"identified has {n} names, but sd or correlation is not of that size"
             raise WhiskerError(what, hint="let identify --out write it again")
         return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
 
@@ -129,7 +129,7 @@ class _Straight(_Written):
 
 
 _OneKind = Annotated[_L | _Straight, Field(discriminator="kind")]
-# the message on a missing kind names those that there are
+# with an empty kind the message on a missing one lists the valid kinds
 _ANY: TypeAdapter[_L | _Straight] = TypeAdapter(
     Annotated[_OneKind, BeforeValidator(lambda given: {"kind": "", **given})]
 )
@@ -169,8 +169,8 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     """Read a whisker and its use.
 
     Raises:
-        FileError: no file, no TOML, unknown or missing keys, invalid numbers, a whisker that jams on
-            the land.
+        FileError: the file is missing or not TOML, has unknown, missing or invalid keys, or describes a whisker that
+            jams on the land.
     """
     written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)
     with naming(path):
@@ -180,10 +180,10 @@ def read_whisker_file(path: Path) -> WhiskerFile:
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:
     """Write a whisker and its use; the file appears whole or not at all.
 
-    Numbers are written in full, so that reading gives the same whisker again (angles to rounding).
+    Numbers are written in full, so that reading gives the same whisker again (angles up to rounding).
 
     Raises:
-        FileError: not a .toml, it cannot be written, or the whisker is of a kind that this file cannot hold.
+        FileError: it is not a .toml, cannot be written, or cannot hold a whisker of this kind.
     """
     check_writable(path, (SUFFIX,))
     heading = f"# a whisker of tactile-marks and its use; lengths in mm\nformat_version = {FORMAT_VERSION}\n"
@@ -242,7 +242,7 @@ def read_surface(path: Path) -> HeightMap:
 
 
 def heights_of_piece(piece: Piece | HeightMap) -> Heights:
-    """Height over the land at places of the piece, mm.
+    """Function that returns the height over the land at places of the piece, mm.
 
     Raises:
         MapError: a map with holes.

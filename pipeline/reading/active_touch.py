@@ -1,4 +1,4 @@
-"""A height map on the simulated stage, felt pass by pass until its serial is sure."""
+"""Read a height map on the simulated stage pass by pass, until its serial is sure."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def read_actively(
     part_id: str = "",
     region_mm: Region | None = None,
 ) -> Reading:
-    """Read a height map by passes that are chosen one after the other; a note gives their cost.
+    """Read a height map by passes that are chosen one after the other; a note states their stage time.
 
-    The whiskers are those for the character height that is known, or that a first pass finds; where nothing is sure
-    with them, and the budget is not spent, those for the next height are tried.
+    The whiskers are those for the known character height, or for the one that a first pass finds. If the serial is not
+    sure and the budget not spent, those for the next height are tried.
 
     Args:
         reader: reader by touch.
@@ -43,10 +43,10 @@ def read_actively(
         budget_s: most stage seconds.
         soil: dirt on it, if known.
         part_id: name of the part.
-        region_mm: region of the line, if known; nothing else is felt.
+        region_mm: region of the line, if known; nothing else is scanned.
 
     Raises:
-        MapError: a map that cannot be felt, or soil on another grid.
+        MapError: the map cannot be scanned, or the soil is on another grid.
     """
     from pipeline.reading.simulated_scan import VirtualBench
 
@@ -59,7 +59,7 @@ def read_actively(
         bench = VirtualBench(surface, height_mm, fidelity, noise=False, part_id=part_id, soil=soil)
         session: StageSession = bench.open_session()
         if region_mm is not None:
-            # the stage's field is what may be felt: a recording of the passes holds it
+            # the field limits the passes, and the recording stores it
             session = FramedSession(session, x_mm=0.0, y_mm=0.0, field_mm=region_mm)
         tried = read_kept(reader, session, budget_s=budget_s - spent_s)
         session.close()

@@ -31,9 +31,9 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
         settings: fields of `ReadSettings`, such as font, format, height_mm, mode.
 
     Raises:
-        FileError: a file that cannot be used, or two of a kind.
+        FileError: a file cannot be used, or there are two of a kind.
         SettingsError: an unknown or invalid setting.
-        MarksError: a font or an expected text that cannot be used.
+        MarksError: a font or the expected text cannot be used.
     """
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of

@@ -42,10 +42,10 @@ def reading_record(
 
     Args:
         reading: the reading.
-        settings: it was read with.
+        settings: settings that it was read with.
         grammar: format of the serials; None for any.
-        part: its name.
-        seconds: it took.
+        part: name of the part.
+        seconds: time taken to read it.
     """
     from recognition.decision.decide import bench_faults
     from recognition.decision.reasons import reasons_of
@@ -114,8 +114,8 @@ def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None
     """Other serials that the format allows, with their probabilities.
 
     Args:
-        reading: as read.
-        lattice: beliefs of places that the reading was chosen from; None for a reading without characters.
+        reading: the reading.
+        lattice: posteriors from which the reading was chosen; None for a reading without characters.
         grammar: format of the serials; None for any.
     """
     from recognition.language.constrained_decoding import choose

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 
 ALERT = "bench"
 LATEST = 3
-"""Number of most recent felt parts that are checked."""
+"""Number of most recent scanned parts that are checked."""
 SHOWN_BY = 2
 """Number of these parts that must show a fault before it is reported: dirt on one part may look like a fault."""
 
 
 class BenchWatch:
-    """Faults of the most recent felt parts.
+    """Faults of the most recent scanned parts.
 
     Attributes:
-        parts: number of felt parts checked so far.
+        parts: number of scanned parts checked so far.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class BenchWatch:
         self.parts = 0
 
     def add(self, faults: Sequence[str]) -> bool:
-        """Add one felt part; return whether it triggers a new alert.
+        """Add one scanned part; return whether it triggers a new alert.
 
         Args:
             faults: faults in its recording: "whisker 3, dead whisker: gives ..." or "spikes: ..."; empty if none.
@@ -35,7 +35,7 @@ class BenchWatch:
         return bool(self.message()) and not before
 
     def status(self) -> str | None:
-        """The message; None before the first felt part."""
+        """The message; None before the first scanned part."""
         return self.message() if self.parts else None
 
     def message(self) -> str:

@@ -47,7 +47,7 @@ class Certificate:
         sources: sources of the readings: "tactile", "vision", "fused".
         parts: number of parts with a known truth, accepted or not.
         accepted: number of these that were accepted.
-        wrong: number of accepted parts that were read wrong.
+        wrong: number of these that were read wrong.
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
         tests: test result of every threshold.
         kind: measures of the parts.
@@ -155,7 +155,7 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def certificate_of(settings: ReadSettings) -> Certificate | None:
-    """Load the certificate that the settings name, and check it against program and settings; None if there is none.
+    """Load the certificate that the settings name, and check it against program and settings; None without one.
 
     Raises:
         FileError: the file is not a certificate.

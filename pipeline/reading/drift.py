@@ -24,10 +24,10 @@ WINDOW = 200
 
 
 def watch_of(settings: ReadSettings) -> DriftWatch | None:
-    """Watch of the parts that are read with these settings; None without a certificate.
+    """Make the watch of the parts that are read with these settings; None without a certificate.
 
     Raises:
-        FileError: a file that is not a certificate.
+        FileError: the file is not a certificate.
         SettingsError: it was made with another program, other networks or other settings.
     """
     certificate = certificate_of(settings)

@@ -1,7 +1,7 @@
 """Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database.
 
     reviewed part --text forced--> cuts --+
-    exemplars already in the database ----+--learn_font--> font NAME, beside the fonts that were there
+    exemplars already in the database ----+--learn_font--> font NAME, beside the existing fonts
 
 All exemplars are kept and the font is rebuilt from them each time: the order in which parts are enrolled does not
 matter, and a part that is enrolled twice counts once.
@@ -63,17 +63,17 @@ class EnrolReport:
 
     Attributes:
         font: name of the font.
-        enrolled: (part, characters taken) of each part that was new.
+        enrolled: (part, characters taken) of each new part.
         known: parts that were enrolled before.
         refused: parts that could not be enrolled.
         set_aside: exemplars kept but not used, since they disagree with others of the same character.
-        exemplars: number of exemplars in the font now.
+        exemplars: number of exemplars that the font uses.
         felt: characters learned from touch.
-        never_felt: letters and figures taken from the nearest known font.
+        never_felt: letters and digits taken from the nearest known font.
         trusted: whether that font is near enough for these not to count as guesses.
         like: the nearest known font.
-        likeness: mean correlation with the shapes of that font after they are fitted.
-        agreement: share of exemplars that agree with their siblings (`recognition.learning.lot.agreement`).
+        likeness: mean correlation with the fitted shapes of that font.
+        agreement: share of exemplars that agree with others of their character (`recognition.learning.lot.agreement`).
     """
 
     font: str
@@ -120,11 +120,11 @@ def enrol(
 ) -> EnrolReport:
     """Add the characters of reviewed parts to a database, and make a font of them.
 
-    A database that is not there is made, with the fonts that the settings name, or the built-in ones. The file is
-    replaced whole at the end, or left alone where nothing changed.
+    A missing database is made, with the fonts that the settings name, or the built-in ones. The file is replaced whole
+    at the end, or left alone if nothing changed.
 
     Args:
-        parts: expected to read what a person has confirmed; of scan and height map the scan is used.
+        parts: parts with confirmed texts in `expected`; a scan is preferred to a height map.
         database: glyph database.
         font: name of the font to be learned; a new one, or one learned before.
         settings: fonts, character height.
@@ -133,9 +133,9 @@ def enrol(
         each: calls a function with every part and gives the results in order, as `map` does.
 
     Raises:
-        FileError: a database that cannot be read or written, or `font` is a font that was not learned.
+        FileError: the database cannot be read or written, or `font` is a font that was not learned.
         ExemplarError: no font can be made from the exemplars.
-        FontError: a font of the settings that cannot be loaded.
+        FontError: a font of the settings cannot be loaded.
     """
     held = _opened(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):
@@ -155,7 +155,7 @@ def enrol(
         if not cuts or any((e.font_name, e.evidence, e.note) == (font, sha, text) for e in exemplars):
             known.append(part.name)
             continue
-        # reviewed anew: what was taken under the other text was wrong
+        # reviewed again: the characters cut with the previous text were wrong
         exemplars = [e for e in exemplars if (e.font_name, e.evidence) != (font, sha)]
         exemplars += [
             Exemplar(
@@ -238,7 +238,7 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
 
 
 def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
-    """The exemplars, only the latest ones of each character."""
+    """The exemplars, with only the latest `MOST_EXEMPLARS` of each character of a font."""
     kept: list[Exemplar] = []
     count: Counter[str] = Counter()
     for exemplar in reversed(exemplars):

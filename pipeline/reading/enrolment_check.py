@@ -23,10 +23,10 @@ class HeldOutCheck:
     """Errors on parts that were read with shapes learned from other parts.
 
     Attributes:
-        parts: parts read.
-        characters: characters on them.
+        parts: number of parts read.
+        characters: number of characters on them.
         edits: wrong, missing and added characters, read with the learned font.
-        edits_without: the same parts read without it.
+        edits_without: the same, read without it.
     """
 
     parts: int
@@ -66,11 +66,11 @@ def check_held_out(
         database: the database that they were enrolled into.
         font: name of the learned font in it.
         settings: settings with which the parts are read.
-        fewest_parts: with fewer, half of them teach too little to judge by.
-        most_parts: number of parts that are read; more would only take longer.
+        fewest_parts: least number of parts; half of fewer would teach too little.
+        most_parts: most parts that are read; more would only take longer.
 
     Returns:
-        The check; None with too few parts, or where a half teaches nothing.
+        The check; None with too few parts, or if nothing can be learned from a half.
     """
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:
@@ -99,7 +99,7 @@ def _copy_without(database: Path, copy: Path, font: str) -> None:
 
 
 def _compare(parts: Sequence[PartFiles], without: ReadSettings, learned: ReadSettings) -> tuple[int, ...]:
-    """Fields of `HeldOutCheck`."""
+    """Count the fields of `HeldOutCheck`."""
     from rapidfuzz.distance import Levenshtein
 
     texts = [without_blanks(part.expected) for part in parts]

@@ -18,15 +18,15 @@ def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts
     """Load the value of `--verify`: a text, or the name of a CSV table with the columns part and text.
 
     Args:
-        given: a name that ends in .csv, or the name of an existing file, is read as a table.
+        given: the text, or the name of a table: one that ends in .csv, or that of an existing file.
         grammar: grammar that every text must match.
 
     Returns:
         The text of every part, or the texts by part.
 
     Raises:
-        FileError: no such table, or a text in it that does not fit the format.
-        SettingsError: an empty text, or one that does not fit the format.
+        FileError: the table is missing, or a text in it does not fit the format.
+        SettingsError: the text is empty or does not fit the format.
     """
 
     def broken(text: str) -> str:

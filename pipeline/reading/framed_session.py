@@ -13,7 +13,7 @@ class FramedSession:
     """A `StageSession` with its own frame for orders and samples.
 
     Attributes:
-        fitting: as in the inner session, with its field in this frame.
+        fitting: that of the inner session, with its field in this frame.
     """
 
     def __init__(
@@ -24,13 +24,13 @@ class FramedSession:
         y_mm: float,
         field_mm: tuple[float, float, float, float],
     ) -> None:
-        """Take the session.
+        """Wrap a session.
 
         Args:
-            session: in the stage's own frame.
-            x_mm: distance by which x of the stage's frame is greater than x of this one.
-            y_mm: likewise.
-            field_mm: (x0, y0, x1, y1) that may be felt, in this frame.
+            session: session in the stage's own frame.
+            x_mm: x in the stage's frame minus x in this one.
+            y_mm: likewise for y.
+            field_mm: (x0, y0, x1, y1) that may be scanned, in this frame.
         """
         self._session, self._x_mm, self._y_mm = session, x_mm, y_mm
         self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
@@ -45,5 +45,5 @@ class FramedSession:
         return replace(self._session.feel(moved), plan=order.sweep_plan())
 
     def close(self) -> None:
-        """Close the session within."""
+        """Close the inner session."""
         self._session.close()

@@ -13,11 +13,11 @@ from pipeline.reading.part_orders import sender_names
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
-    """Call `measure_golden`; errors name the file as its sender does.
+    """Call `measure_golden` for a file that was sent; errors name it as its sender does.
 
     Raises:
-        FileError: the scan, by the sender's name, cannot be used.
-        OwnFileError: the relief, or this machine's own files, cannot be used.
+        FileError: the scan cannot be used.
+        OwnFileError: the relief, or another file of this machine, cannot be used.
         FaultError: a fault of this program.
     """
     with sender_names(scan.parent, {str(scan): called}):
@@ -59,7 +59,7 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     }
     if air:
         zeros = np.concatenate(air)
-        # the largest of the whiskers' counts: zeros that move apart would cancel in the mean
+        # the largest of the whiskers' zeros: in their mean, shifts in opposite directions would cancel
         worst = int(np.argmax(np.abs(zeros.mean(axis=0))))
         measures[GoldenMeasure.ZERO] = Measured(
             float(zeros[:, worst].mean()), float(zeros[:, worst].std() / np.sqrt(len(zeros)))

@@ -29,20 +29,20 @@ from whisker_array.whisker.shapes import LShaped
 _MEANINGS = {
     Unknown.L1: "length of the beam",
     Unknown.L2: "length of the tip arm",
-    Unknown.L3: "how far the sensor is lowered towards the tip",
+    Unknown.L3: "distance by which the sensor is lowered towards the tip",
     Unknown.BETA: "setting angle of the beam",
     Unknown.STIFFNESS: "bending stiffness of the section, relative to the drawing",
     Unknown.RADIUS: "radius of the tip",
-    Unknown.PRELOAD: "how far below the land the free tip runs",
+    Unknown.PRELOAD: "depth of the free tip below the land",
     Unknown.FRICTION: "friction between tip and piece",
-    Unknown.PLAY: "play of the stage between there and back",
-    Unknown.SHIFT_X: "how far the piece lies off along x",
-    Unknown.SHIFT_Y: "how far the piece lies off along y",
-    Unknown.YAW: "how far the piece is turned on the plate",
+    Unknown.PLAY: "play of the stage between forward and back",
+    Unknown.SHIFT_X: "offset of the piece along x",
+    Unknown.SHIFT_Y: "offset of the piece along y",
+    Unknown.YAW: "rotation of the piece on the plate",
     Unknown.TILT_X: "rise of the plate along x",
     Unknown.TILT_Y: "rise of the plate along y",
 }
-_REMEDY = "hang a known weight on each tip, which tells the gains, or record the piece once more"
+_REMEDY = "hang a known weight on each tip to measure the gains, or record the piece once more"
 _GAINS = "gains"
 _MISFIT = 2.0
 _WIDE = 1.96
@@ -52,10 +52,10 @@ _WIDE = 1.96
 def identify_recording(
     recording: Path, piece: Path, whisker: Path | None
 ) -> tuple[Identified, WhiskerFile | None]:
-    """Identify the bench of a recording over a piece; return it and the drawn whisker.
+    """Identify the bench of a recording over a piece; return it and the whisker as drawn.
 
     Raises:
-        FileError: a file that cannot be used, or a recording that tells nothing.
+        FileError: a file cannot be used, or the recording determines nothing.
     """
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
@@ -71,7 +71,7 @@ def identify_recording(
 
 
 def table_of(found: Identified) -> list[str]:
-    """Every number with its interval, and the numbers that the recording leaves open, in lines of text."""
+    """Every number with its interval, and the numbers that the recording does not determine, in lines of text."""
     with_drawing = found.nominal[Unknown.L1] > 0.0
     lines = [f"{'':15}{'found':>10}{'95 %':>12}{'as drawn':>11}   what it is"]
     names = [name for name in Unknown if with_drawing or name not in DRAWN]
@@ -88,20 +88,20 @@ def table_of(found: Identified) -> list[str]:
     lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.scatter_n_mm:.3g} mN mm of scatter")
     if found.misfit > _MISFIT:
         lines.append(
-            f"warning: {found.misfit:.1f} times the scatter is left over: the piece, the drawing or a flaw of the bench"
-            " is not as assumed; the intervals are too narrow then"
+            f"warning: the fit leaves {found.misfit:.1f} times the scatter: the piece, the drawing or the bench"
+            " is not as assumed, and the intervals are too narrow"
         )
     if not found.settled:
-        lines.append("warning: the fit has not come to rest; see the figure before you trust it")
-    lines += [f"known only together: {', '.join(group)}" for group in confounded(found)]
+        lines.append("warning: the fit has not converged; check the figure before you trust it")
+    lines += [f"known only in combination: {', '.join(group)}" for group in confounded(found)]
     if open_ := [name for name in undetermined(found) if name in names]:
         lines.append(f"not determined by this recording: {', '.join(open_)}; {_REMEDY}")
     return lines
 
 
-def undetermined(found: Identified, *, untold: float = 0.7) -> tuple[Unknown, ...]:
-    """Numbers whose standard deviation stays above the share `untold` of the prior one."""
-    names = [name for k, name in enumerate(Unknown) if found.sd[k] > untold * found.before[k]]
+def undetermined(found: Identified, *, open_share: float = 0.7) -> tuple[Unknown, ...]:
+    """Numbers whose standard deviation stays above the share `open_share` of the prior one."""
+    names = [name for k, name in enumerate(Unknown) if found.sd[k] > open_share * found.before[k]]
     return tuple(names)
 
 
@@ -110,8 +110,8 @@ def confounded(
 ) -> tuple[tuple[str, ...], ...]:
     """Find groups of numbers that are known only in combination; the gains count as one.
 
-    In units of what was known before, the covariance has large eigenvalues along what the recording does not tell.
-    Where several numbers share such a direction, only their combination is known.
+    In units of the prior standard deviations, the covariance has large eigenvalues along directions that the recording
+    does not determine. If several numbers share such a direction, only their combination is known.
 
     Args:
         found: the identified parameters.
@@ -146,7 +146,7 @@ def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
 
 
 def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
-    """Write the identified whisker for `scan`, `design` and templates, with the drawing's raster and characters.
+    """Write the identified whisker, with the drawing's raster and character height.
 
     Raises:
         FileError: it cannot be written.
@@ -154,7 +154,7 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
     if drawn.whisker.is_straight:
         raise FileError(
             path,
-            "holds only an L-shaped whisker that was identified",
+            "can hold only an L-shaped whisker",
             "give the drawing of an L-shaped whisker",
         )
     whisker = found.bench.whisker(drawn.whisker)

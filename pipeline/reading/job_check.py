@@ -1,6 +1,6 @@
 """Check a job before it is used: its settings and all files named in them. This runs in a worker process.
 
-Formats, fonts and glyph databases that come from outside are work without a limit; a worker has one.
+Formats, fonts and glyph databases from outside may take any amount of work; a worker's is limited.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
     """Read a job, and check that everything named in it can be used.
 
     Args:
-        path: path of the file; it need not be there.
+        path: path of the file, which need not exist.
         written: its keys.
         digest: SHA-256 of the file.
 
     Raises:
-        OwnFileError: a file that it names is not.
-        FileError: its settings are not.
+        OwnFileError: a file that it names cannot be used.
+        FileError: its settings cannot be used.
     """
     from pipeline.reading.readers import open_reader
 

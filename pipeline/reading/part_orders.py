@@ -1,10 +1,10 @@
 """Read one part from its files in a worker process of the service. Arguments and results can be pickled.
 
-photo                    -> vision           and a plan for touch where the camera is unsure
+photo                    -> vision           and a plan for touch if the camera is unsure
 scan or height map       -> tactile
 photo + scan (map)       -> vision, fused
 earlier photo + scan (map) -> fused          the photograph of an earlier order
-earlier photo + stage      -> fused          felt pass by pass, see `read_on_stage`
+earlier photo + stage      -> fused          scanned pass by pass, see `read_on_stage`
 
 Several photographs of a part are read as one.
 
@@ -73,13 +73,13 @@ def read_order(
     Args:
         order: its files.
         settings: settings of the reader; `mode` is ignored, a part is read by all senses that it has files for.
-        limits: checked from the files' heads before anything is decoded.
-        felt: reading of its scan, if it was read while it was felt.
+        limits: size limits, checked from the files' headers before anything is decoded.
+        felt: reading of its scan, if it was read during active touch.
 
     Raises:
-        FileError: a file that was sent, or an expected text, that cannot be used.
-        OwnFileError: a file of the settings, or this machine, that cannot be used now.
-        ValueError: an order without any file to read, or an earlier one's photograph without touch.
+        FileError: a file that was sent, or the expected text, cannot be used.
+        OwnFileError: a file of the settings, or this machine, cannot be used now.
+        ValueError: the order has no file to read, or an earlier photograph without touch.
     """
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
@@ -126,20 +126,20 @@ def read_on_stage(
     stage: SessionStage[Order],
     scan_order: Order,
 ) -> ReadPart:
-    """Feel a part pass by pass until its serial is sure, keep a recording of it, and read the part with it.
+    """Scan a part pass by pass until its serial is sure, save the recording, and read the part with it.
 
-    A stage that fails on the way does not cost what was felt before: the part is read from that, for a person to look
-    at. The recording is `RECORDING` in the order's folder.
+    If the stage fails on the way, the part is read from the passes before, and goes to review. The recording is
+    `RECORDING` in the order's folder.
 
     Args:
         order: the part's other files; a scan is ignored.
-        settings: as in `read_order`; `budget_s` is the greatest stage time.
+        settings: as in `read_order`; `budget_s` limits the stage time.
         limits: likewise.
         stage: opens a session.
         scan_order: order for which the session is opened.
 
     Raises:
-        StageError: nothing could be felt.
+        StageError: not even one pass could be scanned.
         FileError: as in `read_order`.
     """
     from recognition.active.replay import read_kept
@@ -153,7 +153,7 @@ def read_on_stage(
     finally:
         session.close()
     if felt.scan is None:
-        raise StageError(felt.problem or "the stage has felt nothing")
+        raise StageError(felt.problem or "the stage has scanned nothing")
     recording = order.folder / RECORDING
     with sender_names(order.folder, {str(recording): RECORDING}):
         save_scan(felt.scan, recording)
@@ -171,10 +171,10 @@ def check_settings(settings: ReadSettings) -> None:
 
 
 def _reader(settings: ReadSettings, folder: Path, *, after_photo: bool = False) -> Reader:
-    """The reader for the settings; for a part that was photographed before, it searches the whole scan.
+    """The reader for the settings; for a part that was photographed earlier, it searches the whole scan.
 
     Raises:
-        OwnFileError: whatever keeps it from being opened, for all that it is made of is the service's.
+        OwnFileError: it cannot be opened; all its files are the service's own.
     """
     from pipeline.reading.readers import reader_of
 
@@ -192,7 +192,7 @@ def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
     """Turn every problem into a file error with the sender's name for the file.
 
     Args:
-        folder: kept out of the messages.
+        folder: folder whose path is removed from the messages.
         names: names of the files by path; the first is used if an error names no file.
 
     Raises:

@@ -1,7 +1,7 @@
 """Pictures for the operator's page, drawn without matplotlib because a part waits for them.
 
-Each says where it lies: `x0_mm`, `y0_mm` of the middle of its first pixel and `mm_per_pixel`, so that boxes in mm
-can be drawn over it.
+Each has its position, `x0_mm` and `y0_mm` of the middle of its first pixel, and `mm_per_pixel`, so that boxes in mm can
+be drawn over it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Picture:
 
     Attributes:
         kind: kind of file.
-        name: name to download it by.
+        name: file name for a download.
         content: the encoded file.
         media_type: media type for the browser.
         meta: as in `EvidenceRecord.meta`.
@@ -73,7 +73,7 @@ def photo_picture(photo: Photo) -> Picture:
 
 def edges_picture(edges: EdgeMap) -> Picture:
     """Touch's edge map in the plate frame: land white, falls blue, rises red."""
-    # what stands up or lies deep shows in every direction; what shows in one alone is half as strong
+    # in the mean, relief that only some directions show is weaker than relief that all show
     value = edges.enhancement.mean(axis=0)
     top = max(_strongest(np.abs(value), edges.valid), 1e-3)
     index = np.clip(127.5 + 127.5 * value / top, 0.0, 255.0).astype(np.uint8)
@@ -134,7 +134,7 @@ def _encoded(
         raise FileError(name, "could not be drawn", "report it")
     size = pitch_mm * shape[1] / width
     meta = {
-        # the rims of both pictures are the same, the middles of their first pixels are not
+        # both pictures have the same border, but not the same middle of the first pixel
         "x0_mm": origin_mm[0] + 0.5 * (size - pitch_mm),
         "y0_mm": origin_mm[1] + 0.5 * (size - pitch_mm),
         "mm_per_pixel": size,

@@ -9,9 +9,9 @@ vision     -                    vision            vision
 fused      -                    -                 touch and vision, fused
 auto       touch                vision            touch and vision, fused
 
-Frames. A photograph by itself is read in its own frame: x, y in mm from its first pixel, where its scale is known. A
-plan for touch is made in that frame, and a recording of that plan comes in it, too. A height map has a frame of its
-own; the middle of the picture is then taken to lie over the middle of the map.
+Frames. A photograph alone is read in its own frame: x, y in mm from its first pixel, if its scale is known. A plan for
+touch is made in that frame, and so is a recording of that plan. A height map has a frame of its own; the middle of the
+picture is then assumed to lie over the middle of the map.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
     """Whether touch reads a part, and whether vision does.
 
     Raises:
-        FileError: a file that the mode needs is not there.
+        FileError: a file that the mode needs is missing.
     """
     tactile, visual = part.felt, bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
@@ -59,7 +59,7 @@ def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
     return touches, not touches or (visual and mode in ("fused", "auto"))
 
 
-# of a recording, instants times channels, where there are limits
+# most samples of a recording (instants times channels), if there are limits
 MOST_SCAN_SAMPLES = 60_000_000
 
 
@@ -73,12 +73,12 @@ class PartReader:
         *,
         limits: Limits | None = None,
     ) -> None:
-        """Take the reader.
+        """Make the part reader.
 
         Args:
-            reader: keeps its templates from part to part.
-            settings: senses that read, see the table above; height files; whether they are felt pass by pass.
-            limits: checked from the files' heads before anything is decoded.
+            reader: reader, whose templates are reused from part to part.
+            settings: mode (see the table above), height files, active touch.
+            limits: size limits, checked from the files' headers before anything is decoded.
         """
         self.settings = settings or ReadSettings()
         self.reader, self.mode, self.limits = reader, self.settings.mode, limits
@@ -89,7 +89,7 @@ class PartReader:
 
         Raises:
             FileError: a file of the part cannot be used.
-            VerifyError: an expected text that cannot be looked for.
+            VerifyError: the expected text cannot be verified.
         """
         return self.verified(self.unverified(part, expected=expected), expected)
 
@@ -105,13 +105,13 @@ class PartReader:
 
         Args:
             part: its files.
-            expected: text that `verified` shall be asked for.
-            again: measures the part again, in place of what its files hold.
-            felt: reading of its scan, if it was read while it was felt.
+            expected: text that `verified` will check.
+            again: simulated second measurement, in place of the files' content.
+            felt: reading of its scan, if it was read during active touch.
 
         Raises:
             FileError: a file of the part cannot be used.
-            VerifyError: an expected text that does not fit the format.
+            VerifyError: the expected text does not fit the format.
         """
         return _reviewed_if_cut_short(self.reader.apply_certificate(self._read(part, expected, again, felt)))
 
@@ -142,7 +142,7 @@ class PartReader:
             with naming(part.photo):
                 vision = self.reader.vision.read_photo(photo)
             if self.budget_s is not None and top is not None and again is None:
-                # touch feels where the camera sees the line
+                # touch scans where the camera sees the line
                 region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
         touch, feel = felt.reading if felt is not None and touches else None, None
         if touches and felt is None:
@@ -171,15 +171,15 @@ class PartReader:
             return None, [f"read by touch alone: {problem}"]
 
     def verified(self, reading: Reading, expected: str) -> Reading:
-        """The reading with the verdict on the expected text, if any.
+        """Add the verdict on the expected text, if any, to a reading.
 
         Raises:
-            VerifyError: a text that cannot be looked for.
+            VerifyError: the text cannot be verified.
         """
         return self.reader.verify(reading, expected) if expected else reading
 
     def _scan(self, part: PartFiles, again: Retake | None) -> Reading:
-        """Read a recorded scan, which is used before a height map."""
+        """Read a recorded scan, which is preferred to a height map."""
         from recognition.active.replay import replay
 
         scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
@@ -199,7 +199,7 @@ class PartReader:
 
 
 def _reviewed_if_cut_short(reading: Reading) -> Reading:
-    """Send a reading to review if the stage failed before it had felt all that was needed."""
+    """Send a reading to review if the stage failed before it had scanned all that was needed."""
     scan = None if reading.touch is None else reading.touch.trace.scan
     if scan is None or scan.log is None or not scan.log.problem:
         return reading
@@ -223,13 +223,12 @@ def read_surface(
 
     Args:
         reader: reader of both senses.
-        top: the part and what lies on it. Where the order of its rows is not known, a serial that reads otherwise
-            mirrored goes to review, and a part that is not read with certainty is read mirrored as well, unless its
-            line says far less so.
+        top: the part and its soil. If the order of its rows is unknown, a serial that reads differently mirrored goes
+            to review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
         part_id: name of the part.
-        feel: scans it in place of the default plan.
-        budget_s: greatest stage time; if given, the part is felt pass by pass instead.
-        region_mm: region of the line on the map, if known; felt pass by pass.
+        feel: scan function used in place of the default plan.
+        budget_s: most stage seconds; if given, the part is scanned pass by pass instead.
+        region_mm: region of the line on the map, if known; used pass by pass only.
     """
 
     def read(one: HeightMap, soil: Soil | None, region_mm: Region | None = None) -> Reading:
@@ -248,7 +247,7 @@ def read_surface(
     from recognition.decision.score import serial_is_sure
 
     found = reader.touch.weigh_orientation(found, rows_known=False)
-    # what scans the part again has the dirt of the map as it was given
+    # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
     if serial_is_sure(found) or (feel is not None and soil is not None):
         return found
     if not reader.touch.may_be_mirrored(found):
@@ -264,7 +263,7 @@ def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, t
     """Load the photographs of a part as one; return it and notes on unusable ones.
 
     Raises:
-        FileError: it has none, or none can be used: what is wrong with the first.
+        FileError: it has none, or none can be used; names the problem of the first.
     """
     from pipeline.formats.photos import read_photo
 

@@ -1,7 +1,7 @@
 """Perturb a part by small changes that should not matter, as if it were measured again.
 
     shift  the traced lines lie half a line pitch beside the original ones
-    noise  sensors as from the bench, in place of ideal ones; the camera's sensor a little noisier
+    noise  realistic touch sensors in place of ideal ones; the camera's sensor a little noisier
     light  the photograph 6 % brighter or darker
     scale  the part 1 % larger or smaller: a scale error of stage or lens
     order  directions and passes stored the other way round
@@ -57,7 +57,7 @@ class Perturbation:
     drawn: bool = False
 
     def reaches(self, senses: Sequence[str]) -> bool:
-        """Whether it changes anything for some senses (none given: all senses).
+        """Whether it changes anything for these senses (default: both).
 
         Args:
             senses: "touch" or "felt", "vision" or "lights".
@@ -78,14 +78,14 @@ PERTURBATIONS = (
     Perturbation("scale", scale=0.01),
     Perturbation("order", reordered=True),
 )
-"""Those of `benchmark --perturb`."""
+"""Perturbations of `benchmark --perturb`."""
 ANEW = Perturbation("anew", shift=1.0, noise=True, light=0.06, scale=0.01, drawn=True)
 """A part put on the stage again: `study --repeats`."""
 
 
 @dataclass(frozen=True)
 class Retake:
-    """One part measured again.
+    """A simulated second measurement of a part.
 
     Attributes:
         how: the perturbation.
@@ -144,7 +144,7 @@ class Retake:
         return scan
 
     def recorded(self, scan: Scan) -> Scan:
-        """A recording as if made again: noisier, larger or smaller, reordered; its lines stay in place."""
+        """Perturb a recording: noisier, larger or smaller, reordered; its lines stay in place."""
         sweeps = tuple(self._recorded(k, s) for k, s in enumerate(scan.sweeps))
         again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown, log=None)
         return reordered(again) if self.how.reordered else again
@@ -166,7 +166,7 @@ class Retake:
         return replace(sweep, plan=placed, moment_n_mm=moment)
 
     def _either_way(self, number: int) -> float:
-        """Share of a change, -1 to 1: drawn, or else the whole change in one direction."""
+        """Share of a change, -1 to 1: random, or the whole change in one direction."""
         if self.how.drawn:
             return float(np.random.default_rng((self.seed, number)).uniform(-1.0, 1.0))
         return 1.0 if self.seed % 2 else -1.0

@@ -1,4 +1,4 @@
-"""Figures of a whisker, and their uncertainty: first order, one number at a time.
+"""Figures of a whisker and their uncertainty, by first-order propagation.
 
 sd^2 = g^T C g,     g_i = (f(p + sd_i) - f(p - sd_i)) / (2 sd_i)
 """
@@ -24,9 +24,9 @@ class Prediction:
     """A figure of a whisker.
 
     Attributes:
-        what: in words.
-        value: value for the whisker as assumed; NaN where it jams.
-        sd: change of the value within the uncertainty.
+        what: name of the figure.
+        value: value for the nominal whisker; NaN if it jams.
+        sd: standard deviation of the value.
     """
 
     what: str
@@ -37,13 +37,13 @@ class Prediction:
 def predictions(
     whisker: LShaped, touch: Touch, known: Knowledge, *, more: Mapping[str, Quantity] | None = None
 ) -> tuple[Prediction, ...]:
-    """Compute figures of a whisker: land, edges, the steepest wall; and further ones.
+    """Compute figures of a whisker: land, edges, the steepest wall, and further ones.
 
     Args:
         whisker: the identified whisker.
         touch: the identified touch.
         known: their uncertainty.
-        more: further figures, by what they are called; NaN where the whisker has none.
+        more: further figures by name; NaN if the whisker has none.
     """
     bench = nominal_bench(whisker, touch, n_whiskers=1)
 
@@ -62,7 +62,7 @@ def predictions(
 
 
 def _factor(alpha_deg: float) -> Quantity:
-    """F of (16) at a wall; positive falls."""
+    """F of (16) at a wall of slope angle `alpha_deg`, positive for a falling wall."""
     slope = -math.tan(math.radians(alpha_deg))
     return lambda _, touch: float(moment_ratio(slope, touch.friction, touch.tip))
 
@@ -76,7 +76,7 @@ def _steepest_deg(_: LShaped, touch: Touch) -> float:
 
 _ALWAYS: dict[str, Quantity] = {
     "moment of the land, N mm": lambda _, touch: abs(touch.land_moment_n_mm()),
-    "of it a mm of depth, N mm": lambda _, touch: abs(touch.land_moment_n_mm()) / touch.preload_mm,
+    "the same per mm of depth, N mm": lambda _, touch: abs(touch.land_moment_n_mm()) / touch.preload_mm,
     "F of a wall falling at 45 deg": _factor(45.0),
     "F of a wall rising at 45 deg": _factor(-45.0),
     "steepest wall it climbs, deg": _steepest_deg,

@@ -1,4 +1,4 @@
-"""Make readers from settings; a worker keeps them, because templates take longer than a part."""
+"""Make readers from settings; a worker caches them, because making templates takes longer than reading a part."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from recognition.search.part_lines import LineFormat
 from whisker_array.simulation.traces import Fidelity
 
 MOST_KEPT = 8
-"""Readers of different settings at once; the least recently used is evicted."""
+"""Most readers kept; the least recently used is evicted."""
 
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
@@ -27,11 +27,11 @@ def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
 
     Args:
         settings: settings of the readers.
-        after_photo: whether a scan is of where the camera saw the line, so that regions say nothing of it.
+        after_photo: whether scans cover only the line that the camera saw, so that regions do not apply.
 
     Raises:
-        FileError: a lexicon that cannot be used.
-        ValueError: a database or font that cannot be used.
+        FileError: the lexicon cannot be used.
+        ValueError: the database or a font cannot be used.
     """
     return _kept(settings, _changed_ns(settings.database), after_photo)
 
@@ -46,19 +46,19 @@ def _changed_ns(path: Path | None) -> int:
     try:
         return path.stat().st_mtime_ns if path is not None else 0
     except OSError:
-        return 0  # the reader says what is wrong with it
+        return 0  # reported when the reader is opened
 
 
 def open_reader(settings: ReadSettings) -> Reader:
-    """The reader of these settings.
+    """Open the reader of these settings.
 
-    With a glyph database its fonts compete, or those of them that `font` names; other names are built-in
-    fonts or font files as without one.
+    With a glyph database its fonts are used, or those of them that `font` names. Other names in `font` are built-in
+    fonts or font files.
 
     Raises:
-        FileError: a lexicon or certificate that cannot be used.
-        SettingsError: settings that contradict each other.
-        ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
+        FileError: the lexicon or certificate cannot be used.
+        SettingsError: settings contradict each other.
+        ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
     given = {name: getattr(settings, name) for name in ("accept_confidence", "accept_risk")}
     threshold: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
@@ -78,7 +78,7 @@ def open_reader(settings: ReadSettings) -> Reader:
 
 
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
-    """The lines that should stand beside the serial, by name."""
+    """The expected lines beside the serial, by name."""
     lines = map(NamedLine.parse, settings.line)
     return {line.name: LineFormat(Grammar.parse(line.format), line.region) for line in lines}
 
@@ -97,7 +97,7 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
 
 
 def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:
-    """The rules named or written, and the depth given."""
+    """The depth rules of the settings, and the least depth as one more."""
     rules = [depth_rule(text) for text in settings.depth_rule]
     if settings.min_depth_mm is not None:
         rules.append(least_depth(settings.min_depth_mm))

@@ -8,9 +8,9 @@
     |   +------------------------+   |
     +--------------------------------+
 
-The region's frame is the photograph's own, whose middle comes with it (`ScanPlanRecord.middle_mm`): what lies under
-the camera's axis is what a stage knows. Without a scale nothing is known of where the line is, and the stage's whole
-field is asked for, in the stage's frame.
+The region is in the photograph's frame, and comes with the photograph's middle (`ScanPlanRecord.middle_mm`): the stage
+knows the point under the camera's axis. Without a scale the position of the line is unknown, and the plan covers the
+stage's whole field, in the stage's frame.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
 """Land scanned around the line, in character heights: dirt may have hidden a character at an end."""
 TRUSTED_SHARE = 0.8
-"""Mean confidence in the characters from which the camera's line position is trusted. Below it the whole picture is
-scanned: half a line, scanned well, would be worse than a longer scan."""
+"""Least mean confidence of the characters for which the camera's line position is trusted. Below it the whole picture
+is scanned: a good scan of half a line would be worse than a longer scan."""
 USUAL_HEIGHT_MM = 5.0
 """Character height assumed if neither camera nor settings give one."""
 STAGE_FIELD_MM = (60.0, 25.0)
@@ -47,10 +47,10 @@ def plan_of(
 
     Args:
         vision: reading by camera; None if there is none.
-        photo: the photograph; with a pitch the region lies around the line, or is the whole picture if no line was
-            found with certainty.
-        settings: the character height, if it is known.
-        field_mm: width and height that the stage can feel.
+        photo: the photograph; if its pitch is known, the region lies around the line, or is the whole picture if no
+            line was found with certainty.
+        settings: settings with the character height, if it is known.
+        field_mm: width and height of the stage's field.
         reason: why touch is needed.
     """
     from recognition.views.photo_frame import photo_middle_mm
@@ -81,7 +81,7 @@ def plan_of(
 def seen_region(
     vision: Reading, photo: Photo, *, height_mm: float | None
 ) -> tuple[float, float, float, float] | None:
-    """(x0, y0, x1, y1) about the line that the camera found, in the photograph's frame, mm.
+    """(x0, y0, x1, y1) around the line that the camera found, in the photograph's frame, mm.
 
     Args:
         vision: reading by camera.
@@ -89,7 +89,7 @@ def seen_region(
         height_mm: height of the characters, if it is known.
 
     Returns:
-        None where the line is not to be trusted to lie there, or the picture has no scale.
+        The region; None if the line's position is not trusted, or the picture has no scale.
     """
     if photo.pitch_mm is None or vision.trace.line is None or _mean_belief(vision) < TRUSTED_SHARE:
         return None
@@ -110,7 +110,7 @@ def _around(
         return (left, top, right, bottom), (height_mm or USUAL_HEIGHT_MM)
     height = height_mm or float(f"{line.height_mm:.3g}")
     if _mean_belief(vision) < TRUSTED_SHARE:
-        # dirt that fills the picture is easily taken for one line as high as the picture
+        # dirt that fills the picture is easily mistaken for one line as high as the picture
         return (left, top, right, bottom), min(height, 0.5 * (bottom - top))
     half = 0.5 * line.height_mm
     x0, y0 = (float(v) - half for v in line.centre_mm.min(axis=0))
@@ -122,7 +122,7 @@ def _around(
     high = max(across, abs(math.sin(turn)) * along)
     x0, y0, x1, y1 = x0 - wide, y0 - high, x1 + wide, y1 + high
     x0, y0, x1, y1 = max(x0, left), max(y0, top), min(x1, right), min(y1, bottom)
-    if x1 - x0 < height or y1 - y0 < height:  # the line lies beyond the picture
+    if x1 - x0 < height or y1 - y0 < height:  # the line lies outside the picture
         return (left, top, right, bottom), height
     return (x0, y0, x1, y1), height
 

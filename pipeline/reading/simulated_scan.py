@@ -1,4 +1,4 @@
-"""Simulated scan of a height map: mounted level, scanned whole, with realistic sensors."""
+"""Simulate a scan of a height map: mounted level, scanned whole, with realistic sensors."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _RANGE_LAND_MOMENTS = 3.0
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
     """Find the character height by reading the part.
 
-    Dirt shows bands of its own, so that only a reading finds which of them is the line.
+    Dirt makes bands of its own, and only a reading finds the band that is the line.
 
     Raises:
-        MarksError: nothing to be read.
+        MarksError: no characters were found.
     """
     reading = Reader().read(height_map, soil=soil)
     if not reading.characters or reading.decision is Decision.REJECT:
@@ -40,14 +40,14 @@ def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
 
 @dataclass(frozen=True, eq=False)
 class VirtualBench:
-    """A part mounted under the virtual array; with noise, sensors and stage have realistic small errors.
+    """A part mounted under the virtual array, optionally with small realistic errors of sensors and stage.
 
     Attributes:
-        height_map: the part, as it is given; it is mounted level.
+        height_map: the part, which is levelled before a scan.
         height_mm: character height that the whiskers are built for.
         fidelity: fidelity of the simulated touch.
-        noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
-        memory: with noise, simulate creep and hysteresis, and play and errors of the stage as well.
+        noise: whether to simulate gains, offsets, drift, vibration and a 16 bit converter; else sensors are ideal.
+        memory: whether noise includes creep, hysteresis, and play and errors of the stage.
         sensor_seed: seed of gains, offsets, noise and everything else on the bench.
         part_id: name of the part.
         friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
@@ -75,12 +75,13 @@ class VirtualBench:
         """Simulate a scan.
 
         Args:
-            plan: the raster (default: the whole part); of two kinds of whiskers the second are profilers.
-            touch: whisker of the first row (default: the default one for the height).
+            plan: the raster (default: the whole part); if its array has two kinds of whiskers, the second are
+                profilers.
+            touch: whisker of the first row (default: the usual one for the height).
             noise_seed: seed of the noise, if the same sensors measure again.
 
         Raises:
-            MapError: the map cannot be scanned, or soil on another grid.
+            MapError: the map cannot be scanned, or the soil is on another grid.
         """
         plan, touch = plan or self.whole, touch or default_touch(self.height_mm)
         rng, chain, stage = self._drawn(plan, touch)
@@ -101,10 +102,10 @@ class VirtualBench:
         return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
 
     def open_session(self) -> SimulatedSession:
-        """Open a session that feels pass by pass; the comb is that of the default plan, the gains are known.
+        """Open a session that scans pass by pass, with the comb of the default plan and known gains.
 
         Raises:
-            MapError: the map cannot be felt, or soil on another grid.
+            MapError: the map cannot be scanned, or the soil is on another grid.
         """
         touch, usual = default_touch(self.height_mm), self.whole
         rng, chain, stage = self._drawn(usual, touch)

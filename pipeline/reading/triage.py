@@ -21,7 +21,7 @@ from pipeline.common.texts import same_text
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import Picture
     from recognition.decision.score import Measure
-else:  # slow to import; a journal reads them as what they are written as
+else:  # slow to import; a journal reads them in the form in which they are written
     Measure, Picture = str, dict
 
 
@@ -30,11 +30,11 @@ class ReadPart:
     """A part that a worker has read.
 
     Attributes:
-        readings: readings in the order they were made, the last one counts; or why there is none.
-        pictures: pictures to keep, where they are wanted.
+        readings: readings in the order they were made, the last one counts; or one with the error.
+        pictures: pictures to keep, if requested.
         plan: plan for touch; None if touch is not needed.
-        measures: measures of the last reading, where they are wanted.
-        sha256: hash of what its files hold and what its list says of it, likewise.
+        measures: measures of the last reading, if requested.
+        sha256: hash of its files and of its entry in the list of parts, if requested.
     """
 
     readings: tuple[ReadingRecord, ...]
@@ -50,7 +50,7 @@ class ReadPart:
 
     @property
     def state(self) -> PartState:
-        """State of the part after it."""
+        """State of the part after that reading."""
         return state_after(self.record)
 
 
@@ -70,7 +70,7 @@ def agreement_of(reading: ReadingRecord, expected: str) -> Agreement:
     """Agreement of a reading with the line's own reader, in shadow mode.
 
     Args:
-        reading: made without the expected text, so that the two readers are independent.
+        reading: reading made without the expected text, so that the two readers are independent.
         expected: result of the line's own reader; empty if it has none.
     """
     if not expected.strip():

@@ -1,7 +1,7 @@
 """Warm up a worker, so that its first part takes no longer than the next one.
 
-The part that is read is one of those that come, so both senses are soon sure of it. What only unsure parts need,
-a font's prototypes for the camera and rough templates of every font, is made for the first of them.
+The part is a clean one in the settings' format, so both senses are soon sure of it. Work that only unsure parts need, a
+font's prototypes for the camera and rough templates of every font, is done with the first of them.
 """
 
 from __future__ import annotations

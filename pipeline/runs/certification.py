@@ -53,12 +53,12 @@ class Certification:
     """Result of a certification on labelled parts.
 
     Attributes:
-        certificate: certificate earned; None where no threshold is shown to keep the risk.
+        certificate: the certificate; None if no threshold is proven to keep the risk.
         tests: one test per threshold.
         parts: number of parts.
         errors: number of these that could not be read.
         without_truth: number of parts that are not in the truth, and were not read.
-        missing: about how many more parts would earn a certificate; None where there is one, or no number would do.
+        missing: estimated number of further parts for a certificate; None if there is one, or if no number suffices.
     """
 
     certificate: Certificate | None
@@ -80,12 +80,12 @@ def certify(
     confidence: float,
     manifests: Sequence[str] = (),
 ) -> Certification:
-    """Read labelled parts, and test from which confidence on readings may be accepted.
+    """Read labelled parts, and find the confidence from which readings may be accepted.
 
     Args:
         inputs: files, folders, globs, URLs and manifests.
         truth: CSV with the columns part and text.
-        settings: settings of reading, for which the certificate holds.
+        settings: read settings, for which the certificate will hold.
         workers: settings of the workers that read.
         out: certificate file to write; the journal of the parts already read is kept beside it.
         risk: largest share of wrong readings among the accepted.
@@ -93,13 +93,13 @@ def certify(
         manifests: tables of parts.
 
     Raises:
-        FileError: a table is unusable or names no part of the inputs; another, unfinished certification is there.
-        SettingsError: settings that cannot be certified.
-        NothingFoundError: no part.
-        ValueError: an invalid risk or confidence, or unusable settings.
+        FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
+        SettingsError: the settings cannot be certified.
+        NothingFoundError: no part was found.
+        ValueError: the risk, confidence or settings are invalid.
     """
     if settings.certificate is not None:
-        raise SettingsError("a certificate is set, which keeps parts from acceptance", hint="leave it out")
+        raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")
     threshold_tests((), (), risk=risk, confidence=confidence)
     known = load_truth(truth)
     found = parts_for(inputs, settings, manifests=manifests)

@@ -1,6 +1,6 @@
-"""The journal of a run: the parts that are done and the result of each, in an SQLite file beside the output.
+"""The journal of a run: the result of each part that is done, in an SQLite file beside the output.
 
-    parts --those that the journal lacks--> executor --> what is kept --> journal     (`resumable`)
+    parts --those that the journal lacks--> executor --> results --> journal     (`resumable`)
 
 Whatever ends the run, the same command continues where it stopped.
 """
@@ -40,7 +40,7 @@ _IN_ORDER = """
 select kept, again from parts left join temp.asked using (name) order by asked.rowid is null, asked.rowid, number
 """
 _MOST_TOGETHER = 64
-_SYNC_S = 1.0  # a loss of power takes the parts of the last second, at most
+_SYNC_S = 1.0  # a power failure loses the parts of the last second, at most
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
@@ -57,7 +57,7 @@ class Journal(Generic[Kept]):
         path: journal file.
         description: description of the run, in plain JSON values.
         names: names of the parts that are done.
-        again: names of the parts that are done a second time.
+        again: names of the parts that have a second result.
         resumed: whether an interrupted run is resumed.
     """
 
@@ -98,7 +98,7 @@ class Journal(Generic[Kept]):
                 held = self._held()
                 self.resumed = held is not None
                 if held is None and description is None:
-                    raise self._unusable(f"is no journal of a {self.kind}")
+                    raise self._unusable(f"is not a journal of a {self.kind}")
                 self.description = dict(held if description is None else description)  # type: ignore[arg-type]
                 if held is None:
                     self._begin()
@@ -144,7 +144,7 @@ class Journal(Generic[Kept]):
         Args:
             name: name of the part.
             kept: its result.
-            again: whether it was done a second time, which is kept beside the first.
+            again: whether it is a second result, which is stored beside the first.
 
         Raises:
             FileError: it cannot be written.
@@ -152,7 +152,7 @@ class Journal(Generic[Kept]):
         return self.keep_all({name: kept}, again=again)[name]
 
     def keep_all(self, kept: Mapping[str, Kept], *, again: bool = False) -> Mapping[str, Kept]:
-        """Store the results of several parts, by name, and return them: all of them, or none if the process is killed.
+        """Store the results of several parts, by name, and return them; a kill leaves all of them stored, or none.
 
         Args:
             kept: result of each part.
@@ -219,7 +219,7 @@ class Journal(Generic[Kept]):
                 db.close()
                 if self._is(before) or not isinstance(error, sqlite3.Error):
                     raise
-            db.close()  # the run before removed it as it ended
+            db.close()  # the previous run removed it when it ended
 
     def _is(self, before: os.stat_result) -> bool:
         """Whether the file is still the one that was opened."""
@@ -233,7 +233,8 @@ class Journal(Generic[Kept]):
             return None
         row = self._db.execute("select kind, version, description from run").fetchone()
         if row is not None and row[:2] != (self.kind, self.version):
-            raise self._unusable(f"is of a {row[0]} of version {row[1]}, not a {self.kind} of {self.version}")
+            what = f"is the journal of a {row[0]}, version {row[1]}, not of a {self.kind}, version {self.version}"
+            raise self._unusable(what)
         return None if row is None else json.loads(row[2])
 
     def _begin(self) -> None:
@@ -254,7 +255,7 @@ class Journal(Generic[Kept]):
     def _text(self, kept: Kept) -> str:
         try:
             return self._adapter.dump_json(kept, exclude_defaults=True).decode()
-        except ValueError:  # half surrogates, which file names may have: only Python's own JSON writes them
+        except ValueError:  # lone surrogates, which file names may hold: only Python's own JSON writes them
             return json.dumps(self._adapter.dump_python(kept, mode="json", exclude_defaults=True))
 
     def _parsed(self, text: str) -> Kept:
@@ -296,7 +297,7 @@ def resumable(
 ) -> Iterator[tuple[T, Kept]]:
     """Process the parts that the journal lacks, store each result, and yield it.
 
-    Results that come at once are stored together.
+    Results that arrive together are stored together.
 
     Args:
         journal: journal of the parts that are done.
@@ -304,7 +305,7 @@ def resumable(
         executor: executor of the work.
         work: makes a result of (order, part).
         order: order for all parts.
-        lost: makes the result of a part whose work failed or whose worker was lost.
+        lost: makes the result of a part whose work failed or whose worker died.
         kept: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
         name: attribute that names a part.
         again: whether the parts are done a second time.
@@ -366,7 +367,7 @@ def _cannot_be_written(path: Path, error: Exception) -> FileError:
 
 
 def _blob(name: str) -> bytes:
-    return name.encode("utf-8", "surrogatepass")  # a file's name may have half surrogates
+    return name.encode("utf-8", "surrogatepass")  # a file's name may hold lone surrogates
 
 
 def _text(name: bytes) -> str:

@@ -13,8 +13,8 @@ from pipeline.common.texts import without_blanks
 class LotCheck:
     """Send parts with impossible serials to review, although they were read with certainty.
 
-    If two parts have one serial, the second is sent, and its message names the first. The sequence is not checked,
-    since a run reads parts in any order.
+    If two parts have one serial, the second goes to review, and its message names the first. The sequence is not
+    checked, since a run reads parts in any order.
 
     Attributes:
         order: production order.
@@ -30,7 +30,7 @@ class LotCheck:
             self.bearers.setdefault(without_blanks(record.text), record.part)
 
     def checked(self, record: ReadingRecord) -> ReadingRecord:
-        """Return the record, sent to review if its serial fails a check."""
+        """Return the record, with the decision "review" if its serial fails a check."""
         if record.decision != "accept":
             return record
         if not self.order.holds(record.text):

@@ -26,8 +26,8 @@ class RunOptions:
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
         evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
         learn_die: Learn the shapes of the lot's own die from the parts that were read with certainty, read the others
-            again with them, and write them beside the table, as NAME.die.glyphs. Unless given, this is done for a dozen
-            or more height maps and scans where no font and no database is named; not with a store.
+            again with them, and write them beside the table, as NAME.die.glyphs. Default: for a dozen or more height
+            maps and scans, if no font and no database is named; not with a store.
         summary: JSON file for the counts, reasons, rate and slowest parts that are printed.
     """
 
@@ -49,8 +49,8 @@ class RunOptions:
         """Check, before the work starts, that the outputs can be written.
 
         Raises:
-            FileError: unknown suffix, or a place that cannot be written.
-            SettingsError: pictures without a store.
+            FileError: the suffix is unknown, or an output cannot be written.
+            SettingsError: an evidence folder is set without a store.
         """
         from pipeline.runs.tables import SUFFIXES
 

@@ -70,7 +70,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         0, or 1 if a part could not be read or its expected text is not confirmed.
 
     Raises:
-        FileError: a table, list or lexicon cannot be used.
+        FileError: a table, order or lexicon cannot be used.
         NothingFoundError: no part was found.
         ClusterError: the cluster cannot be used.
         ValueError: the settings, a font, the format or the database cannot be used.
@@ -106,7 +106,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         sent=files_to_send(settings) if executor.remote else None,
     )
     resumes = options.out is not None and unfinished(Path(options.out)).exists()
-    if not resumes:  # else only if parts are left
+    if not resumes:  # a resumed run checks below, if parts are left
         _check(order, executor)
     learning = learns(options, settings, parts)
     description = {

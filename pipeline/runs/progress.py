@@ -25,8 +25,8 @@ class Progress:
         """Begin.
 
         Args:
-            total: parts of the run.
-            done: number of these read in an earlier run.
+            total: number of parts of the run.
+            done: number of these that an earlier run has read.
         """
         self._total, self._done, self._before = total, done, done
         self._began_s = self._shown_s = time.monotonic()

@@ -16,7 +16,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:
-    """Write the list of parts with their problems; without any there is no list.
+    """Write the list of parts with their problems; without parts remove it.
 
     Raises:
         FileError: it cannot be written.
@@ -35,4 +35,4 @@ def _cells(part: PartFiles, problem: str) -> list[str]:
         height_map = absolute(str(part.problem.path))
     files = (height_map, scan, SEVERAL.join(photos))
     cells = (part.name.strip(), *files, part.expected, part.format, part.font, problem)
-    return [_CONTROL.sub("?", cell) for cell in cells]  # the next reader of the table takes one line a part
+    return [_CONTROL.sub("?", cell) for cell in cells]  # the table must have one line a part

@@ -27,11 +27,11 @@ _USUAL_NAME = 16
 
 
 def print_table(records: Sequence[ReadingRecord]) -> None:
-    """Print one row per part: cut to the width of a terminal, in full if a script reads them."""
+    """Print one row per part: fitted to the width of a terminal, in full if the output is not one."""
     console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     for line in table_lines(records, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
         text = Text(line)
-        # colour the program's own words, which two blanks set apart from what was read
+        # colour the program's own words, which two blanks separate from texts that were read
         for word, colour in _COLOUR.items():
             text.highlight_regex(rf"(?<=  ){word}(?=  |$)", colour)
         console.print(text)
@@ -45,7 +45,7 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
         width: columns of the terminal; None: as many as are needed.
     """
     cells = [_cells(record) for record in records]
-    # a column that is empty for all parts is left out, unless everybody looks for it
+    # leave out columns that are empty for all parts, except those that everybody looks for
     shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]
     widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
     if width is not None:
@@ -113,7 +113,7 @@ def notes(record: ReadingRecord) -> str:
     """Notes on a reading, in words."""
     found = list(record.messages)
     if not record.verdict:  # a verification names its own places
-        # do not name a place again that the messages ask about
+        # do not repeat places that the messages name
         asked = {k for reason in record.reasons for k in reason.places}
         states = (
             f"place {k}: {_state(c)}"

@@ -1,11 +1,11 @@
 """A run over many parts, read by an executor; every row is on the disk within a second.
 
     listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine
-                                                            --> what was not accepted, read again (SecondPass)
+                                                            --> parts not accepted, read again (SecondPass)
                                                             --> summary
 
-Whatever ends the run, the same command continues where it stopped: a part whose row is in the table is not read again.
-One that the store has and the table has not is read again, and the store takes it once, also after the run's end.
+Whatever ends the run, the same command continues where it stopped: a part in the journal is not read again. A part that
+only the store has is read again, but stored once, even if the run is repeated after its end.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ class Run:
 
     Attributes:
         journal: the run on the disk.
-        quarantine: file of the list of the parts that could not be read.
+        quarantine: table of the parts that could not be read.
         store: store that keeps the parts as well.
-        second: second pass, in which the lot teaches itself.
+        second: second pass, with the shapes learned from the lot.
         lot: check that sends impossible serials of this lot to review.
         watch: compares the parts read now with those of a certificate.
         progress: progress display.
-        on_row: called with every final row, also those from before a resumption.
+        on_row: called with every final row, including those from before a resumption.
         summary: summary of all these rows.
         read_now: number of parts read since the run was opened.
-        known: number of these that the store had already.
+        known: number of these that the store already had.
         finished: whether every part has been read.
     """
 
@@ -145,11 +145,11 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
     Args:
         options: output files and other options.
         description: settings on which the answers depend, in plain JSON values.
-        learns: whether the lot teaches itself.
+        learns: whether to run a second pass.
 
     Raises:
-        FileError: the table holds another run, is being written, or cannot be.
-        StoreError: a store that cannot be opened.
+        FileError: the table belongs to another run, is being written, or cannot be written.
+        StoreError: the store cannot be opened.
     """
     key = key_of({**description, "store": options.store})
     with ExitStack() as stack:
@@ -159,7 +159,7 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         elif options.store is None:
             table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
         else:
-            # it spares a run that broke off the reading; that no part is kept twice is up to the store's keys
+            # the journal lets an interrupted run continue; the store's keys prevent duplicates
             table, bad = Path(f"tactile-marks-{key}"), Path("parts.quarantine.csv")
         written = options.out is not None and options.store is None
         journal = stack.enter_context(RunJournal(table, description, written=written))
@@ -173,12 +173,12 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
                 store = RunStore(options.store, key, evidence=options.evidence)
                 run.store = inner.enter_context(closing(store))
             if learns:
-                # an earlier run's database is moved as its table is
+                # an earlier run's database is set aside like its table
                 database = table.with_suffix(".die.glyphs")
                 if not journal.resumed:
                     set_aside(database)
                 run.second = SecondPass(database, always=bool(options.learn_die))
             yield run
-        # last, with workers and store gone: broken off before, the same command reads nothing again
+        # last, after the store is closed: if interrupted before, the same command reads nothing again
         if run.finished and not written:
             journal.remove()

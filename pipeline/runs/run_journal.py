@@ -1,14 +1,14 @@
-"""A run of `read` on the disk: a journal of records, and beside it the requested table.
+"""A run of `read` on the disk: a journal of records, and the requested table beside it.
 
 rows.csv                   rows as they come; after `finish` complete and in the order of the parts
-rows.csv.unfinished        the journal: what is run, and the record of every part that is done; gone with `finish`
-rows.csv~                  the table that stood there before the run
+rows.csv.unfinished        the journal: a description of the run and a record for every part done; `finish` removes it
+rows.csv~                  the previous table of that name
 
-Parquet and workbooks, to which nothing can be appended, are written by `finish`. The table is never read: a run that is
-taken up writes it anew from the journal.
+Parquet and workbooks, to which nothing can be appended, are written by `finish`. The table is never read: a resumed run
+writes it again from the journal.
 
-     open --> keep, keep, keep --> finish          kill, loss of power: the same `open` takes it up again
-                           \\--> remove          of a run whose rows are kept elsewhere: nothing stays
+     open --> keep, keep, keep --> finish          after a kill or power failure the same `open` resumes the run
+                           \\--> remove          for a run whose rows are kept elsewhere: no file stays
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def unfinished(table: Path) -> Path:
 
 
 class RunJournal(Journal[ReadingRecord]):
-    """The records of one run, and the table that grows with them; for one thread of one process at a time.
+    """The records of one run, and the table that grows with them, for one thread at a time.
 
     Attributes:
         table: the file that the user asked for.
-        written: whether there is a table; without one the journal alone is written.
-        kept: new name of the table that stood there before; None if there was none with a row.
+        written: whether there is a table; without one only the journal is written.
+        kept: new name of the previous table; None if there was none with a row.
     """
 
     kind: ClassVar[str] = "run"
@@ -55,7 +55,8 @@ class RunJournal(Journal[ReadingRecord]):
             written: as in the attribute.
 
         Raises:
-            FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.
+            FileError: the suffix is unknown, the table cannot be written or is being written, or the journal is that of
+                another run, or damaged.
         """
         if written:
             check_writable(table, SUFFIXES)
@@ -74,7 +75,7 @@ class RunJournal(Journal[ReadingRecord]):
     def keep_all(
         self, kept: Mapping[str, ReadingRecord], *, again: bool = False
     ) -> Mapping[str, ReadingRecord]:
-        """Store records and append their lines; a value that no table can hold makes it a record with an error."""
+        """Store records and append their lines; one that no table can hold becomes a record with an error."""
         stored, lines = dict(kept), b""
         for name, record in kept.items() if self.written else ():
             try:
@@ -86,7 +87,7 @@ class RunJournal(Journal[ReadingRecord]):
         super().keep_all(stored, again=again)
         if self._growing is not None and not again:
             with self._faults():
-                while lines:  # they are the kernel's before this returns
+                while lines:  # unbuffered: the kernel has all lines before this returns
                     lines = lines[self._growing.write(lines) or 0 :]
         return stored
 
@@ -99,11 +100,11 @@ class RunJournal(Journal[ReadingRecord]):
         """Write the table in order, with unnamed parts last, and end the run.
 
         Args:
-            order: names of the parts; names without a record are passed over.
+            order: names of the parts; names without a record are skipped.
             count: called with every record.
 
         Raises:
-            FileError: it cannot be written; the same command takes the run up and ends it.
+            FileError: it cannot be written; the same command resumes the run and ends it.
         """
         self._close_table()
 
@@ -140,7 +141,7 @@ class RunJournal(Journal[ReadingRecord]):
             self._growing.close()
 
     def _begin(self) -> None:
-        # what is no longer than a head is left by a run that broke off as it began: no reason to lose a table kept
+        # a file with only a header is left by a run that stopped at once; it must not replace a table set aside
         if self.written:
             self.kept = set_aside(self.table, head=self._form.head if grows(self.table) else b"")
         super()._begin()

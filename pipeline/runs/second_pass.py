@@ -1,6 +1,6 @@
 """Second pass over a lot: enrol characters read with certainty, and read the other parts again with their shapes.
 
-first rows --teachers--> enrol --> glyph database --> parts that were not accepted, read with it --> second readings
+first rows --sure parts--> enrol --> glyph database --> parts that were not accepted, read with it --> second readings
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 
 def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
-    """Whether to run a second pass, by the options (default: if possible and the lot is large enough).
+    """Whether to run a second pass (default: if possible and the lot is large enough).
 
     Raises:
-        SettingsError: the options ask for it, and the lot cannot.
+        SettingsError: the options ask for it, but it is not possible.
     """
     why_not = _why_not(options, settings)
     if options.learn_die and why_not is not None:
@@ -46,11 +46,11 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
     if settings.font or settings.database is not None:
         return "is for a die whose font is unknown", "leave out --font and --database"
     if settings.certificate is not None:
-        return "changes how parts are read", "leave --certificate away"
+        return "changes how parts are read", "leave out --certificate"
     if settings.mode == "vision":
-        return "learns by touch", "leave --mode vision away"
+        return "learns by touch", "leave out --mode vision"
     if settings.experts and "templates" not in settings.experts:
-        return "asks the expert templates, which has no say", "add it to --experts"
+        return "needs the expert templates", "add it to --experts"
     if options.store is not None:
         return "goes with a table", "write one, or learn from the store's reviewed parts: enroll --from-store"
     return None
@@ -58,13 +58,13 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
 
 @dataclass
 class SecondPass:
-    """Learn the shapes of a lot's own die, with which parts that were not accepted are read again.
+    """Learn the shapes of a lot's own die, and read the parts that were not accepted again with them.
 
     Attributes:
         database: glyph database to be made.
-        always: whether it is made even if nothing is to be read again.
+        always: whether it is made even if no part needs another reading.
         learned: what was learned; None before, and if nothing was.
-        again: parts read again in this sitting.
+        again: number of parts read again since the run was opened.
     """
 
     database: Path
@@ -117,7 +117,7 @@ class SecondPass:
                 raise MarksError(f"its parts do not look like one die's ({agree})")
         except MarksError as error:
             self.database.unlink(missing_ok=True)
-            say(f"the lot teaches nothing: {error}")
+            say(f"nothing was learned from the lot: {error}")
             return (), order
         self.learned = report
         say(
@@ -136,7 +136,7 @@ def _learns_or_teaches(part: PartFiles) -> bool:
 
 
 def _font_name(parts: Sequence[PartFiles]) -> str:
-    """Name of the lot's die: that of the folder of its first part, with -die."""
+    """Name of the lot's die: the folder of its first part, with -die."""
     first = min(parts, key=lambda part: part.name)
     file = first.scan or first.height_map or first.photo
     folder = split_name(file if is_url(file) else os.path.abspath(file))[0]

@@ -45,13 +45,13 @@ def settled(settings: ReadSettings, sent: Mapping[str, bytes] | None) -> ReadSet
 
 @cache
 def _folder() -> tempfile.TemporaryDirectory[str]:
-    # goes with the process
+    # removed when the process ends
     return tempfile.TemporaryDirectory(prefix="tactile-marks-")
 
 
 @cache
 def _copy(name: str, content: bytes) -> Path:
-    """Write a file once, in a folder named by its hash; its own name stays, since fonts are named by it."""
+    """Write a file once, in a folder named by its hash; it keeps its name, which names fonts."""
     folder = Path(_folder().name) / sha256(content).hexdigest()[:32]
     folder.mkdir(exist_ok=True)
     path = folder / name

@@ -1,4 +1,4 @@
-"""Put a run's parts into the service's store, to be found and reviewed with those of the line."""
+"""Put a run's parts into the service's store, to be searched and reviewed with those of the line."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that takes each part of a run once, even if the run is repeated.
+    """A store that stores each part of a run once, even if the run is repeated.
 
-    A part is identified by the run, its name and the content of its files. The store keeps its key as long as the part.
+    A part's key is made from the run, its name and the content of its files; the store keeps it as long as the part.
     """
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
@@ -75,7 +75,7 @@ class RunStore:
             self._store.add_part(
                 part_id=new_part_id(),
                 name=text,
-                # there is no stage to feel it any more
+                # no stage can scan it any more
                 state=PartState.ACCEPTED if accepted else PartState.REVIEW,
                 readings=(replace(read.record, part=text),),
                 evidence=self._kept(read.pictures),

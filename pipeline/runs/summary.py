@@ -14,7 +14,7 @@ DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "
 MOST_REASONS = 8
 _MOST_KINDS = 500
 _SLOWEST = 5
-# what differs from part to part in an error: numbers, and names in quotes
+# details of an error that differ from part to part: numbers, and names in quotes
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
@@ -25,13 +25,13 @@ class Summary:
 
     Attributes:
         parts: rows counted.
-        decisions: number of each; errors have none.
-        verdicts: likewise.
-        errors: parts that could not be read.
-        reasons: number of parts that were not accepted for each reason; a part may have several.
-        faults: kinds of error, likewise.
+        decisions: number of parts with each decision; errors have none.
+        verdicts: number of parts with each verdict.
+        errors: number of parts that could not be read.
+        reasons: number of parts not accepted for each reason; a part may have several.
+        faults: number of parts with each kind of error.
         seconds: seconds of work on all parts together.
-        slowest: (seconds, part) of those that took longest, slowest first.
+        slowest: (seconds, part) of the slowest parts, slowest first.
     """
 
     parts: int = 0
@@ -74,9 +74,9 @@ class Summary:
         """The summary in lines of text.
 
         Args:
-            elapsed_s: since the run, or its going on, began.
-            read_now: parts read in that time.
-            workers: workers that read them.
+            elapsed_s: seconds since the run began or was resumed.
+            read_now: number of parts read in that time.
+            workers: number of workers that read them.
         """
         lines = [self.counts()]
         for title, counter in (("not accepted", self.reasons), ("errors", self.faults)):
@@ -122,7 +122,7 @@ def _kind(error: str) -> str:
 
 
 def _count(counter: Counter[str], kind: str) -> None:
-    # faults may name anything; the memory they take may not grow with the night
+    # faults may name anything; their memory must not grow during a long run
     if kind in counter or len(counter) < _MOST_KINDS:
         counter[kind] += 1
     else:

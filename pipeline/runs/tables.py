@@ -1,15 +1,15 @@
 """Tables of records: `.csv`, `.jsonl`, `.parquet` and `.xlsx`.
 
     ReadingRecord --+-- row_of --> CSV line  flat
-                    +-- JSON line            lists and objects a character
+                    +-- JSON line            with an object for each character
                     +-- Parquet              the same, from some hundred JSON lines at a time
 
 A character of a JSON line or of Parquet has `char`, `probability` and `score`, its `alternatives` with the same, and
 the other fields of `CharacterRecord`.
 
-What is not known is an empty field or null. A character that UTF-8 lacks, as names of files may have one, and NUL, at
-which many programs stop, are written as the words \\udcff and \\u0000; a backslash that would begin such a word is
-written \\u005c. In CSV what a spreadsheet would take for a formula has an apostrophe in front.
+Unknown values are empty fields or null. Lone surrogates, which file names may hold, and NUL, at which many programs
+stop, are written as escapes such as \\udcff and \\u0000; a backslash that would begin one is written \\u005c. In CSV, a
+text that a spreadsheet would take for a formula has an apostrophe in front.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ COLUMNS = (*_FIRST, *(f.name for f in fields(ReadingRecord) if f.name not in _FI
 """Columns of JSON lines and Parquet."""
 MOST_TEXT = 100_000
 """Most characters of one escaped text; Python's own CSV reader takes up to 131,072."""
-_GROUP_RECORDS = 500  # of Parquet; some megabytes while they are made
+_GROUP_RECORDS = 500  # rows of a Parquet group, some megabytes in memory
 _ODD = re.compile(r"[\x00\ud800-\udfff]|\\(?=u(?:0000|005c|d[89a-f][0-9a-f]{2}))")
 _LINE_BREAKS = {
     ord(c): f"\\u{ord(c):04x}" for c in "\x85\u2028\u2029"
-}  # to some readers of lines, not to JSON
+}  # line breaks for some programs, though not in JSON
 _dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
 _NOBODY = {f.name: f.default for f in fields(CandidateRecord)} | {"char": "", "probability": 0.0}
 
@@ -53,7 +53,7 @@ class LineForm:
 
     Attributes:
         head: first line.
-        encode: makes the line of a record; a ValueError for a record that no table holds.
+        encode: makes the line of a record; raises ValueError for a record that no table can hold.
     """
 
     head: bytes
@@ -64,7 +64,7 @@ def write_table(records: Iterable[ReadingRecord], path: Path) -> None:
     """Write a table of lines or Parquet; the file appears whole or not at all.
 
     Args:
-        records: each as `form_of` can encode it.
+        records: records that the table's form can encode.
         path: path of the table.
 
     Raises:
@@ -87,7 +87,7 @@ def grows(path: Path) -> bool:
 
 
 def form_of(path: Path) -> LineForm:
-    """Form of the lines of a table, or from which it is made."""
+    """Form of a table's lines, or of the lines from which it is made."""
     return LINE_FORMS.get(path.suffix.lower(), LINE_FORMS[".jsonl"])
 
 
@@ -119,7 +119,7 @@ def _fitting(value: Any, part: str) -> Any:
 
 
 def csv_line(cells: Iterable[Any]) -> bytes:
-    """A line of a CSV table, with texts that a spreadsheet does not calculate."""
+    """A line of a CSV table, whose texts no spreadsheet takes for formulas."""
     line = io.StringIO()
     csv.writer(line).writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
     return line.getvalue().encode()

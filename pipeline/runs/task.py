@@ -1,4 +1,4 @@
-"""Reading of one part of a run by a worker. Order, part and answer are plain data for any worker."""
+"""Read one part of a run in a worker. Order, part and result are plain data for any worker."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def check_order(order: RunOrder, _: None) -> None:
     """Open the reader of a run's settings; this process keeps it for its first part.
 
     Raises:
-        FileError: a lexicon or certificate that cannot be used.
-        SettingsError: settings that contradict each other.
-        ValueError: a font or database that cannot be used.
+        FileError: the lexicon or certificate cannot be used.
+        SettingsError: settings contradict each other.
+        ValueError: a font or the database cannot be used.
     """
     from pipeline.reading.readers import reader_of
 
@@ -66,7 +66,7 @@ def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
         return _read(order, listed, started)
     except MarksError as problem:
         error = str(problem) if problem.where else f"{_file_of(listed)}: {problem}"
-    # a fault of the program in one part may not cost a night's run the other parts; the record names its kind
+    # a fault of the program in one part must not end the run; the record names its kind
     except Exception as fault:
         error = f"{_file_of(listed)}: {describe_fault(fault)}; please report it"
     failed = ReadingRecord.failed(listed.name, error, seconds=round(time.perf_counter() - started, 4))
@@ -74,7 +74,7 @@ def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
 
 
 def lost_part(listed: PartFiles, error: Exception) -> ReadPart:
-    """A part that no worker has read, with the reason."""
+    """The result of a part that no worker could read, with the reason."""
     reason = " ".join(str(error).split()) or type(error).__name__
     return ReadPart((ReadingRecord.failed(listed.name, f"{_file_of(listed)}: {reason}; try it alone"),))
 
@@ -117,7 +117,7 @@ def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
     """The reader of a part.
 
     Raises:
-        FileError: a font, format, database or lexicon that cannot be used.
+        FileError: a font, format, database or lexicon cannot be used.
     """
     from pipeline.reading.readers import reader_of
 

@@ -1,8 +1,8 @@
-"""An Excel workbook of a run: a short sheet for a person first, then everything.
+"""Write an Excel workbook of a run: a short sheet for people first, then everything.
 
-Parts        part, serial, decision, confidence, why it is not accepted: a line a part
+Parts        part, serial, decision, confidence, why it is not accepted: one line per part
 All columns  the columns of the CSV
-Characters   a line a character, its candidates and their probabilities side by side
+Characters   one line per character, with its candidates and their probabilities side by side
 Run          time, program and settings
 
 Serials and names are text cells: Excel neither drops their zeros nor calculates them.
@@ -46,7 +46,7 @@ def check_number(path: Path, parts: int) -> None:
     """
     if path.suffix.lower() == WORKBOOK and parts > MOST_PARTS:
         raise FileError(
-            path, f"holds {MOST_PARTS:,} parts, and there are {parts:,}", "end it in .csv or .parquet"
+            path, f"can hold {MOST_PARTS:,} parts, but there are {parts:,}", "end it in .csv or .parquet"
         )
 
 
@@ -60,7 +60,7 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
 
     Raises:
         OSError: it cannot be written.
-        ValueError: a record that no table holds.
+        ValueError: no table can hold a record.
     """
     from openpyxl import Workbook
 

@@ -1,7 +1,7 @@
 """A Dask cluster as an executor: workers on many machines, any of which may be lost.
 
-Dask gives the task of a lost worker to another one, and gives up a task that several workers have died of. It blames
-all jobs that such a worker had, though only one has killed it: if several are blamed, `Executor.calls` tries
+Dask gives the task of a lost worker to another one, and gives up a task after several workers have died with it. It
+blames all tasks that such a worker held, though only one has killed it: if several are blamed, `Executor.calls` tries
 each once more by itself.
 """
 
@@ -21,18 +21,19 @@ from pipeline.common import version
 from pipeline.workers.executors import Executor, Outcome, WorkerLostError
 
 _CONNECT_S = 10.0
-"""Seconds that the scheduler may take to answer."""
+"""Longest time for the scheduler to answer, seconds."""
 _START_S = 120.0
-"""Seconds that the connection's thread may take to start: the library allows ten a try, a frozen machine needs more."""
+"""Longest time for the connection's thread to start, seconds; the library's ten are too few on a busy machine."""
+# seconds between two checks of scheduler and workers
 _LOOK_S = 2.0
-_AHEAD = 3
-_LEAST_AHEAD = 8
+# tasks submitted at a time for each worker, and in all at least
+_AHEAD, _LEAST_AHEAD = 3, 8
 _ONE_AT_A_TIME = threading.Lock()
 """Readers and their templates are not shared between threads."""
 
 
 class ClusterError(MarksError):
-    """A cluster that cannot be used, or is lost."""
+    """The cluster cannot be used, or is lost."""
 
 
 class ClusterExecutor(Executor):
@@ -41,11 +42,11 @@ class ClusterExecutor(Executor):
     remote = True
 
     def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
-        """Set the address; the block makes the connection.
+        """Set the address; entering the block connects.
 
         Args:
             address: address of the scheduler, such as tcp://scheduler:8786.
-            patience_s: time for which there may be no worker at all.
+            patience_s: longest time without any worker.
         """
         self.address, self.patience_s = address, patience_s
         self.workers = 0
@@ -54,7 +55,7 @@ class ClusterExecutor(Executor):
         """Connect, wait for a worker, and check that all run this program.
 
         Raises:
-            ClusterError: no scheduler, no worker, or one with another version of the program.
+            ClusterError: no scheduler or worker answers, or a worker has another version of the program.
             MissingExtraError: the extra `cluster` is not installed.
         """
         require_distributed()
@@ -88,7 +89,7 @@ class ClusterExecutor(Executor):
 
     def _shared(self, order: Any) -> Any:
         self._seen_s = self._looked_s = time.monotonic()
-        # a task like the others, so that it is made anew where the workers that held it are lost
+        # a task like the others, so that Dask repeats it if the workers that held it are lost
         return self._client.submit(_same, order, pure=False)
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
@@ -103,7 +104,7 @@ class ClusterExecutor(Executor):
             self._look(at_once=future is None)
             if future is not None and future.status not in ("lost", "pending"):
                 return future
-            if future is not None:  # its worker was lost with the result, which another one makes anew
+            if future is not None:  # its worker was lost with the result; another one repeats the task
                 future.add_done_callback(done.put)
 
     def _look(self, *, at_once: bool) -> None:
@@ -122,7 +123,7 @@ class ClusterExecutor(Executor):
             what = f"the scheduler at {self.address} is lost"
             raise ClusterError(what, hint="start it and run the same command again")
         elif now - self._seen_s > self.patience_s:
-            what = f"no worker has been at {self.address} for {self.patience_s:.0f} s"
+            what = f"no worker has been connected to {self.address} for {self.patience_s:.0f} s"
             raise ClusterError(what, hint="start some and run the same command again")
 
     def _outcome(self, future: Any, task: Any) -> Outcome[Any, Any]:
@@ -135,10 +136,12 @@ class ClusterExecutor(Executor):
         if isinstance(fault, ClusterError):  # another version's answers do not belong to this run
             raise fault
         if isinstance(fault, KilledWorker):
-            fault = WorkerLostError("several workers have died of it, perhaps for lack of memory", tried=True)
+            fault = WorkerLostError(
+                "several workers have died with it, perhaps for lack of memory", tried=True
+            )
         elif fault is None:
             self._look(at_once=True)
-            fault = WorkerLostError("its result was lost again on its way")
+            fault = WorkerLostError("its result was lost twice on the way")
         return Outcome(task, error=fault)
 
     def _connected(self) -> Any:
@@ -182,7 +185,7 @@ def _same(order: Any) -> Any:
 
 
 def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
-    """Call the function in a worker, which may have joined later than the others, and may have several threads."""
+    """Call a function in a worker, which may have joined after the check of programs, and may have several threads."""
     if _own_mark() != mark:
         raise ClusterError(_other_program(socket.gethostname()))
     with _ONE_AT_A_TIME:
@@ -191,7 +194,7 @@ def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
 
 
 def _keep_to_one_core() -> None:
-    """Use one core and leave the others to other workers; numba needs this for every thread."""
+    """Use one core only, since other workers use the others; numba needs this in every thread."""
     import numba
 
     from glyphs.opencv import cv2

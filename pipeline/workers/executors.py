@@ -1,10 +1,10 @@
-"""Calls of a function for many tasks: here, in processes of this machine, or on a Dask cluster.
+"""Call a function for many tasks: in this process, in processes of this machine, or on a Dask cluster.
 
-    tasks (taken as they are needed) --> Executor.calls --> outcomes (as they are done)
+    tasks (drawn as needed) --> Executor.calls --> outcomes (as tasks finish)
 
 * Every task has one outcome: its result, its exception, or WorkerLostError.
-* Only the few tasks at work are taken, so there may be any number of them.
-* A task that loses its worker is tried once more, by itself, after the others; where it loses that one too it is given
+* Only few tasks are drawn ahead, so there may be any number of them.
+* A task that loses its worker is tried once more, by itself, after the others; if it loses that one, too, it is given
   up.
 """
 
@@ -31,9 +31,9 @@ class WorkerLostError(MarksError):
     """The worker of a task ended before the task did.
 
     Attributes:
-        timed_out: whether the task took longer than it may; another try will hardly do better.
-        crashed: whether a fault of what it ran ended the worker, and not a kill from outside.
-        unstarted: whether no worker has begun the task, since none can start.
+        timed_out: whether the task exceeded its time limit; another try would hardly help.
+        crashed: whether the worker crashed, rather than being killed from outside.
+        unstarted: whether no worker has begun the task, because none can start.
         tried: whether the task was retried already; another try is useful only if others were lost with it.
     """
 
@@ -58,7 +58,7 @@ class Outcome(Generic[T, R]):
         task: the task.
         result: result of the function; None with an error.
         error: exception of the function, or WorkerLostError.
-        more: whether another outcome is there already; the next one is not waited for.
+        more: whether another outcome is ready, so that the next one comes at once.
     """
 
     task: T
@@ -71,8 +71,8 @@ class Executor:
     """Call a function for many tasks, in this process; subclasses use a pool or a cluster.
 
     Attributes:
-        workers: tasks that are at work at once, about.
-        remote: whether the workers are on machines of their own, which lack this one's files.
+        workers: approximate number of tasks that run at once.
+        remote: whether the workers are on other machines, which lack this one's files.
     """
 
     workers = 1
@@ -110,10 +110,10 @@ class Executor:
                 lost.append(outcome.task)
                 tried, last = error.tried, outcome
                 continue
-            # if this process works itself, the next outcome is there because it finished before this one was reported
+            # without workers the next task has finished before this outcome is reported; that does not count as more
             yield replace(outcome, more=self._ahead() > 1 and not done.empty())
         if tried and len(lost) == 1:
-            # lost without others, in an executor that tries again itself: it has killed each of its workers
+            # lost alone, in an executor that has retried it: it has killed each of its workers
             yield last
             return
         for task in lost:

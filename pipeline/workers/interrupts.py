@@ -1,8 +1,8 @@
-"""An interrupt that is not lost.
+"""Keep an interrupt from being lost.
 
-Python raises KeyboardInterrupt wherever the main thread happens to be. Where that is a destructor, or a callback of the
-garbage collector, it is printed and forgotten, and the run continues to its end. So it is recorded, too, and raised
-again at the next outcome of a task.
+Python raises KeyboardInterrupt wherever the main thread happens to be. In a destructor, or a callback of the garbage
+collector, it is printed and forgotten, and the run would continue. It is therefore also recorded, and raised again at
+the next outcome of a task.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def interrupts_noted() -> Iterator[None]:
         if ours:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         if _SEEN.is_set():
-            # the interpreter remembers an interrupt in a string that it was executing, as data classes and named tuples
-            # are made, until it executes another: `python -m` would end by the signal, not with our status
+            # the interpreter remembers an interrupt of a string that it was executing, as when a dataclass or named
+            # tuple is made, until it executes another: `python -m` would end by the signal, not with our status
             exec("")
 
 

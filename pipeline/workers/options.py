@@ -1,4 +1,4 @@
-"""Settings of the workers, declared once: of runs, for the command line, its file and the library."""
+"""Settings of the workers of a run, declared once for the command line, its file and the library."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class WorkerSettings(Settings):
     table: ClassVar[str] = "workers"
 
     jobs: int | None = Field(default=None, ge=1)
-    """Worker processes. Default: one for each core. Files are opened by workers alone: one that crashes the library
-    that opens it then costs its own part, and not the run."""
+    """Worker processes. Default: one for each core. Only workers open files: a file that crashes the library that opens
+    it costs one part, not the run."""
     cluster: str | None = None
     """Address of a Dask scheduler (tcp://HOST:8786), whose workers work instead. Needs the extra cluster."""
     part_timeout_s: float = Field(default=PART_TIMEOUT_S, gt=0.0, allow_inf_nan=False)
-    """Seconds after which a process of this machine gives a part up."""
+    """Seconds after which a worker on this machine gives a part up."""
 
     def opened(self, parts: int | None = None) -> AbstractContextManager[Executor]:
         """Open the executor.
@@ -38,7 +38,7 @@ class WorkerSettings(Settings):
             parts: number of parts; None if not known yet.
 
         Raises:
-            ClusterError: no cluster, or none that can be used.
+            ClusterError: the cluster cannot be used.
         """
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
@@ -53,11 +53,11 @@ class WorkerSettings(Settings):
 
 
 def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call a function that opens a user's files in a separate process, which they may crash.
+    """Call a function that opens a user's files in a separate process, since a file may crash it.
 
     Raises:
-        MarksError: it has crashed.
-        Exception: whatever the function raises.
+        MarksError: the process has crashed.
+        Exception: any exception of the function.
     """
     with WorkerSettings(jobs=1).opened() as executor:
         try:

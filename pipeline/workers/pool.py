@@ -1,15 +1,16 @@
-"""Worker processes, each fed by a thread of this one: for runs, the service, benchmarks and made parts.
+"""Worker processes, each fed by a thread of this process: for runs, the service, benchmarks and `synth`.
 
 ::
 
     submit --> waiting (bounded) --> thread 1 <== pipe ==> worker 1
                                  --> thread 2 <== pipe ==> worker 2
 
-* Every job ends: with its result, its exception, or WorkerLostError; also where no worker can start.
-* A worker that dies, or takes longer than a job may, costs its own job alone and is replaced, also while it is idle.
+* Every job ends: with its result, its exception, or WorkerLostError, even if no worker can start.
+* A worker that dies, or exceeds the time limit of a job, costs only its own job and is replaced, even while it is idle.
 * No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
-* A job beyond those at work and those that may wait is refused at once.
-* A worker uses one core and keeps to its memory; none is forked, for a forked child dies in its first parallel kernel.
+* A job is refused at once when the queue is full.
+* A worker uses one core and keeps to its memory limit. It is not forked: a forked child dies in its first parallel
+  kernel.
 * Workers end when this process does, however that ends.
 """
 
@@ -30,17 +31,17 @@ from glyphs.errors import MarksError
 from pipeline.common.settings import SettingsError
 from pipeline.errors import describe_fault
 from pipeline.workers.executors import Executor, WorkerLostError
-from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called, worker_of
+from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, pickled_call, worker_of
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
 _AHEAD = 16
-"""Jobs of a run that are handed over for each worker: one at work, the others waiting."""
+"""Jobs that a run submits at a time for each worker: one at work, the others waiting."""
 _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
 _STARTS_TRIED = 3
-"""Starts in a row, for each worker, that fail before jobs are no longer kept waiting."""
+"""Failed starts in a row, for each worker, after which waiting jobs are given up."""
 _USUAL_S = 1.0
 _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
@@ -50,7 +51,7 @@ class BusyError(MarksError):
     """The queue of jobs is full.
 
     Attributes:
-        retry_after_s: about how many seconds until a place may be free.
+        retry_after_s: estimated seconds until the queue has room.
     """
 
     def __init__(self, retry_after_s: float) -> None:
@@ -60,7 +61,7 @@ class BusyError(MarksError):
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A call that someone waits for."""
+    """A call, and the future of its result."""
 
     call: bytes
     timeout_s: float
@@ -70,7 +71,7 @@ class _Job:
 
 @dataclass(eq=False)
 class _Slot:
-    """A worker with its present process, its job, and the thread that feeds it."""
+    """A worker's present process and job, and the thread that feeds it."""
 
     number: int
     worker: Worker | None = None
@@ -82,7 +83,7 @@ class _Slot:
 class WorkPool(Executor):
     """Run functions in worker processes of this machine.
 
-    The functions are of modules that a worker can import; arguments, results and exceptions can be pickled.
+    Workers must be able to import the functions, and arguments, results and exceptions to be pickled.
     """
 
     def __init__(
@@ -98,12 +99,12 @@ class WorkPool(Executor):
         """Start the workers; they warm up in the background, see `ready`.
 
         Args:
-            workers: processes.
-            queue: jobs that may wait beyond those that run (default: enough to keep the workers busy).
+            workers: number of processes.
+            queue: most jobs that may wait (default: enough to keep the workers busy).
             timeout_s: longest time of a job; its process is then replaced.
-            memory_mb: memory of a worker; 0: no limit (default: its share of the machine's).
-            warm_up: called by every worker before its first job; it can be pickled (default: nothing is done).
-            at_once: start all processes now; else when there are jobs for them.
+            memory_mb: memory limit of a worker; 0: no limit (default: its share of the machine's).
+            warm_up: function that every worker calls before its first job; it must be picklable (default: none).
+            at_once: whether to start all processes now; else they start when there are jobs for them.
 
         Raises:
             SettingsError: invalid numbers.
@@ -111,19 +112,19 @@ class WorkPool(Executor):
         queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
             raise SettingsError(
-                f"{workers} jobs, {queue} waiting, {timeout_s} s per part: give at least 1, 0 and above 0"
+                f"{workers} jobs, {queue} waiting, {timeout_s} s per part: give at least 1, at least 0 and above 0"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
         self.memory_mb = _share_mb(workers) if memory_mb is None else memory_mb
         self._warm_up, self._mean_s = warm_up, _USUAL_S
-        self._failed, self._why_failed = 0, ""  # starts in a row, of whichever worker
+        self._failed, self._why_failed = 0, ""  # failed starts in a row, of any workers
         self._waiting: deque[_Job] = deque()
         self._slots: list[_Slot] = []
         self._changed = threading.Condition()  # jobs wait, or the pool closes
         self._closing, self._stopped = threading.Event(), threading.Event()
         for _ in range(workers if at_once else 0):
             self._add_slot()
-        # before multiprocessing's own, which waits for workers that do not end by themselves
+        # called before multiprocessing's own handler, which waits for workers that do not end by themselves
         atexit.register(self.close, 0.0)
 
     def __enter__(self) -> WorkPool:
@@ -133,7 +134,7 @@ class WorkPool(Executor):
         self.close(0.0)
 
     def submit(self, function: Callable[..., Any], *args: Any, timeout_s: float | None = None) -> Future[Any]:
-        """Have a worker call the function.
+        """Let a worker call the function.
 
         Args:
             function: function to call.
@@ -150,7 +151,7 @@ class WorkPool(Executor):
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         try:
-            job = _Job(called(function, *args), timeout_s or self.timeout_s, future)
+            job = _Job(pickled_call(function, *args), timeout_s or self.timeout_s, future)
         except Exception as error:  # arguments that cannot be pickled
             future.set_exception(error)
             return future
@@ -242,7 +243,7 @@ class WorkPool(Executor):
         while not self._not_wanted():
             if not slot.warm:
                 if not self._start(slot):
-                    # a worker that cannot even start would otherwise keep a core busy with failing
+                    # a worker that cannot even start would otherwise keep a core busy
                     self._closing.wait(pause_s)
                     pause_s = min(2.0 * pause_s, _MOST_PAUSE_S)
                     continue
@@ -256,7 +257,7 @@ class WorkPool(Executor):
             slot.worker.end(0.2)
 
     def _take_job(self, slot: _Slot) -> bool:
-        """Give a slot the job that has waited longest; return whether one came in time."""
+        """Give a slot the job that has waited longest; return whether there was one in time."""
         with self._changed:
             if not self._waiting:
                 self._changed.wait(LOOK_S)
@@ -265,13 +266,13 @@ class WorkPool(Executor):
         return slot.job is not None
 
     def _work(self, slot: _Slot, worker: Worker) -> None:
-        """Settle the job of a slot."""
+        """Run the job of a slot, and set its result."""
         job, began_s = slot.job, time.monotonic()
         assert job is not None
         outcome: Answer | Exception
         try:
             outcome = worker.ask(job.call, job.timeout_s, "the part took longer than {} s and was stopped")
-        except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
+        except Exception as error:  # a fault here must not leave the job waiting for ever, or the slot dead
             outcome = WorkerLostError(f"the worker was lost ({describe_fault(error)})")
         slot.job = None
         if isinstance(outcome, WorkerLostError):
@@ -289,7 +290,7 @@ class WorkPool(Executor):
         try:
             slot.worker = worker_of(slot.number, self.memory_mb)
             late = "it was not ready after {} s"
-            answer = slot.worker.ask(called(self._warm_up), _WARM_UP_S, late, self._not_wanted)
+            answer = slot.worker.ask(pickled_call(self._warm_up), _WARM_UP_S, late, self._not_wanted)
         except Exception as error:
             answer = error
         slot.warm = isinstance(answer, Answer)
@@ -312,12 +313,12 @@ class WorkPool(Executor):
             worker.end()
 
     def _not_wanted(self) -> bool:
-        """Whether a worker can no longer be used; jobs that wait for one too long are given up."""
+        """Whether the pool needs no worker any more; also gives up jobs that have waited too long."""
         self._give_up_waiting()
         return self._stopped.is_set() or (self._closing.is_set() and not self._waiting)
 
     def _give_up_waiting(self) -> None:
-        """Settle the jobs that wait for a worker while none can start."""
+        """End the jobs that wait too long for a worker while none can start."""
         while self._waiting and self._failed and not any(slot.warm for slot in self._slots):
             with self._changed:
                 if not self._waiting:

@@ -1,4 +1,4 @@
-"""A worker process with limits of memory and cores: it makes the calls it receives until its parent ends."""
+"""A worker process with limits of memory and cores, which makes the calls that it receives until its parent ends."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from glyphs.errors import MarksError
 from pipeline.workers.executors import WorkerLostError
 
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": str(1 << 30), "MALLOC_MMAP_THRESHOLD_": str(1 << 30)}
-"""Maps of tens of megabytes come and go; without this each is given back to the system and cleared anew."""
+"""Keep freed memory in the process: maps of tens of megabytes would be returned to the system and cleared each time."""
 _THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
     *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
@@ -34,7 +34,7 @@ LOOK_S = 0.25
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
 _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
-"""Exit codes of workers that somebody has killed: a person, or a system short of memory."""
+"""Exit codes of workers that were killed by a person, or by a system short of memory."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Worker:
         """Start the process; it waits for `limit` before its first call.
 
         Args:
-            number: the worker of number 0 shows what is compiled; the others compile the same.
-            modules: modules that it imports at once.
+            number: number of the worker; only number 0 reports what is compiled, since all compile the same.
+            modules: modules to import at once.
 
         Raises:
             OSError: it cannot be started.
@@ -99,13 +99,13 @@ class Worker:
     def ask(
         self, call: bytes, timeout_s: float, late: str, stopped: Callable[[], bool] = lambda: False
     ) -> Answer | Exception:
-        """Let the process make a call, and return the result: a WorkerLostError if the worker was lost meanwhile.
+        """Let the process make a call, and return the result, or a WorkerLostError if the worker is lost meanwhile.
 
         Args:
-            call: as `called` makes it.
-            timeout_s: longest time of it.
-            late: cause that is given after that time, with {} for its seconds.
-            stopped: asked now and then; once it answers with True, the call is waited for no longer.
+            call: result of `pickled_call`.
+            timeout_s: longest time of the call.
+            late: message if it takes longer, with {} for the seconds.
+            stopped: called now and then; True ends the wait.
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)
@@ -133,7 +133,7 @@ class Worker:
             self.process.kill()
 
     def end(self, grace_s: float = 0.0) -> None:
-        """Close the pipe, on which the process ends by itself, and kill it after the grace period."""
+        """Close the pipe, whereupon the process ends by itself, and kill it after the grace period."""
         self._pipe.close()
         if self.is_alive:
             self.process.join(grace_s)
@@ -142,7 +142,7 @@ class Worker:
 
 
 _EARLY: list[Worker] = []
-"""The worker of `started_early`, until a pool takes it."""
+"""The worker of `started_early`, until a pool uses it."""
 
 
 @contextlib.contextmanager
@@ -174,7 +174,7 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
     gc.set_threshold(10_000)  # modules make many objects that stay
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if sys.platform == "linux":
-        # native code that holds the interpreter would keep the thread from seeing it
+        # native code that holds the interpreter lock would block that thread
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     # the parent gets the signal; it then ends its workers
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -182,7 +182,7 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     os.environ.update(dict.fromkeys(_THREADS, "1"))  # before the libraries are loaded
     for name in modules:
-        # one that cannot be imported is the fault of the call that needs it
+        # a failed import is reported by the call that needs the module
         with contextlib.suppress(Exception):
             importlib.import_module(name)
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
@@ -193,7 +193,7 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
 
 
 def _keep_to(memory_mb: int) -> None:
-    """Limit the memory that this process uses, not the addresses: libraries reserve far more of those."""
+    """Limit the memory that this process uses, not its address space, of which libraries reserve far more."""
     if memory_mb > 0:
         with contextlib.suppress(ImportError):  # not on Windows
             import resource
@@ -213,8 +213,8 @@ def _end_with_parent() -> None:
     os._exit(0)
 
 
-def called(function: Callable[..., Any], *args: Any) -> bytes:
-    """A call as it is sent to a worker.
+def pickled_call(function: Callable[..., Any], *args: Any) -> bytes:
+    """Pickle a call for a worker.
 
     Args:
         function: function of a module that the process can import.
@@ -232,7 +232,7 @@ def _answered(call: bytes) -> bytes:
         function, args = pickle.loads(call)
         return pickle.dumps(Answer(function(*args)))
     except Exception as error:
-        if not isinstance(error, MarksError):  # of a fault of the program the lines are wanted
+        if not isinstance(error, MarksError):  # a fault of the program is reported with its traceback
             error.add_note("".join(traceback.format_exception(error)))
         return pickle.dumps(_sendable(error))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.common.settings import SettingsError
-from pipeline.common.texts import listed
+from pipeline.common.texts import split_commas
 
 Level = str | float | bool | None
 """One setting of a factor; None if unknown."""
@@ -24,7 +24,7 @@ def parse_given(text: str) -> str:
     Raises:
         SettingsError: another word.
     """
-    words = [word for word in listed(text) if word != "nothing"]
+    words = [word for word in split_commas(text) if word != "nothing"]
     for word in words:
         if word not in GIVEN:
             hint = f"name some of {', '.join(GIVEN)}, or nothing"

@@ -18,6 +18,9 @@ from pipeline.formats.find_parts import discover
 from pipeline.formats.table_file import number_of
 from pipeline.formats.truth import load_part_lines, load_truth
 
+_ANSWER_COLUMNS = ("confidence", "decision", "accepted")
+"""Columns of a table of answers; a truth with one of them was probably confused with the answers."""
+
 
 @dataclass(frozen=True)
 class ListedParts:
@@ -73,10 +76,13 @@ class ListedParts:
         """The parts of a CSV with the columns part and text; every other column is a factor.
 
         Raises:
-            FileError: the table lacks columns, or a severity is impossible.
+            FileError: the table lacks columns, holds answers instead, or has an impossible severity.
         """
         known = []
         for number, line in enumerate(load_part_lines(table)):
+            if column := next((name for name in _ANSWER_COLUMNS if name in line.others), ""):
+                what = f"has the column {column}, so it holds answers and not the truth"
+                raise FileError(table, what, "give the truth with --truth, and this table as answers")
             condition = Condition({name: _level(cell) for name, cell in line.others.items() if cell})
             severity = condition.get("severity")
             if severity is not None and not (isinstance(severity, float) and 0.0 <= severity <= 1.0):

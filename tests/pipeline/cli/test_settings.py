@@ -186,7 +186,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("format = ''", "format in .* the format is empty; write for example"),
         ("format = ['AA99', 're:[']", r"format in .*toml"),
         ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, luhn"),
-        ("line = 'AAA99'", "line in .*'AAA99' is no line; write NAME=FORMAT, such as lot=AAA99"),
+        ("line = 'AAA99'", "line in .*'AAA99' is not a line; write NAME=FORMAT, such as lot=AAA99"),
         ("line = ['lot=A', 'lot=9']", "line in .* two lines are called lot"),
         ("line = {lot = 'check:luhm'}", "line in .* unknown check digit"),
         ("[line.lot]\nformat = 'A'\nbox = 1", "line in .* write its format, or a table of format and region"),
@@ -308,7 +308,7 @@ def test_a_database_that_is_not_there_is_a_wrong_setting_wherever_it_is_named(
 
 def test_a_group_of_settings_is_no_setting() -> None:
     with pytest.raises(
-        SettingsError, match=r"--watch is 'x', and names a group of settings; .* such as watch\.folder"
+        SettingsError, match=r"--watch is 'x', but it is a group of settings; .* such as watch\.folder"
     ):
         serving("--watch", "x")
 

@@ -48,10 +48,10 @@ def test_a_job_is_settings_of_reading_and_names_files_beside_itself(tmp_path: Pa
         ("x = {" + "a." * 50_000 + "a = 1}", "a.toml", r"is not TOML \(a key of more than 200 dots\)"),
         ('formt = "AA"', "a.toml", "unknown setting formt; did you mean format"),
         ("height_mm = -1", "a.toml", "height_mm is -1: input should be greater than 0"),
-        ('mode = "vision"', "a.toml", "holds mode, which no job has; take it out"),
+        ('mode = "vision"', "a.toml", "sets mode, which a job cannot; take it out"),
         ('database = "die.glyphs"', "a.toml", "names the database .*die.glyphs, which is not there; put it"),
         ("[service]\nport = 1", "a.toml", "unknown setting service"),
-        ("active = true", "the left one.toml", "has no name for a job; write letters, digits"),
+        ("active = true", "the left one.toml", "is not a valid name for a job; write letters, digits"),
     ],
 )
 def test_what_is_no_job(text: str, name: str, message: str, tmp_path: Path) -> None:

@@ -213,7 +213,7 @@ def _swapped(text: str, one: int, other: int) -> str:
         (lambda s: s.replace("x,y", "X,y", 1), r"has no column 'x' \(it has X, y, up"),
         (lambda s: s.replace("x,y", "x,x", 1), r"has 2 columns 'x'; name them by number"),
         (lambda s: s + "1,2\n", r"has 2 values in line \d+, none for column 'a'"),
-        (lambda s: _line(s, 9, "", "").replace("\n", "\n\n", 9), r"has nothing in line 2, and values after it"),
+        (lambda s: _line(s, 9, "", "").replace("\n", "\n\n", 9), r"has an empty line 2 before further values"),
         (lambda s: s.splitlines()[0] + "\n", "has no values below its header"),
         (lambda s: _line(s, 7, s.splitlines()[6].split(",")[0], ""), "has no position in line 7"),
         (lambda s: _line(s, 8, s.splitlines()[7].split(",")[-1], "0"), "has a time that runs back in line 8"),

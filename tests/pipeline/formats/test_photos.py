@@ -255,8 +255,8 @@ def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) 
     [
         (None, "is not there"),
         (b"a letter, not a picture", "is not a picture that can be read"),
-        (_encoded(".png", COLOUR[:5, :5]), "shows no characters"),
-        (_encoded(".tiff", np.zeros((16, 16), np.float32)), "TIFF of numbers of 32 bit"),
+        (_encoded(".png", COLOUR[:5, :5]), "too few for characters"),
+        (_encoded(".tiff", np.zeros((16, 16), np.float32)), "TIFF of 32 bit numbers"),
         (
             _encoded(".tiff", np.zeros((16, 16), np.float64)),
             "TIFF that is damaged or unusual; .*heights as TIFF",

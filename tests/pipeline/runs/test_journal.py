@@ -306,7 +306,9 @@ def test_a_damaged_journal_is_told_and_the_table_stays(text: str, table: Path) -
 def test_a_journal_of_another_version_is_told(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     begun(table, rows_of(2))
     monkeypatch.setattr(RunJournal, "version", 99)
-    with pytest.raises(FileError, match=r"is of a run of version 5, not a run of 99; name another one"):
+    with pytest.raises(
+        FileError, match=r"is the journal of a run, version 5, not of a run, version 99; name another one"
+    ):
         RunJournal(table, RUN)
 
 

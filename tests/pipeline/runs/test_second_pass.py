@@ -206,7 +206,7 @@ def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn
         ({}, {"font": ("gothic",)}, PARTS, "whose font is unknown"),
         ({}, {"database": Path("press.glyphs")}, PARTS, "whose font is unknown"),
         ({}, {"mode": "vision"}, PARTS, "learns by touch"),
-        ({}, {"experts": ("network",)}, PARTS, "asks the expert templates"),
+        ({}, {"experts": ("network",)}, PARTS, "needs the expert templates"),
         ({}, {"experts": ("network", "templates")}, PARTS, True),
         ({"out": "sqlite:///parts.db"}, {}, PARTS, "goes with a table"),
         ({}, {}, [replace(part, height_map="", photos=("a.png",)) for part in PARTS], False),
