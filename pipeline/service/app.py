@@ -125,11 +125,11 @@ class Ports:
         """Open the inputs and send waiting results; on leaving, running work may finish first.
 
         Raises:
-            OSError: an address that cannot be had.
+            OSError: an address is not available.
         """
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
-            # results come from threads as well
+            # threads add results, too
             wake = partial(asyncio.get_running_loop().call_soon_threadsafe, self._dispatcher.wake)
             self._intake.on_result = wake
             stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
@@ -251,7 +251,7 @@ class Service:
             **{one.key: one.summary for one in targets},
             "drift": (self.jobs.drift or "none") if self.jobs.drifts() else "",
             "bench": (bench.message() or "none") if bench.parts else "",
-            "of_no_use": without_folders("; ".join(troubles.values())),
+            "unusable": without_folders("; ".join(troubles.values())),
             "touch": self.intake.touching.trouble,
             "sweep": self.sweeps.trouble,
         }

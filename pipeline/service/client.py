@@ -185,13 +185,8 @@ class Client:
         Raises:
             ServiceError: refused, or not reached in time.
         """
-        body = {
-            "action": ReviewAction(action).value,
-            "text": text,
-            "who": who,
-            "note": note,
-            "before": before,
-        }
+        said = {"text": text, "who": who, "note": note, "before": before}
+        body = {"action": ReviewAction(action).value, **said}
         answer = self._send("POST", f"{_path(part_id)}/review", json=body, repeatable=False)
         return _record(PartRecord, answer)
 
@@ -251,14 +246,7 @@ class Client:
         headers = {"idempotency-key": key or secrets.token_urlsafe(24)}
         return _record(PartRecord, self._send("POST", path, files=files, headers=headers, **request))
 
-    def _send(
-        self,
-        method: str,
-        path: str,
-        *,
-        repeatable: bool = True,
-        **request: Any,
-    ) -> httpx.Response:
+    def _send(self, method: str, path: str, *, repeatable: bool = True, **request: Any) -> httpx.Response:
         """Send a request, and retry it if that is safe.
 
         Args:
@@ -280,10 +268,8 @@ class Client:
             except httpx.TransportError as error:
                 # if there was no connection, nothing was sent
                 safe = repeatable or isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
-                failure, asked_s = (
-                    ServiceError(0, {}, f"the service was not reached: {error or error!r}"),
-                    0.0,
-                )
+                failure = ServiceError(0, {}, f"the service was not reached: {error or error!r}")
+                asked_s = 0.0
             else:
                 if answer.is_success:
                     return answer

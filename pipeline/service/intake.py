@@ -119,12 +119,7 @@ class Intake:
     """
 
     def __init__(
-        self,
-        settings: ServiceSettings,
-        *,
-        store: Store,
-        evidence: EvidenceFolder,
-        calls: WorkerCalls,
+        self, settings: ServiceSettings, *, store: Store, evidence: EvidenceFolder, calls: WorkerCalls
     ) -> None:
         """Make the intake of a service.
 

@@ -94,8 +94,8 @@ class RecentFiles:
         seen_s = self._seen_s.get(name)
         if seen_s is not None and (name == self.needed or time.monotonic() - seen_s < MOST_AWAY_S):
             raise OwnProblem(f"the {self._what} {name} has disappeared; put {name}{self._suffix} back")
-        there = ", ".join(files) or "none at all"
-        raise Problem(422, f"there is no {self._what} {name[:100]!r}; there is {there}")
+        there = f"choose one of {', '.join(files)}" if files else "there are none yet"
+        raise Problem(422, f"there is no {self._what} {name[:100]!r}; {there}")
 
 
 def stamp_of(status: os.stat_result) -> FileStamp:
@@ -321,7 +321,7 @@ class JobFolder(RecentFiles):
             raise Problem(409, f"the watched folder uses the job {name}; set watch.job to another first")
         with self.lock:
             path.unlink(missing_ok=True)
-            self._seen_s.pop(name, None)  # it was meant
+            self._seen_s.pop(name, None)  # it is not expected back
             self._known.pop(name, None)
         log.info("job deleted", job=name)
 

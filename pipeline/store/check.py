@@ -121,7 +121,7 @@ def check(
 
     Raises:
         StoreError: the store does not answer.
-        FileError: the backup is none, or damaged.
+        FileError: it is not a backup, or it is damaged.
     """
     report = CheckReport()
     _check_database(store, report)

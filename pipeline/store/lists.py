@@ -42,10 +42,10 @@ def find_parts(
 
     Args:
         tx: the transaction.
-        state: they are in.
+        state: their state.
         agreement: with the line's own reader, of parts read in shadow mode.
-        text: text that theirs holds, in upper or lower case.
-        name: name that theirs holds, likewise.
+        text: text that their serial contains, in upper or lower case.
+        name: text that their name contains, in upper or lower case.
         job: job that they were read by.
         line: line that they come from.
         since: earliest time at which they were received.

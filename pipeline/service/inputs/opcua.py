@@ -74,13 +74,7 @@ class OpcUaPort:
 
     title = "OPC UA server"
 
-    def __init__(
-        self,
-        settings: OpcUaSettings,
-        trigger: Trigger,
-        *,
-        connections: int = 16,
-    ) -> None:
+    def __init__(self, settings: OpcUaSettings, trigger: Trigger, *, connections: int = 16) -> None:
         """Make the server; nothing is opened yet.
 
         Args:
@@ -104,7 +98,7 @@ class OpcUaPort:
         """Build the nodes and listen; returns where.
 
         Raises:
-            OSError: the address cannot be had, a certificate cannot be read.
+            OSError: the address is not available, or a certificate cannot be read.
         """
         server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()

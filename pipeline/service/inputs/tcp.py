@@ -197,7 +197,7 @@ class TcpPort:
         """Listen; returns where.
 
         Raises:
-            OSError: the address cannot be had.
+            OSError: the address is not available.
         """
         limit = 2 * self._limits.line_bytes
         self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
@@ -267,7 +267,7 @@ class TcpPort:
         async for line in _lines(reader, self._limits):
             if not caller.spoken and _WEB.match(line):
                 # a page in somebody's browser can have that send here, and the lines after it might be a trigger
-                self._log.say("web", "a web browser or the like has called; it was let go")
+                self._log.say("web", "a web browser or similar has called; its connection was closed")
                 return
             caller.spoken, caller.idle = True, False
             await self._write(caller.writer, await self._answer(line))

@@ -176,7 +176,9 @@ class Dispatcher:
         self.states = {target: Connection(target, TARGETS[target], datetime.now(UTC)) for target in senders}
         self._outbox, self._senders = outbox, dict(senders)
         self._rng, self._pace = rng or Random(), pace or Pace()
-        self._owner = secrets.token_hex(8)  # not from the rng: services seeded alike are two all the same
+        self._owner = secrets.token_hex(
+            8
+        )  # not from the rng: services with the same seed need different names
         self._woken = {target: asyncio.Event() for target in senders}
         self._stopping = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
@@ -235,7 +237,7 @@ class Dispatcher:
                     rests, pause_s, wakes = rests + 1, rest_s, self._stopping
                 elif leased:
                     rests, pause_s = 0, 0.0  # there may be more
-            except Exception:  # the store is away, say: what was sent is sent again
+            except Exception:  # perhaps the store does not answer; what was sent is sent again
                 troubles += 1
                 if troubles == 1:
                     _log.exception("the outbox cannot be used; %s waits", target)

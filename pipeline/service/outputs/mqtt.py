@@ -142,7 +142,7 @@ class MqttSender:
                 if not isinstance(error, DeliveryError) or error.away:
                     await self._say_goodbye(connection)  # others may have seen it online
                     raise
-                # a broker that refuses this alone may take results all the same
+                # a broker that refuses only this still takes results
                 if self._connection is None:
                     _log.warning("the MQTT status is not set: %s", error)
             self._connection, self._online_s = connection, time.monotonic()

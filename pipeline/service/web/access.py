@@ -94,7 +94,7 @@ class Access:
             except DeniedError:
                 if self.asked(request):
                     raise
-                return Caller(frozenset(Scope))  # none is needed; it may have an old cookie, say
+                return Caller(frozenset(Scope))  # none is needed; perhaps it has an old cookie
         if scope not in record.scopes:
             held = ", ".join(sorted(record.scopes)) or "nothing"
             raise DeniedError(403, f"the token {record.name!r} allows {held}, and this needs {scope.value}")

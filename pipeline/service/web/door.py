@@ -223,9 +223,8 @@ def _with_timeouts(receive: Receive) -> Receive:
         if whole:
             return await receive()  # waits for the end of the connection, which may take long
         try:
-            if (
-                left_s := until_s - time.monotonic()
-            ) <= 0.0:  # a body that never keeps it waiting ends as well
+            left_s = until_s - time.monotonic()
+            if left_s <= 0.0:  # a body that never pauses ends, too
                 raise TimeoutError
             async with asyncio.timeout(min(BODY_PATIENCE_S, left_s)):
                 message = await receive()

@@ -100,7 +100,7 @@ class OwnProblem(Problem):
 def busy(wait_s: float) -> Problem:
     """The answer while the queue of parts is full."""
     seconds = str(max(1, round(wait_s)))
-    detail = f"the queue is full; as many parts wait as may; send it again in {seconds} s"
+    detail = f"the queue of parts is full; send it again in {seconds} s"
     return Problem(503, detail, headers={"Retry-After": seconds})
 
 

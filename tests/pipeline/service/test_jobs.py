@@ -80,7 +80,7 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
     _, client = served
     refused = post(client, job="right")
     assert (refused.status_code, refused.headers["content-type"]) == (422, PROBLEM)
-    assert refused.json()["detail"] == "there is no job 'right'; there is left"
+    assert refused.json()["detail"] == "there is no job 'right'; choose one of left"
     put(tmp_path / "jobs", "right", 'format = "99"\n')
     assert post(client, job="right").json()["text"] == "99"
     put(tmp_path / "jobs", "right", 'format = "9A"\n')
@@ -94,7 +94,7 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
     away = post(client, job="right")
     assert (away.status_code, away.headers["Retry-After"]) == (503, "5")
     assert away.json()["detail"] == "the job right has disappeared; put right.toml back"
-    assert "right" in client.get("/readyz").json()["of_no_use"]
+    assert "right" in client.get("/readyz").json()["unusable"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.service.jobs.MOST_AWAY_S", 0.0)
         assert post(client, job="right").status_code == 422
@@ -133,7 +133,7 @@ def test_jobs_that_cannot_be_used_cost_their_own_parts_alone(tmp_path: Path) -> 
 def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path: Path) -> None:
     watch = tmp_path / "camera"
     with (
-        pytest.raises(SettingsError, match=r"watch\.job: there is no job 'left'; there is none"),
+        pytest.raises(SettingsError, match=r"watch\.job: there is no job 'left'; there are none yet"),
         inline_service(tmp_path, watch={"folder": watch, "job": "left"}),
     ):
         pass
@@ -171,7 +171,7 @@ def test_a_job_is_written_by_whoever_may_review(tmp_path: Path) -> None:
             ({"formt": "A"}, "unknown setting formt; did you mean format"),
             ({"region": [0, 1]}, "give left, top"),
             ({"font": ["gothik"]}, "unknown font 'gothik'"),
-            ({"database": "/etc/passwd"}, "there is no glyph database '/etc/passwd'; there is none at all"),
+            ({"database": "/etc/passwd"}, "there is no glyph database '/etc/passwd'; there are none yet"),
             ({"lexicon": "/etc/passwd"}, "lexicon is a file of the service's machine"),
             ({"font": ["/etc/x.ttf"]}, "/etc/x.ttf is a file of the service's machine"),
         ):
