@@ -63,14 +63,14 @@ def identified_figure(found: Identified, *, most_lines: int = 4) -> Figure:
     *panels, histogram = figure.subplots(len(shown) + 1, 1)
     for axes, ((degrees, pushed), (trace, predicted)) in zip(panels, shown, strict=True):
         place = trace.plan.position_mm()
-        axes.plot(place, trace.felt_n_mm, color=BLUE, linewidth=1.4, label="felt")
+        axes.plot(place, trace.measured_n_mm, color=BLUE, linewidth=1.4, label="felt")
         axes.plot(place, predicted, color=VERMILION, linewidth=1.0, linestyle="--", label="predicted")
-        axes.plot(place, trace.felt_n_mm - predicted, color="0.33", linewidth=0.8, label="residual")
+        axes.plot(place, trace.measured_n_mm - predicted, color="0.33", linewidth=0.8, label="residual")
         axes.axhline(0.0, color="0.8", linewidth=0.6)
         axes.set_title(f"{degrees}°{', pushed' if pushed else ''}, whisker {trace.whisker}")
         axes.set(xlabel="place along the trace, mm", ylabel="signal, N mm")
     panels[0].legend(loc="upper right", ncols=3)
-    left = np.concatenate([t.felt_n_mm - p for t, p in pairs])
+    left = np.concatenate([t.measured_n_mm - p for t, p in pairs])
     left = left[np.isfinite(left)] / found.scatter_n_mm
     histogram.hist(np.clip(left, -8.0, 8.0), bins=120, color="0.33", log=True)
     histogram.set(title="residuals, in standard deviations of a sample", ylabel="samples")

@@ -21,7 +21,7 @@ from pipeline.formats.whisker_file import (
     write_whisker_file,
 )
 from pipeline.reading.predictions import Prediction
-from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, of_whisker
+from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, whisker_indices
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.knowledge import knowledge_of
 from whisker_array.whisker.shapes import LShaped
@@ -77,7 +77,7 @@ def table_of(found: Identified) -> list[str]:
     names = [name for name in Unknown if with_drawing or name not in DRAWN]
     lines += [_line(name.value, *found.of(name), found.nominal[name], _MEANINGS[name]) for name in names]
     for whisker in found.whiskers:
-        places = of_whisker(whisker, n_whiskers=found.bench.gain.size)
+        places = whisker_indices(whisker, n_whiskers=found.bench.gain.size)
         for what, drawn, i in zip(OF_GAUGE, (1.0, 0.0, 0.0), places, strict=True):
             value, sd = float(found.bench.vector()[i]), float(found.sd[i])
             lines.append(_line(f"{what} {whisker}", value, sd, drawn, digits=".4f"))
@@ -119,7 +119,7 @@ def confounded(
         least_part: least component of a unit direction for a number to count as part of it.
     """
     scaled = found.covariance / np.outer(found.before, found.before)
-    own = [of_whisker(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
+    own = [whisker_indices(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
     felt = [*range(len(Unknown)), *(i for one in own for i in one)]
     values, vectors = np.linalg.eigh(scaled[np.ix_(felt, felt)])
     names = [*(name.value for name in Unknown), *(name for _ in own for name in (_GAINS, *OF_GAUGE[1:]))]

@@ -20,7 +20,7 @@ import numpy as np
 
 from glyphs.errors import MarksError
 from tests.support.benches import HiddenBench, hidden_bench
-from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, of_whisker
+from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, whisker_indices
 from whisker_array.identification.fit import identify
 from whisker_array.identification.forward import GRID_MM
 
@@ -52,7 +52,7 @@ def tried(seed: int, *, grid_mm: float, memory: bool) -> dict[str, Any]:
     }
     for i, name in enumerate(Unknown):
         row[name] = (hidden.truth[name], found.bench[name], float(found.sd[i]))
-    for name, i in zip(OF_GAUGE, of_whisker(0, n_whiskers=hidden.truth.gain.size), strict=True):
+    for name, i in zip(OF_GAUGE, whisker_indices(0, n_whiskers=hidden.truth.gain.size), strict=True):
         row[f"{name} 0"] = (
             float(hidden.truth.vector()[i]),
             float(found.bench.vector()[i]),

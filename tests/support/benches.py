@@ -10,7 +10,14 @@ import numpy as np
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.simulated_scan import VirtualBench
-from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, nominal_bench, of_screw, prior_sd
+from whisker_array.identification.bench import (
+    BENCH_GAIN,
+    Bench,
+    Unknown,
+    nominal_bench,
+    prior_sd,
+    screw_slice,
+)
 from whisker_array.identification.knowledge import Knowledge
 from whisker_array.identification.piece_map import Heights
 from whisker_array.scan.calibration import Calibration
@@ -113,7 +120,7 @@ def hidden_bench(
     nominal = nominal_bench(drawn, touch, n_whiskers=whiskers)
     before = prior_sd(nominal)
     for along_x in (True, False):
-        before[of_screw(before.size, along_x=along_x)] = 0.0  # `stage` has its own
+        before[screw_slice(before.size, along_x=along_x)] = 0.0  # `stage` has its own
     off = np.zeros(before.size)
     off[before > 0.0] = np.clip(rng.standard_normal(int((before > 0.0).sum())), -_MOST_SDS, _MOST_SDS)
     stage = draw_stage_play(rng=rng)

@@ -2,7 +2,7 @@
 
 Variables: ln l1, ln k, beta, height of the sensor's axis over the free tip in l1, ln thickness, ln aspect, ln d0
 and the contrast tau. tau is maximised under step >= tau for every lip, wall and friction, so that the worst
-case is smooth, and under every constraint of `design_checks.check`.
+case is smooth, and under every constraint of `checks.check`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from whisker_array.whisker.validity import QUASI_STATIC_SHARE
 SectionKind = Literal["ribbon", "round"]
 
 HELD = 1e-3
-"""The search keeps this much (in logarithm) off every limit, so that five digits of a design still hold it."""
+"""Distance that the search keeps from every limit (in logarithm), so that a design rounded to five digits keeps it
+too."""
 _NEARLY = 5e-4
 _STEP = 1e-5
 _MAX_ITERATIONS = 50
@@ -39,12 +40,12 @@ Objective = Callable[[LShaped, float], Values]
 
 @dataclass(frozen=True, repr=False)
 class Candidate(OneLine):
-    """A whisker in use, found or tried.
+    """A whisker in use, as evaluated by the search.
 
     Attributes:
         whisker: the whisker.
         preload_mm: d0.
-        worth: smallest entry of the objective; minus infinity where it jams.
+        worth: smallest entry of the objective; -1 where the whisker jams.
         reserve: least reserve of all constraints; negative where one is violated.
     """
 
@@ -62,10 +63,10 @@ class Problem(OneLine):
         request: purpose of the whisker.
         limits: limits to keep.
         section: kind of section.
-        error_scale: elastica's error over its first order, see `design_checks.check`.
+        error_scale: error of the linear beam over its first order, see `checks.check`.
         objective: quantity to maximise; the worst-case contrast if None.
-        axis_lean_rad: the moment vanishes under a force that leans so much (see `design_tuned`): the axis height
-            is then no variable.
+        axis_lean_rad: lean of the force under which the moment vanishes (see `tuned`); it fixes the height of the
+            axis.
     """
 
     request: Request
@@ -86,7 +87,7 @@ class Problem(OneLine):
         return np.asarray([l1, k, list(lim.beta_rad), [0.0, top], t, a, d0], dtype=np.float64)
 
     def decode(self, x: Values) -> tuple[LShaped, float]:
-        """Whisker and preload of a point."""
+        """Return the whisker and preload of a point."""
         l1, k, t, aspect, d0 = (math.exp(x[i]) for i in (0, 1, 4, 5, 6))
         beta = float(x[2])
         axis = float(x[3]) * l1
@@ -97,7 +98,7 @@ class Problem(OneLine):
         return LShaped(l1, l1 * k, l3, beta, section, self.request.material), d0
 
     def encode(self, candidate: Candidate) -> Values:
-        """The point of a candidate, inside the box."""
+        """Return the point of a candidate, clipped to the box."""
         w = candidate.whisker
         t, width = _sides(w)
         axis = (w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm) / w.l1_mm
@@ -106,8 +107,8 @@ class Problem(OneLine):
         box = self.box()
         return np.asarray(np.clip(x, box[:, 0], box[:, 1]))
 
-    def look(self, whisker: LShaped, preload_mm: float) -> tuple[Values, Checked]:
-        """Objective and constraints of a whisker in use."""
+    def evaluate(self, whisker: LShaped, preload_mm: float) -> tuple[Values, Checked]:
+        """Compute the objective and constraints of a whisker in use."""
         checked = check(
             whisker, self.request, self.limits, preload_mm=preload_mm, error_scale=self.error_scale
         )
@@ -115,8 +116,8 @@ class Problem(OneLine):
         return np.nan_to_num(np.ravel(worth), nan=-1.0), checked
 
     def rate(self, whisker: LShaped, preload_mm: float) -> Candidate:
-        """Make a candidate of a whisker in use."""
-        worth, checked = self.look(whisker, preload_mm)
+        """Evaluate a whisker in use as a candidate."""
+        worth, checked = self.evaluate(whisker, preload_mm)
         least = min(float(r.min()) for r in checked.reserve().values())
         return Candidate(whisker, preload_mm, float(worth.min()), least)
 
@@ -143,7 +144,7 @@ def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
 
 
 class _Patience:
-    """Stop a climb without further gain: SLSQP oscillates on the kink where two natural frequencies cross."""
+    """Stop a climb that gains no more: SLSQP oscillates on the kink where two natural frequencies cross."""
 
     def __init__(self, slack: Callable[[Values], Values]) -> None:
         self.slack, self.top, self.waited = slack, -math.inf, 0
@@ -160,37 +161,37 @@ class _Patience:
 
 
 def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Candidate:
-    """Run SLSQP from one start; only_reserve: away from the limits instead of towards contrast."""
+    """Run SLSQP from one start; `only_reserve`: maximise the distance from the limits instead of the objective."""
     from scipy.optimize import minimize
 
     box = problem.box()
 
     @cache
-    def seen(x: bytes) -> tuple[Values, int]:
-        """All that must be at least tau, then all that must be at least 0; and how many the first are."""
-        worth, checked = problem.look(*problem.decode(np.frombuffer(x)))
+    def values_at(x: bytes) -> tuple[Values, int]:
+        """Values that must be at least tau, then those that must be at least 0; and the number of the former."""
+        worth, checked = problem.evaluate(*problem.decode(np.frombuffer(x)))
         reserve = np.concatenate(list(checked.reserve().values())) - HELD
         return (reserve, reserve.size) if only_reserve else (np.concatenate([worth, reserve]), worth.size)
 
     @cache
     def slopes(key: bytes) -> Values:
-        (base, _), x = seen(key), np.frombuffer(key)
+        (base, _), x = values_at(key), np.frombuffer(key)
         out = np.zeros((base.size, x.size))
         for i in np.flatnonzero(box[:, 1] > box[:, 0]):
             moved = x.copy()
             moved[i] += _STEP if x[i] + _STEP <= box[i, 1] else -_STEP
-            out[:, i] = (seen(moved.tobytes())[0] - base) / (moved[i] - x[i])
+            out[:, i] = (values_at(moved.tobytes())[0] - base) / (moved[i] - x[i])
         return out
 
     start = np.clip(start, box[:, 0], box[:, 1])
-    first, n_worth = seen(start.tobytes())
+    first, n_worth = values_at(start.tobytes())
     share = np.where(np.arange(first.size) < n_worth, 1.0, 0.0)
 
     def inside(y: Values) -> Values:
         return np.clip(y[:-1], box[:, 0], box[:, 1])
 
     def slack(y: Values) -> Values:
-        return np.asarray(seen(inside(y).tobytes())[0] - share * y[-1])
+        return np.asarray(values_at(inside(y).tobytes())[0] - share * y[-1])
 
     patience = _Patience(slack)
     found = minimize(
@@ -208,13 +209,13 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
         options={"maxiter": _MAX_ITERATIONS, "ftol": 1e-6},
     )  # fmt: skip
     last = problem.rate(*problem.decode(inside(found.x)))
-    if _keeps(last) or patience.best is None:
+    if _is_feasible(last) or patience.best is None:
         return last
     return problem.rate(*problem.decode(inside(patience.best)))
 
 
 def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Values]:
-    """Starting points: shape and preload at random, the rest sized to be about fast and stiff enough."""
+    """Starting points: random shape and preload, and a size that is about fast and stiff enough."""
     box, request, limits = problem.box(), problem.request, problem.limits
     ribbon = problem.section == "ribbon"
     for i in range(n):
@@ -228,7 +229,7 @@ def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Va
         l1 = math.exp(x[0])
         x[3] = preload / l1
         if limits.axis_raise > 0.0 and i % 2:
-            # an axis above the line of A has its own best: the moment falls where it else would rise
+            # an axis above the line of A has a separate optimum, where the moment falls instead of rising
             x[3] = rng.uniform(*box[3])
         allowed = limits.slide_lines * request.line_pitch_mm
         aspect = max(5.0, math.sqrt(preload * math.tan(request.alpha_rad[1]) / allowed)) if ribbon else 1.0
@@ -240,45 +241,45 @@ def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Va
 
 
 def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -> Candidate | None:
-    """Climb repeatedly from a candidate with fresh curvatures, until nothing is gained; None if it breaks a constraint.
+    """Climb repeatedly from a candidate with new curvatures until nothing is gained; None if a constraint is violated.
 
-    The best of a design is often a flat ridge (setting angle against tip arm) on which one climb stops short.
+    The optimum is often a flat ridge (setting angle against tip arm), on which a single climb stops early.
     """
     candidate = problem.rate(candidate.whisker, candidate.preload_mm)
     for _ in range(rounds):
         again = climb(problem, problem.encode(candidate))
-        done = _keeps(candidate) and again.worth < candidate.worth * (1.0 + _GAIN)
-        if (_keeps(again) and (not _keeps(candidate) or again.worth > candidate.worth)) or not _keeps(
-            candidate
-        ):
+        done = _is_feasible(candidate) and again.worth < candidate.worth * (1.0 + _GAIN)
+        if (
+            _is_feasible(again) and (not _is_feasible(candidate) or again.worth > candidate.worth)
+        ) or not _is_feasible(candidate):
             candidate = again
         if done:
             break
-    return candidate if _keeps(candidate) else None
+    return candidate if _is_feasible(candidate) else None
 
 
-def _keeps(candidate: Candidate) -> bool:
+def _is_feasible(candidate: Candidate) -> bool:
     return candidate.reserve >= _NEARLY and math.isfinite(candidate.worth)
 
 
 def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
-    """Best candidate that keeps all constraints, from several starts; None without one."""
+    """Find the best candidate that keeps all constraints, from several starts; None if there is none."""
     first = list(beginnings)
-    kept = [c for start in first if _keeps(c := climb(problem, start))]
+    kept = [c for start in first if _is_feasible(c := climb(problem, start))]
     if not kept:
-        # a start far out can end outside all limits: come inside first
+        # a distant start can end outside the limits: move inside first
         inside = max(
             (climb(problem, start, only_reserve=True) for start in first[:2]), key=lambda c: c.reserve
         )
-        kept = [inside] if _keeps(inside) else []
+        kept = [inside] if _is_feasible(inside) else []
     top = max(kept, key=lambda c: c.worth, default=None)
     return None if top is None else polish(problem, top)
 
 
 def conflict(problem: Problem, beginnings: Sequence[Values]) -> tuple[Candidate, tuple[Bound, ...]]:
-    """The least violated point and the constraints that meet there: those that cannot be met together."""
+    """Find the point that violates the constraints least, and the constraints that cannot be met together there."""
     nearest = max((climb(problem, x, only_reserve=True) for x in beginnings), key=lambda c: c.reserve)
-    _, checked = problem.look(nearest.whisker, nearest.preload_mm)
+    _, checked = problem.evaluate(nearest.whisker, nearest.preload_mm)
     reserve = {bound: float(r.min()) for bound, r in checked.reserve().items()}
     worst = min(reserve.values())
     return nearest, tuple(bound for bound, r in reserve.items() if r < worst + 0.02 * max(1.0, abs(worst)))

@@ -1,18 +1,17 @@
 """A whisker sensitive to one inclination, after the paper's last remark.
 
-For *any* whisker (16) makes F a ratio of two linear forms in sin and cos of alpha, so F is a linear fraction
-of tan(alpha - atan(mu)): between its poles it only rises or only falls. No whisker responds most to one
-inclination and less to steeper ones, and none but a profilometer has F = 1 on any slope but the land. What can
-be had::
+For *any* whisker, by (16), F is a ratio of two linear forms in sin and cos of alpha, hence a linear fraction of
+tan(alpha - atan(mu)): between its poles it is monotone. So no whisker responds most to one inclination and less to
+steeper ones, and only a profiler has F = 1 on a slope other than the land. Two kinds are possible::
 
     F                  |                 F  ___
             threshold  |                       `--.     null
       ________________/ jam              0 ........`o-------- alpha
-                     alpha0                         alpha0 \\___ the sign tells steeper from gentler
+                     alpha0                         alpha0 \\___ the sign separates steeper from gentler
 
-*Threshold*: the pole just beyond alpha0, so the response grows fastest there; steeper walls would jam. *Null*:
-the sensor's axis stands on the line of the contact force on alpha0, 1 = B g(alpha0), B = axis height / (l1 c):
-there the moment vanishes. Friction turns that line, so either place moves by atan(mu), whatever the whisker.
+*Threshold*: the pole is just beyond alpha0, so the response grows fastest there; steeper walls would jam. *Null*: the
+sensor's axis lies on the line of the contact force at alpha0, 1 = B g(alpha0), B = axis height / (l1 c), so that the
+moment vanishes there. Friction rotates that line, so both inclinations shift by atan(mu), whatever the whisker.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from whisker_array.design.search import Problem, SectionKind, best, starts
 from whisker_array.whisker.shapes import LShaped
 
 NEIGHBOUR_RAD = math.radians(10.0)
-"""Difference from alpha0 at which an inclination must give another signal."""
+"""Difference from alpha0 at which an inclination must give a different signal."""
 AXIS_RAISE = 2.5
 """Greatest height of the sensor's axis of a null above the clamp, in l1."""
 STEEPEST_RAD = math.radians(80.0)
@@ -55,12 +54,14 @@ class Tuned(OneLine):
         kind: kind of sensitivity.
         alpha_rad: the inclination.
         design: the whisker and its use.
-        selectivity: least change of F when the wall is ten degrees gentler or steeper (a threshold and a null
+        selectivity: least change of F when the wall is ten degrees gentler or steeper (a threshold and
+                        a null
             at the end of the range: gentler only), over all frictions, in land moments.
         table_deg: inclinations of the table.
         table_mu: least, middle and greatest friction.
         table: F, (inclinations, frictions); NaN where the whisker jams.
-        place_rad: where the moment vanishes, or F is singular, for these frictions.
+        place_rad: inclinations at which the moment vanishes (null) or F is singular (threshold), for these
+            frictions.
     """
 
     kind: Kind
@@ -80,7 +81,7 @@ def factors(whisker: LShaped, *, alpha_rad: Values, mu: Values) -> Values:
 
 
 def middle_friction(mu: tuple[float, float]) -> float:
-    """The friction whose angle lies midway."""
+    """Friction whose angle is midway between those of the range."""
     return math.tan(0.5 * (math.atan(mu[0]) + math.atan(mu[1])))
 
 
@@ -94,7 +95,7 @@ def _neighbours(kind: Kind, alpha_rad: float, steepest_rad: float) -> Values:
 def _problem(kind: Kind, alpha_rad: float, request: Request, limits: Limits, section: SectionKind) -> Problem:
     low = min(request.alpha_rad[0], alpha_rad)
     if kind is Kind.THRESHOLD:
-        # walls no steeper than alpha0 are to be met
+        # there are no walls steeper than alpha0
         request, lean = replace(request, alpha_rad=(low, alpha_rad)), None
     else:
         request = replace(request, alpha_rad=(low, max(request.alpha_rad[1], alpha_rad)))
@@ -125,14 +126,15 @@ def tune(
     section: Literal["auto", "ribbon", "round"] = "auto",
     seed: int = SEED,
 ) -> Tuned:
-    """The most selective whisker for one inclination, within the limits of a design.
+    """Find the most selective whisker for one inclination within the limits of a design.
 
     Args:
         alpha_rad: the inclination of falling walls.
-        request: as in a design; walls of the request must not jam a null, steeper ones than alpha_rad may jam
-            a threshold.
+        request: as in a design; a null must not jam on its walls, a threshold may jam on walls steeper than
+            alpha_rad.
         limits: limits to keep; a null may have its axis up to AXIS_RAISE above the clamp.
-        kind: null or threshold. None: a null where steeper walls are to be met, else the more selective.
+        kind: null or threshold; default: a null if the request has steeper walls, otherwise the more selective
+            kind.
         section: kind of section; auto is a ribbon.
         seed: seed of the starts of the search.
 
@@ -173,8 +175,8 @@ def _tune_kind(
         raise DesignError(
             f"no {kind.value} at {math.degrees(alpha_rad):g} degrees within the limits",
             hint=(
-                "give a steeper inclination or a narrower range of friction; where no walls are "
-                "steeper than it, a threshold may serve"
+                "give a steeper inclination or a narrower range of friction; if no walls are steeper, "
+                "try a threshold"
             ),
         )
     problem, candidate = done

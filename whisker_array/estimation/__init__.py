@@ -1,1 +1,1 @@
-"""Estimate maps from moments: land, edge map, relief, friction, and the play between directions."""
+"""Estimate maps from moments: land, edge map, relief, friction, and stage play between directions."""

@@ -1,8 +1,8 @@
-"""Fill lines of a whisker that is left out from the passes that cross them.
+"""Fill the lines of an excluded whisker from the passes that cross them.
 
 x passes  -->  ====xxxxxxx====    xxxx: under the faulty whisker
-y passes   |   height h from both ways of y, which other whiskers felt there
-           v   slope along x = dh/dx, and (16) says m / m_land = (1 + h/d0) F(slope, mu)
+y passes   |   height h from both y directions, traced by other whiskers
+           v   slope along x = dh/dx, and (16) gives m / m_land = (1 + h/d0) F(slope, mu)
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ def fill_from_crossing(
 ) -> tuple[list[Layer], list[Mask]]:
     """Fill unknown samples of one pair of directions from the pair that crosses it.
 
-    Where neither is known, or the other pair was not felt, all stays as it is.
+    A sample stays unknown where the other pair is unknown or missing.
 
     Args:
         layers: (rows, cols) enhancement of each direction.
-        known: where.
+        known: (rows, cols) whether each sample is known.
         directions: directions of the layers.
-        touch: with which they were felt; a profiler's passes are filled from the height alone.
+        touch: touch of the whiskers; passes of a profiler are filled from the height alone.
         pitch_mm: pitch of the grid.
     """
     layers, known = list(layers), list(known)
     at = {direction: k for k, direction in enumerate(directions)}
-    felt = [one.copy() for one in known]
+    measured = [one.copy() for one in known]
     for axis, pair in enumerate(OPPOSITE_DIRECTIONS):
         other = OPPOSITE_DIRECTIONS[1 - axis]
         if not all(d in at for d in (*pair, *other)):
             continue
         crossing = [at[d] for d in other]
-        sure = felt[crossing[0]] & felt[crossing[1]]
+        sure = measured[crossing[0]] & measured[crossing[1]]
         try:
             height = _height_mm([layers[k] for k in crossing], other, sure, touch, pitch_mm)
         except MarksError:
@@ -58,7 +58,7 @@ def fill_from_crossing(
         for direction in pair:
             k = at[direction]
             expected = _expected(height, -slope if direction.backward else slope, touch)
-            take = sure & ~felt[k] & np.isfinite(expected)
+            take = sure & ~measured[k] & np.isfinite(expected)
             layers[k] = np.where(take, expected, layers[k])
             known[k] = known[k] | take
     return layers, known
@@ -67,7 +67,7 @@ def fill_from_crossing(
 def _height_mm(
     layers: list[Layer], directions: tuple[TraceDirection, ...], sure: Mask, touch: Touch, pitch_mm: float
 ) -> Layer:
-    """Height from the crossing passes, NaN where they felt nothing."""
+    """Height from the crossing passes, NaN where they are unknown."""
     edges = EdgeMap(
         enhancement=np.stack([np.where(sure, layer, 0.0) for layer in layers]).astype(np.float32),
         directions=directions,

@@ -1,8 +1,8 @@
 """Scan -> EdgeMap, directly from the moment signal: m / m_land - 1 and no filter of any kind.
 
-All that is removed is what the land itself shows: offset (array lifted before each pass, so what crept before goes
-with it), gain of each whisker, drift of each line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) - 1, the
-paper's enhancement.
+Only errors that the land itself shows are removed: offset (from the array lifted before each pass, which also removes
+earlier creep), gain of each whisker, drift of each line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) -
+1, the paper's enhancement.
 """
 
 from __future__ import annotations
@@ -37,8 +37,7 @@ UNUSABLE = np.uint8(
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     """Moments (passes, whiskers, samples) with offset and, if known, gain removed, N mm.
 
-    The offset is that of the pass's own air samples where there are any, so slow drift between passes goes
-    too.
+    The offset is the median of the pass's own air samples, if any, which also removes slow drift between passes.
     """
     raw, offset = _signal(scan, sweep)
     return raw.astype(np.float64) - offset[..., None]
@@ -52,7 +51,8 @@ def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
 
 
 def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
-    """Moments (passes, whiskers, samples) with the known gain, and the offsets (passes, whiskers) still in them."""
+    """Moments (passes, whiskers, samples) with a known gain applied, and the offsets (passes, whiskers) to
+    subtract."""
     raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
     air = sweep.air_n_mm
     if scan.calibration is not None:
@@ -68,7 +68,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     Args:
         scan: scan of one kind of whisker.
         sweep: one of its sweeps.
-        ideal: the land's moment is the nominal one of the touch; nothing is estimated.
+        ideal: use the nominal land moment of the touch; nothing is estimated.
 
     Raises:
         MapError: no usable samples, or no land.
@@ -82,7 +82,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     lines = raw.reshape(-1, shape[2])[order, within].astype(np.float64) - offset.ravel()[order, None]
     lines[(flags[:, within] & UNUSABLE) != 0] = np.nan
     keep = np.asarray(np.isfinite(lines).any(axis=1))
-    # lines of a whisker that is left out stay, unknown: others may have felt what lies under them
+    # lines of an excluded whisker stay as unknown: crossing passes may fill them
     kept = np.asarray(keep | ((flags & np.uint8(SampleFlag.FAULTY)) != 0).all(axis=1))
     values = np.full((np.count_nonzero(kept), lines.shape[1]), np.nan)
     if keep.sum() < 2:
@@ -115,16 +115,16 @@ def edge_map(
 ) -> EdgeMap:
     """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction.
 
-    Of a mixed array the first kind of whisker is taken; sweeps pushed back are left aside.
+    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored.
 
     Args:
-        scan: raw or calibrated.
-        register: take off play between back-and-forth and crossed passes where the maps show it.
-        ideal: the land's moment is the nominal one of the touch, as in a prediction; nothing is estimated.
-        within_mm: (x0, y0, x1, y1) that is wanted of it, plate frame; the land is looked for in all that was felt.
+        scan: a raw or calibrated scan.
+        register: remove play between back-and-forth and crossed passes if the maps show any.
+        ideal: use the nominal land moment of the touch, as in a prediction; nothing is estimated.
+        within_mm: (x0, y0, x1, y1) of the map, plate frame; the land is estimated from the whole scan.
 
     Raises:
-        MapError: a sweep without usable samples or without land; nothing was felt within.
+        MapError: a sweep without usable samples or without land; `within_mm` was not scanned.
     """
     scan = only(remove_memory(scan))
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]

@@ -9,7 +9,7 @@ With tau the angle at which the surface rises in +x and phi = atan(mu), the cont
           \\___ tau < 0 ___ ___\\_/       pushed back, base still in +x:  theta =  tau - phi   (mu changes sign)
 
 and eqs. (7), (11), (14) give m = lift G(theta), lift = d0 + h, with G a ratio of two linear forms of tan(theta). A
-profiler's G is one number (Case study 1), so it gives the lift; a differentiator's G, read backwards, gives theta.
+profiler's G is one number (Case study 1), so it gives the lift; the inverse of a differentiator's G gives theta.
 The functions here compute one of these quantities from the others. Angles in rad, lengths in mm.
 """
 
@@ -35,7 +35,7 @@ def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
 def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
     """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
 
-    The condition is that G changes by a share less than the tolerance between theta = 0 and 45 degrees.
+    The condition is that G changes by at most the share `tolerance` between theta = 0 and 45 degrees.
 
     Straight whiskers are profilers, (17), (18), unless they are so steep that stretch matters or that 45 degrees jam.
     So is an L-shaped whisker whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are
@@ -65,7 +65,7 @@ def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) 
         theta, rad; NaN where no theta within +-90 degrees gives that moment.
 
     Raises:
-        WhiskerError: the whisker is a profiler, which does not feel the lean.
+        WhiskerError: the whisker is a profiler, whose moment does not depend on the lean.
     """
     if is_profiler(tip):
         raise WhiskerError(
@@ -84,11 +84,11 @@ def friction_from_shapes(
 ) -> Array:
     """mu on level land from the moments of both shapes at one place: g(0, mu) = -mu in (22).
 
-    The ratio changes by 1.5 k per unit of mu only (k = 0.117: 1 % of gain is 0.06 of mu), so the gains must
-    be known from a bench, not from land.
+    The ratio changes only by 1.5 k per unit of mu (k = 0.117: 1 % of gain is 0.06 of mu), so the gains must be known
+    from a bench, not from land.
 
     Returns:
-        mu, the broadcast shape; NaN where the moments fit none.
+        mu, the broadcast shape; NaN where no friction fits the moments.
     """
     lift = lift_from_profiler(profiler_n_mm, profiler)
     return np.tan(lean_from_moment(differentiator_n_mm, lift, differentiator))
@@ -100,10 +100,10 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
     q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu).
 
     Returns:
-        mu, the broadcast shape; NaN where the moments fit none.
+        mu, the broadcast shape; NaN where no friction fits the moments.
 
     Raises:
-        WhiskerError: the whisker is a profiler: both ways are alike.
+        WhiskerError: the whisker is a profiler, whose moment is the same both ways.
     """
     if is_profiler(tip):
         raise WhiskerError(
@@ -118,7 +118,7 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
 
 
 def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
-    """Shift of the tip along x from its force-free place, e_x.D11 f with e_y.D11 f = lift, mm."""
+    """Shift of the tip along x from its unloaded position, e_x.D11 f with e_y.D11 f = lift, mm."""
     t = np.tan(np.asarray(theta_rad, dtype=np.float64))
     d = tip.compliance_mm_per_n
     give = d[1, 1] - d[1, 0] * t
@@ -127,7 +127,8 @@ def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Arr
 
 
 def _small_root(square: ArrayLike, linear: ArrayLike, constant: ArrayLike) -> Array:
-    """The root of square x^2 + linear x + constant nearer to zero, without cancellation; NaN if none is real."""
+    """Root of square x^2 + linear x + constant that is nearer to zero, without cancellation; NaN if it is not
+    real."""
     a, b, c = (np.asarray(v, dtype=np.float64) for v in np.broadcast_arrays(square, linear, constant))
     with np.errstate(divide="ignore", invalid="ignore"):
         disc = b * b - 4.0 * a * c

@@ -1,12 +1,12 @@
 """Measures of each whisker and of the bench: levels, noise, steps, sharpness, form, lines of a spectrum.
 
-    moment |      air | lead-in |   marks    | lead-out       level     land over what the whisker model expects
-           |          |_____ ___|__   __   __|_______         noise     what does not repeat from sample to sample
+    moment |      air | lead-in |   marks    | lead-out       level     land moment over the modelled moment
+           |          |_____ ___|__   __   __|_______         noise     random changes from sample to sample
            |__________|     '      \\_/  \\_/                  wander    steps of the lead-in from pass to pass
            +---------------------------------------> t        gain, edges of a whisker over those of its neighbour
 
-All are shares of the land's moment, lengths aside. Marks hardly differ from one pass to the next beside it; what does
-is the bench's.
+All measures but lengths are shares of the land's moment. Marks hardly change from one pass to its neighbour; larger
+changes come from the bench.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class SweepShares(OneLine):
         plan: plan of the passes, in their order across the plate.
         share: (passes, whiskers, samples).
         air: (passes, whiskers, air samples), each pass about its median.
-        across: (passes,) which of the recorded ones each is.
+        across: (passes,) index of each pass in the recording.
     """
 
     plan: SweepPlan
@@ -48,15 +48,15 @@ class SweepShares(OneLine):
 
     @cached_property
     def lines(self) -> tuple[Floats, NDArray[np.intp], Floats]:
-        """Lines that were felt, without lead-in and -out, in their order across; the whisker and the place of each."""
+        """Usable lines without lead-in and lead-out, in order across the plate; whisker and position of each."""
         (passes, whiskers, samples), lead = self.share.shape, self.plan.n_lead
-        felt = self.share.reshape(-1, samples)[:, lead : samples - lead]
+        traced = self.share.reshape(-1, samples)[:, lead : samples - lead]
         order = np.argsort(self.plan.line_mm, axis=None, kind="stable")
-        order = order[np.isfinite(felt).mean(axis=1)[order] > 0.5]
-        return felt[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
+        order = order[np.isfinite(traced).mean(axis=1)[order] > 0.5]
+        return traced[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
 
     def only(self, good: Mask) -> SweepShares:
-        """The same sweep with all other whiskers unknown."""
+        """The sweep with the values of all other whiskers set to NaN."""
         if good.all():
             return self
         share, air = (np.where(good[:, None], values, np.nan) for values in (self.share, self.air))
@@ -79,9 +79,9 @@ def sweep_shares(scan: Scan) -> list[SweepShares]:
 
 
 def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:
-    """Quantile of the known values along the last axis; NaN where there are fewer than that.
+    """Quantile of the known values along the last axis; NaN where fewer than `fewest` are known.
 
-    It is that of `np.nanquantile`, which takes many times as long where rows are many.
+    It equals that of `np.nanquantile`, which is many times slower for many rows.
     """
     if not values.shape[-1]:
         return np.full(values.shape[:-1], np.nan)
@@ -112,7 +112,7 @@ def noises(stacks: list[Floats], *, fewest: int = 200) -> Floats:
 
 
 def level_steps(shares: list[SweepShares]) -> Floats:
-    """(whiskers,) rms step of the lead-in's level from a pass to the one beside it."""
+    """(whiskers,) rms step of the lead-in's level from a pass to its neighbour."""
     steps: list[Floats] = []
     for f in shares:
         n = f.plan.n_lead or f.share.shape[2] // 8
@@ -130,22 +130,22 @@ def sharpness(
 ) -> Floats:
     """(whiskers,) depth and steps of marks, relative to the other whiskers on the same lines; NaN if unknown.
 
-    Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
-    rounds their edges. All borders are reconciled by least squares, as gains are.
+    Lines on both sides of the border between two whiskers cross the same marks; a worn tip does not reach their floors
+    and rounds their edges. All borders are reconciled by least squares, like gains.
 
     Args:
         shares: shares of all sweeps.
-        line_pitch_mm: line pitch of the grid: lines more than two of it apart, as in a part felt by a few passes, run
-            over different marks and do not compare the tips.
+        line_pitch_mm: line pitch of the grid; lines more than two pitches apart, as in a scan of few passes, cross
+            different marks and are not compared.
         beside: lines on either side of a border between whiskers.
-        least_steps: root sum of squares of the steps along such lines, share of the land: less is no mark.
-        least_depth: share of the land: a line that is less deep runs beside the strokes that the other meets.
+        least_steps: least root sum of squares of the steps along lines with marks, share of the land.
+        least_depth: least depth of these lines, share of the land; a shallower line misses the strokes.
     """
     n = shares[0].share.shape[1]
     borders: list[tuple[int, int, float]] = []
     for f in shares:
         lines, whisker, place = f.lines
-        # nor are whiskers on either side of an unused one neighbours
+        # whiskers on either side of an unused one are no neighbours
         first = np.flatnonzero((whisker[1:] != whisker[:-1]) & (np.diff(place) < 2.0 * line_pitch_mm))
         first = first[(first + 1 >= beside) & (first + beside < whisker.size)]
         # (borders, sides, lines)
@@ -163,7 +163,8 @@ def sharpness(
 
 
 def gains(shares: list[SweepShares]) -> Floats:
-    """(whiskers,) gain of each relative to the others on the same lines, for any form of the plate; NaN if unknown."""
+    """(whiskers,) gain relative to the other whiskers on the same lines, for any form of the plate; NaN if
+    unknown."""
     logs = np.full((len(shares), shares[0].share.shape[1]), np.nan)
     for log, f in zip(logs, shares, strict=True):
         lines, whisker, _ = f.lines
@@ -173,7 +174,7 @@ def gains(shares: list[SweepShares]) -> Floats:
 
 
 class Form(NamedTuple):
-    """Form of the plate along (x, y), mm over the length that was felt: a plane's rise, a parabola's sag."""
+    """Form of the plate along (x, y), mm over the scanned length: a plane's rise, a parabola's sag."""
 
     rise_mm: tuple[float, float]
     sag_mm: tuple[float, float]
@@ -182,8 +183,8 @@ class Form(NamedTuple):
 def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
     """Rise and sag of the land along the travel of the sweeps; zero without a sweep.
 
-    The middle of all lines at each place is land, and has no gain of one whisker in it; a parabola is laid through
-    most of them. (The estimator's own land may settle on another form where a plate is far off.)
+    The median of all lines at each position is land and does not depend on the gain of one whisker; a parabola is
+    fitted to it robustly. (The estimator's own land may have another form if a plate is far off.)
     """
     found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
     for f in shares:
@@ -208,7 +209,7 @@ def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
 
 
 class Tone(NamedTuple):
-    """A line in the spectrum that all whiskers share: its power over that beside it, frequency, amplitude."""
+    """A spectral line common to all whiskers: its power relative to nearby frequencies, frequency, amplitude."""
 
     ratio: float = 0.0
     hz: float = 0.0
@@ -220,14 +221,14 @@ def strongest_tone(
 ) -> Tone:
     """The strongest spectral line in the changes from pass to pass: marks do not change, a vibration does.
 
-    Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers leaves what
-    they share.
+    Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers keeps
+    the common part.
 
     Args:
         shares: shares of all sweeps.
         sample_rate_hz: sample rate of the converter.
         least_hz: lowest frequency that counts.
-        locked: agreement of phases from pass to pass, above which a wave stands on the plate.
+        locked: agreement of phases from pass to pass above which a wave belongs to the plate's surface.
     """
     tones = [Tone()]
     for f in shares:
@@ -238,7 +239,7 @@ def strongest_tone(
             continue
         change = np.diff(f.share, axis=0)
         change[np.isnan(change)] = 0.0
-        # beyond what a vibration changes is a mark that the one pass met and the other did not
+        # larger changes come from marks that only one of the two passes crosses
         cut = 4.0 * MAD * quantile_of_known(np.abs(change[both > 0.0]).ravel())
         np.clip(change, -cut, cut, out=change)
         shared = np.einsum("pws,pw->ps", change, both)[rows] / both.sum(axis=1)[rows, None]
@@ -246,7 +247,7 @@ def strongest_tone(
         spectrum = np.fft.rfft((shared - shared.mean(axis=1, keepdims=True)) * window)
         power = (np.abs(spectrum) ** 2).mean(axis=0)
         hz = np.fft.rfftfreq(samples, 1.0 / sample_rate_hz)
-        # a peak is held against what lies three to eight lines beside it
+        # compare a peak with the spectrum three to eight lines beside it
         padded = np.pad(power[1:], (9, 8), constant_values=np.nan)
         around = np.lib.stride_tricks.sliding_window_view(padded, 17)
         at = np.flatnonzero((hz >= least_hz) & (hz < 0.4 * sample_rate_hz))
@@ -256,14 +257,14 @@ def strongest_tone(
         ratio[np.abs(np.mean(np.exp(2j * np.angle(spectrum[:, at])), axis=0)) >= locked] = 0.0
         if at.size:
             k = int(np.argmax(ratio))
-            # of a sine of amplitude a, differences between passes of any phase have 2 a^2 on average
+            # sines of amplitude a and random phase differ from pass to pass by 2 a^2 in mean squared amplitude
             amplitude = float(np.sqrt(0.5 * power[at[k]]) * 2.0 / window.sum())
             tones.append(Tone(float(ratio[k]), float(hz[at[k]]), amplitude))
     return max(tones)
 
 
 def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Floats:
-    """Return the median at each place, NaN where any is: a sorting network, ten times as fast as `np.median`."""
+    """Median at each position, NaN where any value is: a sorting network, ten times as fast as `np.median`."""
     low = np.maximum(np.minimum(a, b), np.minimum(c, d))
     high = np.minimum(np.maximum(a, b), np.maximum(c, d))
     median: Floats = np.maximum(np.minimum(e, low), np.minimum(np.maximum(e, low), high))
@@ -271,10 +272,11 @@ def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Fl
 
 
 def spikes(f: SweepShares, *, least: float) -> Mask:
-    """(passes, whiskers, samples) single samples that stand out alone: neither their neighbours nor the pass beside do.
+    """Mask (passes, whiskers, samples) of single samples that stand out, unlike their neighbours and the passes
+    beside.
 
     Args:
-        f: F of one direction.
+        f: shares of one direction.
         least: least height of a spike, share of the land.
     """
     from scipy.ndimage import maximum_filter1d
@@ -297,7 +299,7 @@ def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> 
     Args:
         shares: shares of all sweeps.
         least: see `spikes`.
-        reach: samples beyond a stretch on which its spikes depend.
+        reach: samples beyond a lead that affect its spikes.
     """
     count = sum(int((np.abs(f.air) > least).sum()) for f in shares)
     for f in (f for f in shares if f.plan.n_lead):

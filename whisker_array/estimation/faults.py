@@ -2,7 +2,7 @@
 
 fault_measures --limits, and the other whiskers--> faults --flag_faults--> the recording without unusable samples
 
-A whisker is compared with the others of its array: they meet the same part. What all of them share is the bench's.
+A whisker is compared with the others of its array, which trace the same part. Faults common to all are the bench's.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class FaultKind(StrEnum):
     LOOSE = "loose clamp", "its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"
     BENT = (
         "bent whisker",
-        "gives {:.0f} % of what the others give where they meet",
+        "gives {:.0f} % of the moment that the others give on the same lines",
         "straighten or replace it, then calibrate",
     )
     WORN = (
@@ -63,7 +63,7 @@ class FaultKind(StrEnum):
     )
     HEIGHT = (
         "wrong height",
-        "land gives {:.0f} % of its moment, the stage is about {:.2f} mm too {}",
+        "land gives {:.0f} % of the expected moment, the stage is about {:.2f} mm too {}",
         "set the stage to the height in the whisker file, then calibrate",
     )
     TILTED = (
@@ -92,20 +92,20 @@ class FaultKind(StrEnum):
 class FaultLimits(OneLine):
     """Limits of sound recordings; they are well above the values of sound sensors, dies, plates and dirt in simulation.
 
-    That of a worn tip was set on the same recordings on which its false alarms are counted.
+    The limit of a worn tip was set on the recordings on which its false alarms are counted.
 
     Attributes:
-        dead_level: least share of the land's moment that a whisker gives.
+        dead_level: least share of the land's moment that a working whisker gives.
         noise_air: noise of a sample with the array lifted, share of the land's moment.
         noise_land: the same on land.
         loose_step: step of the level from one pass to the next, share of the land's moment.
-        times_others: ratio of a whisker's own noise and steps to those of the others.
-        bent_gain: gain off the others': five standard deviations of usual gains.
-        blunt: least share of the depth and sharpness of marks under the others.
-        blunt_spreads: and spreads of the others below them: marks are not alike under all whiskers.
-        alike: spread of the others on a test piece with grooves across all whiskers.
-        alike_blunt: the share that is enough there.
-        fewest_others: whiskers that are needed to compare marks.
+        times_others: greatest ratio of a whisker's noise and steps to those of the others.
+        bent_gain: deviation of a gain from the others': five standard deviations of usual gains.
+        blunt: least depth and sharpness of marks relative to the other whiskers.
+        blunt_spreads: spreads of the others that a worn tip must also be below them, because marks differ.
+        alike: greatest spread of the others on a test piece with grooves across all whiskers.
+        alike_blunt: limit in place of `blunt` on such a test piece.
+        fewest_others: least number of other whiskers for comparing marks.
         height_margin: margin beyond the effect of friction, share of the land's moment.
         frictions: least and greatest friction of land.
         rise: rise of a tilted plate over its length, preloads.
@@ -113,7 +113,7 @@ class FaultLimits(OneLine):
         tone: amplitude of a vibration, share of the land's moment.
         tone_ratio: power of a vibration over that of frequencies beside it.
         spike: height of a spike, share of the land's moment.
-        few_spikes: spikes on bare land and in the air, where there is nothing to be felt.
+        few_spikes: least number of spikes on bare land and in the air that is reported.
     """
 
     dead_level: float = 0.2
@@ -142,9 +142,9 @@ class Fault:
     """One fault.
 
     Attributes:
-        kind: which.
-        text: with its size and place, and what to do.
-        whisker: its number from 0; None for faults of the bench.
+        kind: kind of fault.
+        text: message with size, place and remedy.
+        whisker: number of the whisker from 0; None for faults of the bench.
     """
 
     kind: FaultKind
@@ -160,12 +160,12 @@ def _fault(kind: FaultKind, *numbers: object, whisker: int | None = None, messag
 def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault, ...]:
     """Find faults of whiskers and bench; empty for a sound recording.
 
-    Of a mixed array the first kind of whisker is looked at. Wear that all tips share, and gains that were set on this
-    very land, leave no trace here: `calibrate` hides a wrong height and bent whiskers of a recording in volts.
+    In a mixed array only the first kind of whisker is checked. Wear common to all tips is not found. Gains calibrated
+    on the same land hide faults: in a recording in volts, `calibrate` hides a wrong height and bent whiskers.
 
     Args:
-        scan: raw or calibrated.
-        limits: limits that sound recordings keep.
+        scan: a raw or calibrated scan.
+        limits: limits of sound recordings.
     """
     columns = np.flatnonzero(np.asarray(scan.kind) == 0)
     if all(s.plan.pushed for s in scan.sweeps):
@@ -179,9 +179,9 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     dead = touching & (np.abs(level) < limits.dead_level)
     if dead.sum() > 0.5 * touching.sum():
         percent = 100.0 * float(np.median(level[touching]))
-        what = "the whiskers hardly touch, {:.0f} % of the moment of land"
+        what = "the whiskers hardly touch: {:.0f} % of the moment of land"
         return (_fault(FaultKind.HEIGHT, percent, message=what),)
-    # the size of a whisker's fault, NaN where it has none
+    # size of each whisker's fault, NaN without a fault
     noisy = np.full(level.size, np.nan)
     for stacks, least in (
         ([f.air for f in shares], limits.noise_air),
@@ -218,20 +218,20 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
 
 
 def _others(values: Floats) -> Iterator[Floats]:
-    """For each whisker the known values of the others."""
+    """Yield, for each whisker, the known values of the others."""
     for w in range(values.size):
         others = np.delete(values, w)
         yield others[np.isfinite(others)]
 
 
 def _above_others(values: Floats, least: float, limits: FaultLimits) -> Floats:
-    """The values above a limit and above the others'; NaN elsewhere."""
+    """Values above a limit and well above those of the others; NaN elsewhere."""
     usual = np.array([np.median(others) if others.size else np.inf for others in _others(values)])
     return np.where((values > least) & (values > limits.times_others * usual), values, np.nan)
 
 
 def _blunt(kept: Floats, limits: FaultLimits) -> Floats:
-    """Sharpness of whiskers that feel marks less than the others, by more than the others differ; else NaN."""
+    """Relative sharpness of whiskers that are blunter than the others by more than these differ; NaN elsewhere."""
     logs, found = np.log(kept), np.full(kept.size, np.nan)
     for w, others in enumerate(_others(logs)):
         if others.size < limits.fewest_others:
@@ -264,7 +264,7 @@ def _bench_faults(
 
 
 def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, float]:
-    """Moments of land at the least and greatest friction, as shares of the nominal one."""
+    """Land moments at the least and greatest friction, as shares of the nominal land moment."""
     nominal = float(moment_per_lift(np.arctan(touch.friction), touch.tip))
     ends = [float(moment_per_lift(np.arctan(mu), touch.tip)) / nominal for mu in frictions]
     ends = [v for v in ends if np.isfinite(v)] or [1.0]
@@ -276,11 +276,11 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
 
     Args:
         scan: the recording.
-        faults: found in it.
+        faults: faults found in it.
         limits: limits with which they were found.
 
     Returns:
-        The scan with the flags; the scan itself where there is nothing to flag.
+        The scan with the flags, or the scan itself if there is nothing to flag.
     """
     useless = (FaultKind.DEAD, FaultKind.NOISY)
     whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})

@@ -1,7 +1,7 @@
 """Friction of the land from the scan itself: by mixed shapes, or by dragging and pushing back.
 
-Both routes look at land only, where the slope is nothing and what is left of (22) is g(0, mu) = -mu. Each whisker (or
-pair of them on one line) gives one mu; their spread is the standard error, and so contains the gains' errors.
+Both routes use the land only, where the slope is zero and (22) reduces to g(0, mu) = -mu. Each whisker (or pair of
+whiskers on one line) gives one mu; the standard error is from their spread, and so includes errors of the gains.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
 
 USABLE_SD = 0.05
-"""Largest standard deviation of a usable friction: the nominal one is within 0.15 or so without measuring."""
+"""Largest standard error of a usable friction; the nominal friction is within about 0.15 without a measurement."""
 
 
 class FrictionRoute(StrEnum):
-    """Routes by which friction is found."""
+    """Ways of measuring friction."""
 
     SHAPES = "shapes"
     TWO_WAYS = "two ways"
@@ -50,8 +50,8 @@ class LandFriction:
 def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
     """Find the land's friction by every route that a scan allows, the most certain first; may be empty.
 
-    SHAPES needs a profiler on the lines of a differentiator and gains that are known from a bench (not from
-    land); TWO_WAYS needs passes felt again on their return, and no gains at all.
+    SHAPES needs a profiler on the lines of a differentiator, and gains that are known from a bench (not from land).
+    TWO_WAYS needs passes that are traced again on their return, but no gains.
     """
     scan = remove_memory(scan)
     differ = [i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)]
@@ -66,7 +66,8 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _LandLines:
-    """Moments of land in plate order along the trace, (lines, samples), NaN off the land; their places and whiskers."""
+    """Moments of land in plate order along the trace, (lines, samples), NaN off the land; positions and
+    whiskers."""
 
     moment: NDArray[np.float64]
     place_mm: NDArray[np.float64]
@@ -79,7 +80,8 @@ class _LandLines:
 
 
 def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _LandLines:
-    """Lines of one kind of whisker, NaN where they are off the land by more than a band: marks are 10 % and more."""
+    """Lines of one kind of whisker, NaN where they differ from the land by more than `band`; marks differ by 10
+    %."""
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     within = slice(sweep.plan.n_lead, sweep.plan.n_samples - sweep.plan.n_lead)
     moment = usable_moments(scan, sweep)[:, columns, within]
@@ -90,7 +92,7 @@ def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _
     lines, place, whisker = lines[order], place[order], whisker[order]
     if sweep.plan.direction.backward:
         lines = lines[:, ::-1]
-    # each whisker has its own gain, so its own land; a pushed sweep may have jammed: the dragged one finds land
+    # land is estimated per whisker, because gains differ, and from dragged sweeps, because pushed ones may jam
     for w in np.unique(whisker) if not sweep.plan.pushed else ():
         rows = np.flatnonzero((whisker == w) & np.isfinite(lines).any(axis=1))
         if rows.size:
@@ -110,10 +112,10 @@ def _mean_friction(
     """Mean over whiskers; the sweeps of one whisker share its gain, so they count once.
 
     Args:
-        pairs: lines of each sweep, felt in two ways.
+        pairs: lines of each sweep, measured in two ways.
         solve: friction from the land's moments in both ways.
         route: method to use.
-        fewest: samples of land that a line must have.
+        fewest: least number of land samples on a line.
     """
     found: dict[int, list[float]] = {}
     for one, other in pairs:
@@ -142,7 +144,7 @@ def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
         raise MapError("the rows of the array do not run on the same lines")
 
     def solve(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-        # both must have the same lift: moments per mm of preload
+        # moments per mm of preload, because both need the same lift
         a, b = a / one.preload_mm, b / other.preload_mm
         return friction_from_shapes(a, b, differentiator=one.tip, profiler=other.tip)
 

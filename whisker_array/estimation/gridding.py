@@ -31,7 +31,7 @@ def averaging_weights(
 
     The kernel reaches one pitch to either side, or to the neighbouring sample if that is further away, so
     unevenly spaced samples are interpolated linearly. A gap of more than `gap_steps` median steps stays open.
-    Passes laid between other passes leave some gaps twice as wide as others.
+    Passes laid between earlier passes leave some gaps twice as wide as others.
     """
     from scipy import sparse
 
@@ -98,7 +98,7 @@ class PlateGrid(OneLine):
     Attributes:
         x_mm: (cols,) plate x.
         y_mm: (rows,) plate y.
-        pitch_mm: distance of pixels.
+        pitch_mm: distance between pixels.
     """
 
     x_mm: Lines
@@ -117,11 +117,11 @@ def common_grid(
     *,
     within_mm: tuple[float, float, float, float] | None = None,
 ) -> PlateGrid:
-    """The grid that all sweeps cover.
+    """Return the grid that all sweeps cover.
 
     Args:
         swept: the sweeps.
-        pitch_mm: distance of pixels.
+        pitch_mm: distance between pixels.
         within_mm: (x0, y0, x1, y1) to which the grid is limited.
 
     Raises:

@@ -1,9 +1,8 @@
 """Fit the land of a sweep: the moment of undisturbed surface under every sample.
 
-The land is the level that most samples share; marks stand out from it on one side or the other. Each
-whisker's gain is read off where whiskers meet; then a quadratic over the plate (the mounting's tilt, a slight
-dome) is fitted robustly to all lines of a sweep, and each line's drift is read off against it. Nothing here
-looks at edges.
+The land is the level that most samples share; marks stand out from it on one side or the other. Gains are
+estimated where lines of different whiskers meet. Then a quadratic over the plate (the mounting's tilt, a slight dome)
+is fitted robustly to all lines of a sweep, and each line's drift is estimated relative to it. Edges are not used.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
     """Centre of the shortest interval that holds a share of each row's samples; NaN are left out.
 
     A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side. Of
-    intervals as short as each other it is the first.
+    equally short intervals the first is used.
 
     Args:
         values: (rows, samples).
-        share: share of the samples; less than a full line of text leaves free.
+        share: share of the samples; less than the share of land on a full line of text.
 
     Returns:
         (rows,); NaN for a row without any sample.
@@ -41,7 +40,7 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
 
 
 def land_surface(coefficients: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Moment of the land, (lines, samples), by its coefficients."""
+    """Moment of the land, (lines, samples), from its coefficients."""
     return quadratic(coefficients, np.linspace(-1.0, 1.0, shape[1]), np.linspace(-1.0, 1.0, shape[0]))
 
 
@@ -50,17 +49,17 @@ def land_coefficients(
 ) -> NDArray[np.float64]:
     """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
-    The start is flat at the most common level, or tilted as the levels of lines and of columns say, so a tilt
-    of many times the mark's depth does no harm; the fit is then tightened around it.
+    The fit starts flat at the most common level, or tilted by the levels of lines and columns, so that a tilt of many
+    times the mark's depth does no harm; it is then tightened.
 
     Args:
         moment: (lines, samples); NaN are left out.
         share: share of the samples that must agree on a level, see `shorth`.
-        cut: relative distance from the land beyond which samples have no weight: marks are 10 % and more.
+        cut: relative distance from the land beyond which samples have no weight; marks differ by 10 % or more.
         damping: damping of the normal equations, as a share of their trace: terms without samples stay zero.
 
     Returns:
-        (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero where most samples feel nothing at all.
+        (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
     """
     lines, samples = moment.shape
     level = float(shorth(moment.reshape(1, -1), share=share)[0])
@@ -71,7 +70,7 @@ def land_coefficients(
     thin = moment[::step_l, ::step_s]
     cuts = np.array([0.2, 0.1, 0.07, cut, cut]) * abs(level)
     best, most = np.zeros(6), -1.0
-    # of the two starts the better explains more samples
+    # keep the start that explains more samples
     for start in (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level, share)):
         found, explained = fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts, damping=damping)
         if explained > most + 1e-9:
@@ -88,7 +87,7 @@ def _tilted_start(
         known = np.isfinite(levels)
         if known.sum() < 8:
             continue
-        # the slope of most neighbours (Theil-Sen on a few pairs), then no curvature to begin with
+        # a robust slope (Theil-Sen on a few pairs); the start has no curvature
         k = max(1, int(known.sum()) // 3)
         y, x = levels[known], at[known]
         coefficients[linear] = np.median((y[k:] - y[:-k]) / (x[k:] - x[:-k]))
@@ -96,21 +95,21 @@ def _tilted_start(
 
 
 def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Relative gain of each line's whisker, (lines,), from neighbouring lines that different whiskers felt.
+    """Relative gain of each line's whisker, (lines,), from neighbouring lines of different whiskers.
 
-    Two whiskers that meet at a border feel nearly the same surface there, mark or land, so the median ratio
-    of their samples is the ratio of their gains; the surface's own slope across the border is read off the
-    lines next to it and taken away. All borders are reconciled by least squares, with mean gain 1.
+    Two whiskers that meet at a border trace nearly the same surface there, mark or land, so the median ratio of their
+    samples is the ratio of their gains. The slope of the surface across the border is estimated from the lines beside
+    it and removed. All borders are reconciled by least squares, with mean gain 1.
     """
     names = np.unique(whisker)
     border = np.flatnonzero(whisker[1:] != whisker[:-1])
     if names.size < 2 or border.size == 0:
         return np.ones(whisker.size)
-    # the steps across the borders and those beside them; the others are not asked for
-    asked = np.unique(np.clip(border[:, None] + np.array([-1, 0, 1]), 0, whisker.size - 2))
+    # only the steps across the borders and beside them are needed
+    needed = np.unique(np.clip(border[:, None] + np.array([-1, 0, 1]), 0, whisker.size - 2))
     known = np.zeros(whisker.size - 1, dtype=np.bool_)
     middle = np.zeros(whisker.size - 1)
-    middle[asked], known[asked] = _log_step(lines, asked)
+    middle[needed], known[needed] = _log_step(lines, needed)
     index = np.searchsorted(names, whisker)
     steps = []
     for i in border:
@@ -158,17 +157,17 @@ def remove_drift(
     neighbours: int = 9,
     most: float = 0.03,
 ) -> NDArray[np.float64]:
-    """Divide each line, in place, by the drift of its land against its neighbours': a robust line along the trace.
+    """Divide each line, in place, by the drift of its land relative to its neighbours: a robust line along the trace.
 
-    A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of
-    the lines around is drift, the rest is form. Lines that run mostly in a mark do not show their land.
+    The surface is similar from line to line; a sensor's drift is not. So only the deviation from the median of the
+    neighbouring lines is drift, and the rest is form. Lines that run mostly in a mark do not show their land.
 
     Args:
         ratio: (lines, samples) moments over the land's.
         cut: as in `land_coefficients`.
-        least: share of land samples below which a line takes its land from the neighbours alone.
-        neighbours: lines of the median.
-        most: offset or slope of the drift, at most: more is surface.
+        least: share of land samples below which no drift is removed from a line.
+        neighbours: number of lines of the median.
+        most: greatest offset or slope of the drift; the excess is surface.
     """
     from scipy.ndimage import median_filter
 

@@ -19,7 +19,7 @@ def _row_sums(target, u, base, linear, square, inv_cut, sums):  # type: ignore[n
             x = u[j]
             residual = (target[i, j] - (base[i] + x * (linear[i] + x * square))) * inv_cut
             weight = 1.0 - residual * residual
-            known = weight > 0.0  # not for NaN either
+            known = weight > 0.0  # False for NaN
             weight = weight * weight if known else 0.0
             y = weight * target[i, j] if known else 0.0
             s0 += weight
@@ -47,14 +47,14 @@ PAIRS = POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V
 def fit_quadratic(
     target: Floats, u: Floats, v: Floats, *, start: Floats, level: float, cuts: Floats, damping: float
 ) -> tuple[Floats, float]:
-    """Robust c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 from a start, one round for each cut; NaN are ignored.
+    """Fit c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 robustly from a start, one round per cut; NaN are ignored.
 
     Args:
         target: (rows, cols), v runs along the rows, u along the columns.
         u, v: coordinates.
         start: (6,) coefficients to begin with.
         level: value for a fit without enough samples.
-        cuts: distance from the last fit at which samples lose all weight, one a round.
+        cuts: distance from the last fit at which samples lose all weight, one per round.
         damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
 
     Returns:
@@ -88,7 +88,8 @@ def quadratic(c: Floats, u: Floats, v: Floats) -> Floats:
 
 @kernel(allow=ANY_ORDER)
 def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: ignore[no-untyped-def]
-    """Straight line near 1 through each row by three rounds of Tukey's biweight; rows with too few samples give 1."""
+    """Fit a straight line near 1 to each row by three rounds of Tukey's biweight; rows with too few samples give
+    1."""
     inv_cut = 1.0 / cut
     for i in range(ratio.shape[0]):
         o, s = 1.0, 0.0
@@ -97,7 +98,7 @@ def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: igno
             for j in range(t.size):
                 residual = (ratio[i, j] - o - s * t[j]) * inv_cut
                 weight = 1.0 - residual * residual
-                known = weight > 0.0  # not for NaN either
+                known = weight > 0.0  # False for NaN
                 weight = weight * weight if known else 0.0
                 value = weight * ratio[i, j] if known else 0.0
                 total += weight
@@ -107,7 +108,7 @@ def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: igno
                 sum_t += weight
                 sum_tt += weight * t[j]
             mean_t, mean_v = sum_t / total, sum_v / total
-            # ridge on the slope: a line with land at one end only must not tilt
+            # ridge on the slope, so that a line with land at one end only does not tilt
             s = (sum_tv - total * mean_t * mean_v) / (sum_tt - total * mean_t * mean_t + ridge)
             o = mean_v - s * mean_t
             few[i] = total < least

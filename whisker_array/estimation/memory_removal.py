@@ -1,12 +1,12 @@
 """Remove the creep and hysteresis of gauges from a scan, if the calibration has measured them.
 
-    raw --- zero in air, / gain --> load, nearly --> what a gauge with that memory reads of it
+    raw --- zero in air, / gain --> approximate load --> reading of a gauge with that memory
                                           |                        |
-    raw <------------- less ------- gain (reading - load) <--------+
+    raw <------------ minus ------- gain (reading - load) <--------+
 
-The load goes in with what creep and hysteresis add to it, 1 to 2 % of it, so a share like that of them is left: 0.1 %
-of the land's moment. The exact inverse (a play operator's is one again, Kuhnen 2003) would go by an absolute zero of
-the load, which drifts; this one takes the zero of each pass. Slow creep goes with that zero anyway.
+The approximate load still contains creep and hysteresis, 1 to 2 % of it, so a similar share of them is left: 0.1 % of
+the land's moment. The exact inverse (that of a play operator is a play operator, Kuhnen 2003) would need an absolute
+zero of the load, which drifts; this method uses the zero of each pass, which also removes slow creep.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from whisker_array.whisker.array import RasterPlan
 
 NEVER_RUN = np.uint8(SampleFlag.OUTSIDE)
 BETWEEN_S = RasterPlan.turnaround_s
-"""Time that whiskers hang in air before its samples: not recorded, therefore the plan's default."""
+"""Time in air before a pass; it is not recorded, so this is the plan's default."""
 
 
 def remove_memory(scan: Scan) -> Scan:
     """Remove creep and hysteresis from a scan; unchanged if the calibration has none.
 
-    Passes are taken in the order in which they stand: the last load before a pass is what hysteresis remembers.
+    Passes are processed in the order of the scan, because hysteresis depends on the last load before a pass.
 
     Args:
         scan: scan whose gains are known from a bench.
 
     Returns:
-        The scan with a calibration that has no memory any more.
+        The scan, with a calibration that has no memory.
     """
     known = scan.calibration
     if known is None or known.memory is None:
@@ -53,14 +53,14 @@ def _remove_from_sweep(
 ) -> Sweep:
     n_air = sweep.air_n_mm.shape[2]
     if not n_air:
-        return sweep  # without a zero of its own a pass shows no load
+        return sweep  # without air samples a pass has no zero, and its load is unknown
     moment, air = np.empty_like(sweep.moment_n_mm), np.empty_like(sweep.air_n_mm)
     scale = gain[:, None]
     for i in range(moment.shape[0]):
         rest_gauges(memory, state, seconds=BETWEEN_S)
         zero = np.median(sweep.air_n_mm[i], axis=1).astype(np.float64)
         load = (sweep.moment_n_mm[i] - zero[:, None]) / scale
-        # where a pass did not run at all, among longer ones
+        # a shorter pass among longer ones has samples that never ran
         load[((sweep.flags[i] & NEVER_RUN) != 0) & (sweep.moment_n_mm[i] == 0.0)] = 0.0
         both = np.concatenate([np.zeros((gain.size, n_air)), load], axis=1)
         added = scale * (read_gauges(both, memory=memory, state=state, step_s=step_s) - both)

@@ -1,14 +1,14 @@
 """Profile and differentiator in one array: height, slope and friction of every sample.
 
-A profiler and a differentiator on one line, and the same line dragged, turned about or pushed back::
+A profiler and a differentiator trace the same line, dragged, turned about or pushed back::
 
-    profiler          m / m_land = lift / d0                      the height, whatever slope and friction
+    profiler          m / m_land = lift / d0                      the height, for any slope and friction
     differentiator    m = lift G(theta)                           theta = s tau + e phi of `estimate`
                       s = +1, -1 as the base is ahead in +x, -x;  e = +1, -1 dragged, pushed
 
-Two ways that differ in s or e give tau and phi both, by least squares; one way gives tau, with the land's friction for
-phi. In contact the tips are bent along the trace, each by its own force; every sample is put back to where its tip
-was.
+Two ways that differ in s or e give both tau and phi by least squares; one way gives tau, with phi from the land's
+friction. In contact the tips are deflected along the trace, each by its own force; every sample is moved to the
+position of its tip.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from whisker_array.estimation.relief import (
     Relief,
     Route,
     mean_of_known,
+    move_to_tips,
     relief_from_edges,
-    return_to_tips,
 )
 from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sweep import Sweep
@@ -50,7 +50,7 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
 
     Args:
         scan: scan of one kind of whisker or of several.
-        edges: its edge map, if there is one already.
+        edges: its edge map, if already computed.
 
     Raises:
         MapError: a sweep without usable samples or without land.
@@ -65,14 +65,14 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
         relief = relief_from_edges(edges, scan.touch, friction=mu)
         if scan.fidelity != Fidelity.POINTWISE.value and relief.route is Route.TURNED:
             for _ in range(ROUNDS):
-                relief = relief_from_edges(return_to_tips(edges, scan.touch, relief), scan.touch, friction=mu)
+                relief = relief_from_edges(move_to_tips(edges, scan.touch, relief), scan.touch, friction=mu)
         return replace(relief, friction_sd=known.sd if known else None)
     return _profile_relief(scan, differentiator, profiler, known)
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One sweep by both shapes: lift and lean on the places of their tips."""
+    """One sweep by both shapes: lift and lean at the positions of their tips."""
 
     lift: SweptLines
     lean: SweptLines
@@ -91,7 +91,7 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
     ]
     grid = common_grid([v.lift for v in views], scan.line_pitch_mm)
     shift = play_between(slopes_of)
-    # the height is taken dragged: pushed up a steep wall a tip jams sooner
+    # the height is from dragged sweeps, because a pushed tip jams sooner on a steep wall
     dragged = [_map(v.lift, grid, shift) for v in views if v.friction_sign > 0.0]
     height = mean_of_known(dragged) - profiles_of.touch.preload_mm
     slopes: list[Lines | None] = [None, None]
@@ -130,15 +130,15 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
 
 
 def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
-    """One sweep's values on the grid, NaN where it has none."""
+    """Values of one sweep on the grid, NaN where unknown."""
     (layer,), (good,) = on_grid([swept], grid, shift=shift)
     return np.where(good, layer, np.nan)
 
 
 def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> tuple[Lines, Lines]:
-    """tau and phi of theta = s tau + e phi by least squares over the views that a place has.
+    """Solve theta = s tau + e phi for tau and phi at each pixel, by least squares over its known views.
 
-    Where they do not differ enough to give both, tau is that at the land's phi, and phi is NaN.
+    Where the views do not separate the two, tau is computed with the land's phi, and phi is NaN.
     """
     s = np.array([view.base_ahead for view in views])[:, None, None]
     e = np.array([view.friction_sign for view in views])[:, None, None]
@@ -169,9 +169,9 @@ def _without_snags(
     *,
     least_give: float = 0.5,
 ) -> Lines:
-    """A pushed view without the walls on which it is near jamming: there it sticks and slips.
+    """Remove from a pushed view the walls on which it nearly jams, because there it sticks and slips.
 
-    It is used where lifting the tip takes less than 1 / `least_give` of the force on level land.
+    It is kept where lifting the tip takes less than 1 / `least_give` of the force on level land.
     """
     if view.friction_sign > 0.0:
         return lean
@@ -184,7 +184,7 @@ def _without_snags(
 
 
 def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: bool) -> _View:
-    """Lift and lean of one sweep, in the whisker's own frame: x ahead of the tip towards the base."""
+    """Lift and lean of one sweep in the whisker's own frame, in which x runs from the tip towards the base."""
     one, other = (land_ratio(s, s.sweeps[number]) for s in (slopes_of, profiles_of))
     rows = np.isin(np.round(one.place_mm, 6), np.round(other.place_mm, 6))
     rows_too = np.isin(np.round(other.place_mm, 6), np.round(one.place_mm, 6))
@@ -194,7 +194,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     e = -1.0 if plan.pushed else 1.0
     s = e * (-1.0 if plan.direction.backward else 1.0)
     phi = e * float(np.arctan(mu))
-    along = s * one.along_mm  # grows towards the base, whichever way the tip went
+    along = s * one.along_mm  # increases towards the base for either direction of travel
     order = np.argsort(along)
     moment = (1.0 + one.values[rows][:, order]) * float(moment_per_lift(phi, slopes_of.touch.tip))
     moment *= slopes_of.touch.preload_mm
@@ -211,7 +211,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
         lean_l = _resample(lean, where_m, where_l)
     even = np.broadcast_to(along, lift.shape)
     lifts, leans = _resample(lift, where_l, even), _resample(lean, where_m, even)
-    # nothing is made up where a sample was missing
+    # missing samples stay unknown
     lifts, leans = np.where(np.isfinite(lift), lifts, np.nan), np.where(np.isfinite(moment), leans, np.nan)
     back = np.argsort(order)
     return _View(
@@ -223,7 +223,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
 
 
 def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
-    """Shift of each tip from the commanded place, which is set up on the land at the nominal friction."""
+    """Shift of each tip from the commanded position, which is set up on the land at the nominal friction."""
     if friction_sign > 0.0:
         lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
     else:

@@ -1,13 +1,13 @@
-"""Play between the directions of a scan, found by the physics of the touch.
+"""Estimate the play between the directions of a scan from the physics of the touch.
 
-Back-and-forth maps cannot simply be laid on each other: to first order the edge signal *is* a shift. With
-e = h/d0 - a h' the forward map is the profile moved one way, the backward map the profile moved the other::
+Back-and-forth maps cannot simply be matched: to first order the edge signal *is* a shift. With e = h/d0 - a h' the
+forward map is the profile shifted one way, and the backward map the profile shifted the other way::
 
-    forward   h/d0 - a h'  ~  h(x - a d0)/d0         half sum         the profile, whatever the edges
+    forward   h/d0 - a h'  ~  h(x - a d0)/d0         half sum         the profile, for any edges
     backward  h/d0 + a h'  ~  h(x + a d0)/d0         half difference  the edges, which the profile predicts
 
-So for every play tried, the profile is taken from the half sum, the edges that eq. (16) predicts on it are
-compared with the half difference, and the play that agrees best is taken off.
+So for every trial play, the half sum gives the profile, and the edges that eq. (16) predicts from it are compared with
+the half difference. The play that agrees best is removed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
 
 LIMIT_PIXELS = 6
-"""Play searched for, to either side; more is a fault of the stage, not play."""
+"""Largest play searched for, to either side; more would be a fault of the stage."""
 DEAD_BAND_PIXELS = 0.75
-"""Play below this is ignored: contact differs as much from the pointwise prediction."""
+"""Smaller play is ignored, because real contact differs as much from the pointwise prediction."""
 MOST_LINES = 12
 """Number of lines used, those with the most edges."""
 STEEPEST = 1.7
-"""Slopes beyond 60 degrees, the steepest a die has, are sampling noise."""
+"""Slopes are clipped here, at 60 degrees, the steepest of a die; beyond is sampling noise."""
 
 Layer = NDArray[np.float64]
 
@@ -43,20 +43,20 @@ def registration_mm(
     Args:
         layers: enhancement of each direction on one grid, (rows, cols).
         directions: directions of the layers.
-        touch: touch with which they were felt.
+        touch: touch of the scan.
         pitch_mm: pitch of the grid.
 
-    Back-and-forth partners share their play equally; the crossed pair is laid on the first by its profile.
-    Directions without a partner are left where they are: their edges and their play cannot be separated.
+    Opposite directions share their play equally; the crossed pair is aligned with the first by its profile. Directions
+    without an opposite are not shifted, because their edges and their play cannot be separated.
     """
-    felt = dict(zip(directions, layers, strict=True))
+    by_direction = dict(zip(directions, layers, strict=True))
     shift: dict[TraceDirection, tuple[float, float]] = {}
     profiles: list[Layer] = []
     for forward, back in OPPOSITE_DIRECTIONS:
-        if forward not in felt or back not in felt:
+        if forward not in by_direction or back not in by_direction:
             continue
         along_x = forward.along_x
-        ahead, behind = (felt[d] if along_x else felt[d].T for d in (forward, back))
+        ahead, behind = (by_direction[d] if along_x else by_direction[d].T for d in (forward, back))
         play = play_pixels(ahead, behind, touch=touch, pitch_mm=pitch_mm)
         if abs(play) > DEAD_BAND_PIXELS:
             half = 0.5 * play * pitch_mm
@@ -78,11 +78,11 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
 
     Args:
         ahead, behind: (lines, samples) enhancement of the forward and the backward trace.
-        touch: touch with which they were felt.
+        touch: touch of the scan.
         pitch_mm: pitch of the samples.
 
     Returns:
-        Play, positive when the forward map must move to larger coordinates; 0 where nothing decides.
+        Play, positive when the forward map must move to larger coordinates; 0 without a clear minimum.
     """
     strength = (ahead**2).sum(axis=1) + (behind**2).sum(axis=1)
     lines = np.argsort(-strength)[:MOST_LINES]
@@ -99,19 +99,19 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
 
 @kernel(allow=ANY_ORDER)
 def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, rim, room, cost):  # type: ignore[no-untyped-def]
-    """Add, for every half play tried, the sum of squared differences between felt edges and those of eq. (16).
+    """Add, for every half play, the sum of squared differences between measured edges and those of eq. (16).
 
     Args:
-        ahead, behind: (lines, beyond + samples + beyond) enhancement, its ends repeated beyond all plays.
+        ahead, behind: (lines, beyond + samples + beyond) enhancement, padded by its end values.
         halves: half plays, pixels.
-        per_pixel: preload over pitch: slopes of heights in preloads a pixel.
-        steepest: slopes are cut here.
+        per_pixel: preload over pitch, which turns preloads per pixel into slopes.
+        steepest: slopes are clipped here.
         mu: friction.
         row, arm: row and arm of the tip, (3,) each, as in eq. (16).
         per_land: lift over turn on the land.
-        rim: samples at both ends that do not count.
-        room: (5, samples) to work in.
-        cost: (halves,) added to.
+        rim: number of samples at each end that are ignored.
+        room: (5, samples) work array.
+        cost: (halves,) sums to add to.
     """
     n = room.shape[1]
     beyond = (ahead.shape[1] - n) // 2
@@ -120,7 +120,7 @@ def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, r
     lift, turn = row[1] - row[0] * mu, arm[1] - arm[0] * mu
     by_lift, by_turn = row[0] + row[1] * mu, arm[0] + arm[1] * mu
     for k in range(halves.size):
-        # half sum and half difference of two lines moved towards each other, interpolated
+        # half sum and half difference of two lines shifted towards each other, interpolated
         there, back = math.floor(halves[k]), math.floor(-halves[k])
         part, rest = halves[k] - there, -halves[k] - back
         a0, b0 = beyond - int(there), beyond - int(back)
@@ -152,9 +152,9 @@ def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, r
 def _costs(
     ahead: Layer, behind: Layer, halves: NDArray[np.floating[Any]], touch: Touch, pitch_mm: float
 ) -> Layer:
-    """Mean square of felt minus predicted edges, if the play is twice each of `halves`."""
+    """Mean square of measured minus predicted edges, if the play is twice each of `halves`."""
     mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
-    moment_ratio(0.0, mu, touch.tip)  # refuses a whisker that jams on the land
+    moment_ratio(0.0, mu, touch.tip)  # raises an error if the whisker jams on the land
     per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
     lines, samples = ahead.shape
     beyond = math.ceil(np.abs(halves).max(initial=0.0)) + 1

@@ -1,9 +1,9 @@
-"""The felt surface: height and slope maps from a scan, and the route by which they were found.
+"""Height and slope maps of the surface, and the route by which they were measured.
 
-Each place of a line is felt in up to four ways, and every way answers to the same lift and slope (`estimate`)::
+Each position on a line is traced in up to four ways, all of which depend on the same lift and slope (`estimate`)::
 
-    route       felt by                                   gives
-    PROFILED    a profiler and differentiators            height from the one, slope from the other
+    route       traced by                                 gives
+    PROFILED    a profiler and differentiators            height from the first, slope from the others
     TURNED      a differentiator dragged both ways        height and slope, at the friction known or assumed
     FLOORS      a differentiator dragged one way          height on floors and land only (F = 1 there)
 """
@@ -30,7 +30,7 @@ from whisker_array.whisker.touch import Touch
 Layer = NDArray[np.float64]
 
 STEEPEST = 3.0
-"""Slopes beyond 72 degrees are noise at an edge: no die has them."""
+"""Slopes are clipped here, at 72 degrees; no die is steeper, so beyond is noise at an edge."""
 
 
 class Route(StrEnum):
@@ -43,18 +43,18 @@ class Route(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Relief(OneLine, Validated, error=MapError):
-    """Height and slopes of the felt surface, on a grid of the plate frame.
+    """Height and slopes of the surface, on a grid of the plate frame.
 
     Attributes:
-        height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where unknown.
+        height_mm: (rows, cols) float32 above the land, negative in a sunk mark; NaN where unknown.
         slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
         slope_y: (rows, cols) float32 dh/dy, likewise.
         pitch_mm: pitch of the grid.
         origin_mm: (x, y) of its first sample.
-        friction: mu of the land used for walls.
+        friction: mu used for the walls.
         friction_sd: its standard error; None where mu was only assumed.
         route: method by which height and slope were separated.
-        friction_map: (rows, cols) float32 mu at every place, or None: it needs a profiler and two ways.
+        friction_map: (rows, cols) float32 mu of every pixel, or None; it needs a profiler and two ways.
     """
 
     height_mm: NDArray[np.float32]
@@ -78,7 +78,7 @@ class Relief(OneLine, Validated, error=MapError):
 
     @property
     def steepness(self) -> NDArray[np.float32]:
-        """(rows, cols) |grad h| from its known components; zero without one."""
+        """(rows, cols) (rows, cols) |grad h| from its known components; zero if none is known."""
         parts = [s for s in (self.slope_x, self.slope_y) if s is not None]
         if not parts:
             return np.zeros(self.height_mm.shape, dtype=np.float32)
@@ -87,16 +87,16 @@ class Relief(OneLine, Validated, error=MapError):
 
 @kernel(allow=ANY_ORDER)
 def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  # type: ignore[no-untyped-def]
-    """Slope along the traces, and the lifts from both directions, each added to `total` where known.
+    """Compute the slope along the traces, and add the known lifts of both directions to `total`.
 
     Args:
         ahead, back: (rows, cols) enhancement of the two ways, the base ahead in + and in -.
         row, arm: (3,) of the tip, as in eqs. (11) and (14).
         mu: friction.
         land: moment per lift on the land.
-        steepest: slopes are cut here.
-        slope: (rows, cols) overwritten; NaN where the moments fit none.
-        total, count: (rows, cols) sum of the lifts known, in preloads, and how many there are.
+        steepest: slopes are clipped here.
+        slope: (rows, cols) result; NaN where no slope fits the moments.
+        total, count: (rows, cols) sum of the known lifts, in preloads, and their number.
     """
     # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
     a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
@@ -125,20 +125,20 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
 
 
 def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
-    """Height and slopes from an edge map alone, from traces in opposite directions.
+    """Compute height and slopes from an edge map alone, from traces in opposite directions.
 
-    Floors and land come out right whatever the friction, walls at the friction given.
+    Heights of floors and land do not depend on the friction; those of walls do.
 
     Args:
         edges: edge map of one kind of whisker, dragged.
-        touch: touch with which it was felt.
+        touch: touch of that whisker.
         friction: friction of the surface; default: the nominal one of the touch.
 
     Raises:
-        MapError: friction at which the whisker jams on the land.
+        MapError: the whisker jams on the land at this friction.
     """
     mu = touch.friction if friction is None else friction
-    felt = dict(zip(edges.directions, edges.enhancement, strict=True))
+    by_direction = dict(zip(edges.directions, edges.enhancement, strict=True))
     if is_profiler(touch.tip):
         return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.PROFILED)
     land = float(moment_per_lift(np.arctan(mu), touch.tip))
@@ -147,11 +147,16 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
     total, count = np.zeros(edges.shape), np.zeros(edges.shape, dtype=np.uint8)
     slopes = {}
     for axis, (ahead, back) in enumerate(OPPOSITE_DIRECTIONS):
-        if ahead not in felt or back not in felt:
+        if ahead not in by_direction or back not in by_direction:
             continue
         slopes[axis] = np.empty(edges.shape, dtype=np.float32)
-        given = felt[ahead], felt[back], touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
-        both_ways(*map(read_only, given), mu, land, STEEPEST, slopes[axis], total, count)
+        inputs = (
+            by_direction[ahead],
+            by_direction[back],
+            touch.tip.compliance_mm_per_n[1],
+            touch.tip.moment_arm_mm,
+        )
+        both_ways(*map(read_only, inputs), mu, land, STEEPEST, slopes[axis], total, count)
     if not slopes:
         return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.FLOORS)
     lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)
@@ -159,16 +164,16 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
 
 
 def _mean_lift(edges: EdgeMap) -> Layer:
-    """Lift in preloads if the surface were level everywhere."""
+    """Lift in preloads, as if the surface were level everywhere."""
     return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
 
 
-def return_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
+def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
     """Move every value of an edge map from the position of the stage to that of the tip.
 
-    In contact the tip is bent along the trace, more or less than on the land: opposite traces come apart by that
-    on walls. What bends it is known from the relief. One round takes slopes of 45 degrees from 10 degrees too
-    low to 2; see `estimate_relief`.
+    On walls the tip is deflected along the trace more or less than on the land, which separates opposite traces. The
+    deflection follows from the relief. One round reduces the error of 45 degree slopes from 10 degrees to 2; see
+    `estimate_relief`.
     """
     from scipy.ndimage import map_coordinates
 
@@ -189,7 +194,7 @@ def return_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
 
 
 def mean_of_known(lifts: Sequence[Layer]) -> Layer:
-    """Mean of the known values at each place; NaN without one."""
+    """Mean of the known values at each pixel; NaN if none is known."""
     stack = np.stack(lifts)
     known = np.isfinite(stack)
     count = known.sum(axis=0)

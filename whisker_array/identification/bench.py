@@ -1,6 +1,6 @@
 """Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations.
 
-A `Bench` has its numbers by name, except those that differ from whisker to whisker (`OF_GAUGE`).
+A `Bench` holds numbers by name, except those that differ from whisker to whisker (`OF_GAUGE`) and those of screws.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Unknown(StrEnum):
     sd: float
 
     def __new__(cls, name: str, sd: float = 0.0) -> Unknown:
-        """A number, equal to its name."""
+        """Make a member that equals its name."""
         member = str.__new__(cls, name)
         member._value_, member.sd = name, sd
         return member
@@ -58,17 +58,17 @@ OF_GAUGE = ("gain", "creep", "lag")
 """Numbers that differ from whisker to whisker."""
 MEMORIES = len(OF_GAUGE) - 1
 MEMORY_SD = 0.02
-"""Prior standard deviation of each: measured gauges reach 0.027."""
+"""Prior standard deviation of creep and lag; measured gauges reach 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of an uncalibrated gain, and of one calibrated by a weight on the tip."""
 GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
 """Relative standard deviation of a tip's radius, freshly ground and after long use."""
 LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
-"""Leads of usual screws (ISO 3408-2, the small ones)."""
+"""Usual leads of small screws (ISO 3408-2)."""
 TRAVEL_SD, WAVE_SD_MM = 0.023 / 300.0, 0.0025
 """Errors of a screw: share of the travel, and of each wave. Tolerance grade 5 in ISO 3408-3: 23 um over 300 mm, waves
 of 0.004 mm to either side within a turn."""
-_OF_A_SCREW = 1 + 2 * len(LEADS_MM)
+_PER_SCREW = 1 + 2 * len(LEADS_MM)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,11 +79,11 @@ class Bench(OneLine):
         values: value of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
         memory: (2, whiskers) creep within seconds and lag, as shares of a load (`remembered`).
-        screw: (2, 1 + 2 leads) how far the stage's screws, along x and along y, are ahead: a share of the travel,
-            and waves of `LEADS_MM`, mm (`screw_ways`).
+        screw: (2, 1 + 2 leads) errors of the stage's screws along x and y: a share of the travel, and amplitudes of
+            waves with periods `LEADS_MM`, mm (`screw_basis`).
 
     Raises:
-        WhiskerError: one missing, or not finite.
+        WhiskerError: a number is missing or not finite.
     """
 
     values: Mapping[Unknown, float]
@@ -97,33 +97,34 @@ class Bench(OneLine):
             raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
         memory: tuple[int | str, ...] = (MEMORIES, "whiskers")
-        own = {"gain": memory[1:], "memory": memory, "screw": (2, _OF_A_SCREW)}
+        own = {"gain": memory[1:], "memory": memory, "screw": (2, _PER_SCREW)}
         freeze_arrays(WhiskerError, self, own)
 
     def __getitem__(self, name: Unknown) -> float:
         return self.values[name]
 
     def with_values(self, **changed: float) -> Bench:
-        """The bench with some numbers changed, by the names of `Unknown`."""
+        """Return the bench with some numbers changed, by the names of `Unknown`."""
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers: in the order of `Unknown`, then `OF_GAUGE`, each for all whiskers, then those of the screws."""
+        """All numbers in the order of `Unknown`, then `OF_GAUGE`, each for all whiskers, then those of the
+        screws."""
         values = [self.values[name] for name in Unknown]
         return np.concatenate([values, self.gain, self.memory.ravel(), self.screw.ravel()])
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
         """Make a bench from numbers in the order of `vector`."""
-        gain, *memory = numbers[len(Unknown) : -2 * _OF_A_SCREW].reshape(1 + MEMORIES, -1)
+        gain, *memory = numbers[len(Unknown) : -2 * _PER_SCREW].reshape(1 + MEMORIES, -1)
         values = dict(zip(Unknown, map(float, numbers), strict=False))
-        return cls(values, gain, np.array(memory), numbers[-2 * _OF_A_SCREW :].reshape(2, -1))
+        return cls(values, gain, np.array(memory), numbers[-2 * _PER_SCREW :].reshape(2, -1))
 
     def moved(self, step: NDArray[np.float64]) -> Bench:
-        """The bench with (n,) added to its numbers, in the order of `vector`.
+        """Return the bench with a step (n,) added to its numbers, in the order of `vector`.
 
-        Stiffness and gains are changed as factors, so that what one of a product gains another loses to all orders.
-        Tips and friction become less only in proportion, and so never less than nothing.
+        Stiffness and gains change as factors, so that opposite changes cancel exactly in their product. Radius and
+        friction decrease in proportion, so that they stay positive.
         """
         numbers, names = self.vector(), list(Unknown)
         there = numbers + step
@@ -135,12 +136,12 @@ class Bench(OneLine):
         return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
-        """Make the touch of the drawing with these numbers in place of its own.
+        """Return the touch of the drawn whisker with these numbers.
 
-        Of a touch alone, without a drawing, the whisker stays what it is; lengths and angle are not asked.
+        A touch without a drawing keeps its whisker; lengths and angle are then ignored.
 
         Raises:
-            WhiskerError: a number that no whisker has.
+            WhiskerError: an impossible number.
         """
         use: dict[str, Any] = {
             str(name): self[name] for name in (Unknown.PRELOAD, Unknown.RADIUS, Unknown.FRICTION)
@@ -151,10 +152,10 @@ class Bench(OneLine):
         return Touch(tip=whisker.tip_model(), whisker=whisker.describe(), **use)
 
     def whisker(self, nominal: LShaped) -> LShaped:
-        """The drawn whisker with these lengths and angle, and a material of this stiffness.
+        """Return the drawn whisker with these lengths and angle, and a material of this stiffness.
 
         Raises:
-            WhiskerError: a number that no whisker has.
+            WhiskerError: an impossible number.
         """
         material = nominal.material
         factor = self[Unknown.STIFFNESS]
@@ -171,14 +172,14 @@ class Bench(OneLine):
 
 
 def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) -> Bench:
-    """The nominal bench: no play, no tilt, the piece in its place, gains of 1.
+    """Return the nominal bench: no play, no tilt, no shift of the piece, gains of 1.
 
     Raises:
-        WhiskerError: a whisker that is no L.
+        WhiskerError: the whisker is not L-shaped.
     """
     if isinstance(whisker, LShaped) and whisker.is_straight:
         raise WhiskerError(
-            "only an L-shaped whisker is identified", hint="give the drawing of an L-shaped whisker"
+            "only an L-shaped whisker can be identified", hint="give the drawing of an L-shaped whisker"
         )
     values = dict.fromkeys(Unknown, 0.0) | {
         Unknown.STIFFNESS: 1.0,
@@ -190,7 +191,7 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
         beta_deg = math.degrees(whisker.beta_rad)
         drawn = (whisker.l1_mm, whisker.l2_mm, whisker.lowered_mm, beta_deg)
         values |= zip(DRAWN, drawn, strict=False)
-    return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)), np.zeros((2, _OF_A_SCREW)))
+    return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)), np.zeros((2, _PER_SCREW)))
 
 
 def first_order_sd(
@@ -199,9 +200,9 @@ def first_order_sd(
     """Standard deviation of a function of some numbers: sqrt(g^T C g) with central differences g.
 
     Args:
-        moved: the value with a number, by its index, off by so much.
-        steps: (n,) of the differences; a number with none counts as known.
-        covariance: (n, n) of the numbers.
+        moved: value of the function with one number changed, from its index and its change.
+        steps: (n,) steps of the differences; a number with a step of 0 counts as exact.
+        covariance: (n, n) covariance of the numbers.
     """
     slope = np.array(
         [(moved(i, s) - moved(i, -s)) / (2.0 * s) if s > 0.0 else 0.0 for i, s in enumerate(steps.tolist())]
@@ -209,18 +210,18 @@ def first_order_sd(
     return float(np.sqrt(slope @ covariance @ slope))
 
 
-def of_whisker(whisker: int, *, n_whiskers: int) -> list[int]:
+def whisker_indices(whisker: int, *, n_whiskers: int) -> list[int]:
     """Indices of a whisker's own numbers in `Bench.vector`, in the order of `OF_GAUGE`."""
     return [len(Unknown) + block * n_whiskers + whisker for block in range(1 + MEMORIES)]
 
 
-def of_screw(n: int, *, along_x: bool) -> slice:
+def screw_slice(n: int, *, along_x: bool) -> slice:
     """Indices of a screw's numbers among the n of `Bench.vector`."""
-    return slice(n - 2 * _OF_A_SCREW, n - _OF_A_SCREW) if along_x else slice(n - _OF_A_SCREW, n)
+    return slice(n - 2 * _PER_SCREW, n - _PER_SCREW) if along_x else slice(n - _PER_SCREW, n)
 
 
-def screw_ways(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(places, 1 + 2 leads): displacement of each place by each number of a screw."""
+def screw_basis(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(positions, 1 + 2 leads): displacement of each position per unit of each number of a screw."""
     turns = 2.0 * np.pi * at_mm[:, None] / np.array(LEADS_MM)
     return np.concatenate([at_mm[:, None], np.cos(turns), np.sin(turns)], axis=1)
 
@@ -230,9 +231,9 @@ def prior_sd(
 ) -> NDArray[np.float64]:
     """Prior standard deviation of every number, in the order of `Bench.vector`.
 
-    Lengths as a caliper tells them (0.1 mm), an angle as a jig does (1.5 degrees), wire as sold (5 % of stiffness), a
-    tip as ground (20 %), a preload as set by a feeler gauge (5 %), a friction of steel on steel (0.1), a stage's play
-    (0.03 mm), gauges as good as whiskers' were seen, and a piece put down by hand.
+    They assume lengths measured by a caliper (0.1 mm), an angle set by a jig (1.5 degrees), wire as sold (5 % of
+    stiffness), a tip as ground (20 %), a preload set by a feeler gauge (5 %), friction of steel on steel (0.1), the
+    play of a usual stage (0.03 mm), gauges like those measured, and a piece placed by hand.
     """
     sd = {name: name.sd for name in Unknown}
     sd[Unknown.RADIUS] = max(tip_sd * nominal[Unknown.RADIUS], 0.005)

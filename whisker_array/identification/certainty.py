@@ -5,9 +5,8 @@
 
 is the cluster jackknife: d is how far the fit moves if one of its G passes is left out (CV3 in J. G. MacKinnon, M. O.
 Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023)). It does not understate the error when there
-are few passes. All whiskers share the vibration of a pass, and drift continues through it, so that neither needs a
-model of its own. sd is the prior standard deviation. In no direction is the scatter less than that of independent
-samples.
+are few passes. All whiskers share the vibration and the drift of a pass, so neither needs a separate model. sd is the
+prior standard deviation. In every direction the scatter is at least that of independent samples.
 
 Two terms are added: the error of the grid of the fit's maps, and errors that the model leaves out (`LEFT_OUT`).
 """
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
-from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, of_whisker
+from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, whisker_indices
 from whisker_array.identification.traces import Trace
 
 LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-4}
@@ -53,7 +52,7 @@ class Fitted(OneLine):
 
     @property
     def data(self) -> NDArray[np.float64]:
-        """(n, n) J^T J: the information of the samples alone."""
+        """(n, n) J^T J: the information of the samples without the prior."""
         return np.asarray(
             sum(j.T @ (w[:, None] * j) for j, w in zip(self.jacobian, self.weight, strict=True))
         )
@@ -117,7 +116,7 @@ def left_out_covariance(nominal: Bench) -> NDArray[np.float64]:
     for name, off in LEFT_OUT.items():
         sd[list(Unknown).index(name)] = off
     for whisker in range(nominal.gain.size):
-        sd[of_whisker(whisker, n_whiskers=nominal.gain.size)[OF_GAUGE.index("lag")]] = LAG_LEFT_OUT
+        sd[whisker_indices(whisker, n_whiskers=nominal.gain.size)[OF_GAUGE.index("lag")]] = LAG_LEFT_OUT
     return np.diag(sd**2)
 
 

@@ -1,17 +1,17 @@
-r"""Linearise the prediction of a recording over all benches that may have made it.
+r"""Linearise the prediction of a recording over the benches that may have made it.
 
-Contact is rough: where a tip slips or catches, a small change of a number moves a sample by a jump, and a slope taken
-there says nothing. So the moments of a cloud of benches are predicted, a few times as wide as what is known, and a
-plane is laid through them::
+Contact is rough: where a tip slips or catches, a small change of a number makes a sample jump, and a derivative there
+is meaningless. So moments are predicted for a cloud of benches, a few times as wide as the present uncertainty, and a
+plane is fitted to them::
 
     moment(p) = b + J (p - centre) + roughness,     var of a sample = sigma^2 + var(roughness)
 
-Samples that jump within the cloud so count for little, and nothing comes out surer than the roughness allows. What
-roughness alone does to the slopes along a way is known: where it makes up most of them, the way is at last taken for
-untold. Least squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior
-linearization filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE Trans. Signal Process.
-63 (2015) 5561. The cloud is a cubature turned by chance (I. Arasaratnam and S. Haykin, IEEE Trans. Autom. Control 54
-(2009) 1254): through what is plane it lays the plane itself.
+Samples that jump within the cloud therefore have little weight, and no result is more certain than the roughness
+allows. The effect of roughness alone on the slopes along a direction is known; in the last rounds the slopes are
+reduced by it (`cautious`). Least squares on the plane gives the next centre, and its covariance the next cloud: the
+iterated posterior linearization filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE
+Trans. Signal Process. 63 (2015) 5561. The cloud is a randomly rotated cubature (I. Arasaratnam and S. Haykin, IEEE
+Trans. Autom. Control 54 (2009) 1254), which is exact for a linear prediction.
 """
 
 from __future__ import annotations
@@ -22,15 +22,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
-from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_screw, of_whisker, screw_ways
+from whisker_array.identification.bench import (
+    DRAWN,
+    Bench,
+    Unknown,
+    screw_basis,
+    screw_slice,
+    whisker_indices,
+)
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.misses import sample_sigma_n_mm
-from whisker_array.identification.tip_numbers import SHAPE, tip_by, tip_of_numbers
+from whisker_array.identification.tip_numbers import SHAPE, tip_derivatives, tip_of_numbers
 from whisker_array.whisker.shapes import LShaped, TipModel
 from whisker_array.whisker.touch import Touch
 
 _NONE = 1e-9
-"""Least width, or share of one, of a number that is varied; those below are fixed or depend on others."""
+"""Least width, or relative variance, of a direction that is varied; smaller ones are fixed or depend on others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +47,8 @@ class Plane(OneLine):
     Attributes:
         moment: for each trace (samples,), moment in the middle of the cloud, N mm.
         jacobian: for each trace (samples, n), derivative of the moment by each parameter.
-        sigma: for each trace (samples,), uncertainty with that of roughness, N mm; inf where it is not used.
+        sigma: for each trace (samples,), uncertainty including that of roughness, N mm; inf where the sample is not
+            used.
     """
 
     moment: tuple[NDArray[np.float64], ...]
@@ -62,14 +70,14 @@ def plane_through(
     """Fit the plane to a cloud.
 
     Args:
-        forward: predicts.
+        forward: model that predicts the moments.
         at: the bench in the middle.
-        covariance: (n, n) of the cloud.
-        free: (n,) numbers that are to be found.
+        covariance: (n, n) covariance of the cloud.
+        free: (n,) whether a number is fitted.
         scatter_n_mm: scatter of a sample.
         turns: number of cubatures, each randomly rotated.
-        cautious: slopes along a way are trusted only as far as they stand out of what roughness does to them; far from
-            the answer that would leave nothing to go by.
+        cautious: whether to reduce slopes by the share that roughness explains; far from the solution nothing would
+            be left of them.
         seed: seed of the random rotations.
     """
     ways = _Ways.of(at, np.sqrt(np.diag(covariance)), free, forward.nominal)
@@ -80,14 +88,14 @@ def plane_through(
     n = len(points)
     cloud = [ways.moved(root @ point) for point in points]
 
-    moments = [np.empty((n, trace.felt_n_mm.size)) for trace in forward.traces]
-    signal = [np.zeros(trace.felt_n_mm.size) for trace in forward.traces]
-    units = [np.zeros((2, trace.felt_n_mm.size)) for trace in forward.traces]
-    # a map is for tips of about one radius
+    moments = [np.empty((n, trace.measured_n_mm.size)) for trace in forward.traces]
+    signal = [np.zeros(trace.measured_n_mm.size) for trace in forward.traces]
+    units = [np.zeros((2, trace.measured_n_mm.size)) for trace in forward.traces]
+    # in order of the radius, because a map serves tips of about one radius
     for i in sorted(range(n), key=lambda i: cloud[i][0][Unknown.RADIUS]):
         bench, tip = cloud[i]
         for k, (trace, (s, u)) in enumerate(
-            zip(forward.traces, forward.pressed(bench, tip=tip), strict=True)
+            zip(forward.traces, forward.predict(bench, tip=tip), strict=True)
         ):
             moments[k][i] = s + bench.memory[:, trace.whisker] @ u
             signal[k] += s / n
@@ -95,7 +103,7 @@ def plane_through(
 
     middle = [of_trace.mean(axis=0) for of_trace in moments]
     off = [of_trace - mean for of_trace, mean in zip(moments, middle, strict=True)]
-    # for a cubature's points the sum of z z^T is n times 1
+    # for the points of a cubature the sum of z z^T is n times the identity
     slopes = [points.T @ o / n for o in off]
     sigma, signal_power, noise = [], np.zeros(n_ways), 0.0
     for trace, o, slope in zip(forward.traces, off, slopes, strict=True):
@@ -108,13 +116,15 @@ def plane_through(
     names, jacobian = list(Unknown), []
     for k, (trace, slope) in enumerate(zip(forward.traces, slopes, strict=True)):
         j = (sure[:, None] * slope).T @ inverse @ ways.by + np.outer(signal[k], ways.by_factor)
-        of_gauge = of_whisker(trace.whisker, n_whiskers=at.gain.size)
+        of_gauge = whisker_indices(trace.whisker, n_whiskers=at.gain.size)
         j[:, of_gauge] = np.stack([signal[k] / at.gain[trace.whisker], *units[k]], axis=1)
-        # a screw that is ahead is a piece that lies as much behind
+        # a screw that is ahead has the effect of a piece that is shifted back
         along_x = trace.plan.direction.along_x
         shift = j[:, names.index(Unknown.SHIFT_X if along_x else Unknown.SHIFT_Y)]
-        j[:, of_screw(free.size, along_x=along_x)] = -shift[:, None] * screw_ways(trace.plan.position_mm())
-        j[np.isnan(trace.felt_n_mm)] = 0.0
+        j[:, screw_slice(free.size, along_x=along_x)] = -shift[:, None] * screw_basis(
+            trace.plan.position_mm()
+        )
+        j[np.isnan(trace.measured_n_mm)] = 0.0
         j[:, ~free] = 0.0
         jacobian.append(j)
     return Plane(tuple(middle), tuple(jacobian), tuple(sigma))
@@ -122,13 +132,13 @@ def plane_through(
 
 @dataclass(frozen=True, eq=False)
 class _Ways:
-    """Directions in which a cloud spreads: numbers themselves, and the tip's shape in place of those that are drawn.
+    """Directions in which a cloud spreads: free numbers, with the tip's shape in place of the drawn numbers.
 
     Attributes:
         at: the bench in the middle.
-        own: numbers that are ways themselves.
-        by: (ways, n) what each number does to them.
-        by_factor: (n,) by which part each makes all moments larger.
+        own: indices of the numbers that are directions themselves.
+        by: (ways, n) derivative of the directions by each number.
+        by_factor: (n,) relative change of all moments by each number.
         tip: (5,) numbers of the tip in the middle; None without a drawing.
     """
 
@@ -148,13 +158,13 @@ class _Ways:
         by, by_factor = np.eye(free.size)[own], np.zeros(free.size)
         if isinstance(nominal, Touch) or not drawn.size:
             return cls(at, own, by, by_factor, None)
-        tip, by_drawn = tip_by(at, sd, drawn, nominal)
+        tip, by_drawn = tip_derivatives(at, sd, drawn, nominal)
         shape = np.zeros((SHAPE, free.size))
         shape[:, drawn], by_factor[drawn] = by_drawn[:SHAPE], by_drawn[SHAPE] / tip[SHAPE]
         return cls(at, own, np.vstack([by, shape]), by_factor, tip)
 
     def moved(self, off: NDArray[np.float64]) -> tuple[Bench, TipModel | None]:
-        """Bench at an offset (ways,) from the middle, and a tip in place of its own."""
+        """Bench at an offset (ways,) from the middle, and the tip that replaces its own."""
         step = np.zeros(self.by_factor.size)
         step[self.own] = off[: self.own.size]
         if self.tip is None:
@@ -163,7 +173,7 @@ class _Ways:
 
 
 def _roots(spread: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(ways, m) R with R R^T the spread, and (m, ways) its left inverse, of as many ways as are apart."""
+    """R (ways, m) with R R^T = spread, and its left inverse (m, ways), for the m independent directions."""
     scale = np.sqrt(np.diag(spread))
     wide = scale > _NONE
     values, vectors = np.linalg.eigh(spread[np.ix_(wide, wide)] / np.outer(scale[wide], scale[wide]))

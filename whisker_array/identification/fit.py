@@ -1,14 +1,13 @@
 r"""Identify a bench from a recording: least squares on the contact simulation, with the uncertainty of each number.
 
-    minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
+    minimise  sum over samples ((measured - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
     sigma^2 = scatter of a sample^2 + (place_mm dm/du)^2 + roughness^2
 
-felt - predicted is what a level that walks on leaves of it (`misses`), and predicted a plane through a cloud of
-benches (`cloud`), which is laid again around each solution. The second sum is what the workshop knew before
-(`bench.prior_sd`), without which many numbers could not be separated; their covariance is in `certainty`. At
-edges a sample is as uncertain as its place, for a pass does not come back to its line; what a screw does to all passes
-alike is among the numbers.
+Residuals are relative to a drifting level (`misses`). The prediction is a plane through a cloud of benches (`cloud`),
+fitted again around each solution. The second sum is the workshop's prior knowledge (`bench.prior_sd`), without which
+many numbers could not be separated; `certainty` computes the covariance. At edges a sample is also uncertain because
+a pass does not return exactly to its line; screw errors common to all passes are among the numbers.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ from whisker_array.identification.bench import (
     Unknown,
     first_order_sd,
     nominal_bench,
-    of_screw,
-    of_whisker,
     prior_sd,
+    screw_slice,
+    whisker_indices,
 )
 from whisker_array.identification.certainty import COARSER, Fitted, left_out_covariance
 from whisker_array.identification.cloud import plane_through
@@ -70,12 +69,14 @@ ROUNDS = (
     *[Round(1.0, 144)] * 2,
     *[Round(1.0, 288, 2, cautious=True)] * 2,
 )
-"""Rounds of the fit, from a cloud as wide as the prior. Three times the lines leave angle and radius two thirds as
-uncertain."""
+"""Rounds of the fit, from a cloud as wide as the prior. With three times as many lines, angle and radius are
+two thirds as uncertain."""
 FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
-"""The loss is bounded little by little, or the first bench would choose what is to be explained: graduated
-non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020) 1127)."""
+"""Factors of the loss's bound, which shrinks step by step so that the first bench does not decide which samples are
+outliers: graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020)
+1127)."""
 _JUMPED = 0.02
+"""Share of the worst samples that the misfit leaves out."""
 
 
 class IdentifyError(MarksError):
@@ -89,14 +90,14 @@ class Identified(OneLine):
     Attributes:
         bench: the numbers.
         nominal: parameters of the drawing.
-        before: (n,) standard deviations of the numbers before, in the order of `Bench.vector`.
-        covariance: (n, n) of the numbers after.
-        repeated: (n, n) the same of a bench that is compared with itself: what the fit's own grid does is in both.
-        whiskers: those that were felt; the gains of others are as before.
+        before: (n,) prior standard deviations of the numbers, in the order of `Bench.vector`.
+        covariance: (n, n) posterior covariance of the numbers.
+        repeated: (n, n) covariance for comparing fits of the same bench, without errors common to both, as of the grid.
+        whiskers: whiskers used in the fit; the gains of others keep their prior.
         traces: traces that were fitted.
         predicted: for each trace (samples,), predicted moment, N mm.
         scatter_n_mm: scatter of a sample.
-        settled: whether the fit has come to rest.
+        settled: whether the fit has converged.
         drawn: the whisker as drawn, if it was given.
     """
 
@@ -121,11 +122,11 @@ class Identified(OneLine):
     def misfit(self) -> float:
         """Rms misfit divided by the uncertainty of a sample: 1 if the model explains all.
 
-        The worst `_JUMPED` are left out: where a tip slips or jams otherwise than predicted they say no more than that.
+        The worst share `_JUMPED` is left out, because there the tip slips or jams differently from the prediction.
         """
         left = np.concatenate(
             [
-                (t.felt_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm)
+                (t.measured_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm)
                 for t, p in zip(self.traces, self.predicted, strict=True)
             ]
         )
@@ -133,7 +134,7 @@ class Identified(OneLine):
         return float(np.sqrt(np.mean(squares[: int((1.0 - _JUMPED) * squares.size)])))
 
     def of(self, name: Unknown) -> tuple[float, float]:
-        """A number and its standard deviation."""
+        """Return a number and its standard deviation."""
         return self.bench[name], float(self.sd[list(Unknown).index(name)])
 
     def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:
@@ -164,26 +165,26 @@ def identify(
     """Identify the bench of a recording over a piece of known relief.
 
     Args:
-        scan: the recording; its touch is the nominal one. Gains that a bench has shown are taken off and known well,
-            those from land are not used: they hold the friction that is to be found.
+        scan: the recording; its touch is the nominal one. Gains calibrated on a bench are removed and have a small
+            prior uncertainty; gains from land are ignored, because they contain the friction.
         heights: heights of the test piece.
         whisker: the drawn whisker; a touch, if there is no drawing: lengths and angle are not fitted then.
-        only: numbers to be found; the others stay as drawn.
+        only: numbers to fit; the others stay nominal.
         grid_mm: pitch of the maps; those of large tips are coarser (`finest`).
         tip_sd: prior standard deviation of the tip's radius, as a share of the radius.
-        seed: turns the clouds.
+        seed: seed of the clouds' random rotations.
         fewest_clusters: least number of passes over the piece.
-        finest: grid, share of a tip's radius: a finer one adds no detail.
-        wide: width of the cloud in standard deviations, as `MOST_TRACES` lines would leave them, however many there
-            are: one that is narrower than contact is rough rests anywhere.
-        averaged: rounds at the end of which the mean is taken: the random rotation of a cloud moves what contact is
-            rough in.
-        settled: most relative change of the misfit between the last two rounds of a settled fit.
+        finest: finest grid as a share of the tip's radius; a finer one adds no detail.
+        wide: width of the cloud, in the standard deviations of a fit to `MOST_TRACES` lines; with a cloud narrower than
+            the roughness of contact the fit would stop anywhere.
+        averaged: number of last rounds whose mean is the result, because the random rotation of a cloud changes the
+            effect of roughness.
+        settled: greatest relative change of the residuals between the last two rounds of a converged fit.
 
     Raises:
         IdentifyError: too few passes over the piece, or a signal that no such bench gives.
-        MapError: no line that can be used.
-        WhiskerError: a whisker that is no L.
+        MapError: no usable line.
+        WhiskerError: the whisker is not L-shaped.
     """
     if isinstance(whisker, Touch):
         only = tuple(name for name in only if name not in DRAWN)
@@ -195,17 +196,17 @@ def identify(
     clusters = {trace.cluster for trace in traces}
     if len(clusters) < fewest_clusters:
         raise IdentifyError(
-            f"only {len(clusters)} of the passes can be used over the piece",
+            f"only {len(clusters)} passes over the piece can be used",
             hint=f"record {fewest_clusters} or more",
         )
     before = prior_sd(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
-    felt_by = tuple(sorted({trace.whisker for trace in traces}))
+    used = tuple(sorted({trace.whisker for trace in traces}))
     free = np.zeros(before.size, dtype=np.bool_)
     free[: len(Unknown)] = [name in only for name in Unknown]
-    for whisker_number in felt_by:
-        free[of_whisker(whisker_number, n_whiskers=scan.n_whiskers)] = True
+    for whisker_number in used:
+        free[whisker_indices(whisker_number, n_whiskers=scan.n_whiskers)] = True
     for along_x in {trace.plan.direction.along_x for trace in traces}:
-        free[of_screw(before.size, along_x=along_x)] = True
+        free[screw_slice(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
     grid_mm = max(grid_mm, finest * scan.touch.tip_radius_mm)
 
@@ -219,7 +220,7 @@ def identify(
             largest_n_mm=largest_n_mm,
             grid_mm=coarser * grid_mm,
         )
-        forward.spare_jams(about)
+        forward.exclude_jams(about)
         return forward
 
     found, cloud, rested, left = nominal, np.diag(before**2), [nominal.vector()], [np.inf]
@@ -259,7 +260,7 @@ def identify(
         before,
         repeated + fitted.grid_covariance(by_grid) + left_out_covariance(nominal),
         repeated,
-        felt_by,
+        used,
         forward.traces,
         tuple(forward.moments(found)),
         scatter,
@@ -271,7 +272,7 @@ def identify(
 def _whiten(
     values: Iterable[NDArray[np.float64]], *, sigma: tuple[NDArray[np.float64], ...], scatter_n_mm: float
 ) -> tuple[NDArray[np.float64], ...]:
-    """Innovations of every trace about a level that walks, in sigmas."""
+    """Innovations of every trace about a drifting level, in sigmas."""
     return tuple(innovations(v, s, scatter=scatter_n_mm) for v, s in zip(values, sigma, strict=True))
 
 
@@ -283,7 +284,8 @@ def _solve(
     before: NDArray[np.float64],
     free: NDArray[np.bool_],
 ) -> tuple[Fitted, NDArray[np.float64]]:
-    """Least squares on a plane, and the step (n,) from its middle, which is `away` from the nominal parameters."""
+    """Solve least squares on a plane; return the step (n,) from its middle, which is `away` from the nominal
+    parameters."""
     step = np.zeros(before.size)
     for wider in FEWER:
         left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))
@@ -295,10 +297,12 @@ def _solve(
 
 def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:
     """Scatter of a sample from differences of neighbours, robust against edges."""
-    steps = np.concatenate([np.diff(trace.felt_n_mm) for trace in traces])
+    steps = np.concatenate([np.diff(trace.measured_n_mm) for trace in traces])
     steps = steps[np.isfinite(steps)]
     if steps.size < 100:
-        raise IdentifyError("hardly a sample of the recording can be used", hint="see inspect")
+        raise IdentifyError(
+            "hardly a sample of the recording can be used", hint="look at the recording with inspect"
+        )
     spread = float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(2.0))
-    level = float(np.nanmedian(np.abs(np.concatenate([t.felt_n_mm for t in traces]))))
+    level = float(np.nanmedian(np.abs(np.concatenate([t.measured_n_mm for t in traces]))))
     return max(spread, 1e-5 * level)

@@ -1,4 +1,4 @@
-r"""Predict the recording of a bench over a piece by contact simulation along the felt lines.
+r"""Predict the recording of a bench over a piece by contact simulation along its lines.
 
 piece --dilated by the tip--> heights and slopes, and how they change with its radius   (once)
 map --pose, play--> contact along the lines --gain, creep, lag--> raw signal minus that of the air
@@ -13,7 +13,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.identification.bench import Bench, Unknown, screw_ways
+from whisker_array.identification.bench import Bench, Unknown, screw_basis
 from whisker_array.identification.gauge_memory import lag_response
 from whisker_array.identification.piece_map import Heights, PieceMap
 from whisker_array.identification.traces import JAM_LANDS, Trace, mask_jams
@@ -24,13 +24,13 @@ from whisker_array.whisker.touch import Touch
 
 GRID_MM = 0.00625
 STEPS = 4
-"""Steps in which a tip slides from sample to sample: with one it would jump into the wall along which it slides."""
+"""Simulation steps per sample; with one step a tip would jump into the wall along which it slides."""
 
 
 class Forward:
     """Predict the traces of benches near the one for which it was made.
 
-    The prediction of a trace depends on the given bench alone.
+    The prediction of a trace depends only on the given bench.
     """
 
     def __init__(
@@ -44,15 +44,15 @@ class Forward:
         largest_n_mm: float,
         grid_mm: float = GRID_MM,
     ) -> None:
-        """Lay the map.
+        """Make the map of the piece.
 
         Args:
             heights: heights of the test piece.
             traces: traces to be predicted; those of a sweep one after the other.
             nominal: the whisker as drawn.
-            about: the bench, near which it is asked: the map is for its tip.
-            setup_friction: at which the stage was set up, so that the tip is over the commanded place.
-            largest_n_mm: largest load of a gauge's life.
+            about: bench near which predictions are made; the map is for its tip.
+            setup_friction: friction at which the stage was set up, so that the tip is at the commanded position.
+            largest_n_mm: largest past load of a gauge.
             grid_mm: pitch of the map.
         """
         self.traces = tuple(traces)
@@ -70,24 +70,24 @@ class Forward:
             bench: the numbers.
 
         Raises:
-            WhiskerError: a number that no whisker has.
+            WhiskerError: an impossible number.
         """
-        pressed = self.pressed(bench)
+        predicted = self.predict(bench)
         return [
             signal + bench.memory[:, trace.whisker] @ units
-            for trace, (signal, units) in zip(self.traces, pressed, strict=True)
+            for trace, (signal, units) in zip(self.traces, predicted, strict=True)
         ]
 
-    def pressed(
+    def predict(
         self, bench: Bench, *, tip: TipModel | None = None
     ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Predict every trace, N mm: (samples,) gain times moment, and (2, samples) contributions of a creep of 1 and a
-        lag of 1.
+        """Predict, for every trace, gain times moment (samples,) and the contributions of unit creep and lag (2,
+        samples).
 
-        Where a tip jams, the moment is what a jam begins with.
+        All are in N mm. Where a tip jams, the moment is limited to that at which a jam begins.
 
         Raises:
-            WhiskerError: a number that no whisker has.
+            WhiskerError: an impossible number.
         """
         touch = bench.touch(self.nominal)
         tip = touch.tip if tip is None else tip
@@ -106,18 +106,18 @@ class Forward:
                 n_samples=STEPS * (plan.n_samples - 1) + 1,
                 preload_mm=touch.preload_mm,
                 nominal_friction=self._setup,
-                laid=self._piece.laid(plan.direction, bench),
+                pose=self._piece.pose(plan.direction, bench),
             )
             moment = bench.gain[sweep.whiskers, None] * traced.moment_n_mm.astype(np.float64)
             screw = bench.screw[0 if plan.direction.along_x else 1]
             if screw.any():
                 at = np.arange(moment.shape[1], dtype=np.float64)
-                there = at + sweep.screw_ways @ screw
+                there = at + sweep.screw_basis @ screw
                 moment = np.stack([np.interp(there, at, line) for line in moment])
             most = JAM_LANDS * np.abs(np.median(moment, axis=1, keepdims=True))
             moment = np.clip(moment, -most, most)
             lag = lag_response(
-                np.where(np.isnan(sweep.met_n_mm), moment, sweep.met_n_mm),
+                np.where(np.isnan(sweep.jam_load_n_mm), moment, sweep.jam_load_n_mm),
                 play_n_mm=sweep.play_n_mm,
                 largest_n_mm=self._largest,
             )
@@ -125,18 +125,19 @@ class Forward:
             found += zip(moment[:, ::STEPS], units, strict=True)
         return found
 
-    def spare_jams(self, bench: Bench) -> None:
-        """Leave out samples that are predicted to be near jamming, permanently, so that the fit is smooth."""
+    def exclude_jams(self, bench: Bench) -> None:
+        """Exclude samples that are predicted to be near jamming, permanently, so that the fit is smooth."""
         felt = [
             replace(
                 trace,
-                felt_n_mm=np.where(np.isnan(mask_jams(p, share=0.98)), np.nan, trace.felt_n_mm),
+                measured_n_mm=np.where(np.isnan(mask_jams(p, share=0.98)), np.nan, trace.measured_n_mm),
             )
             for trace, p in zip(self.traces, self.moments(bench), strict=True)
         ]
         self.traces = tuple(felt)
         self._sweeps = [
-            replace(sweep, met_n_mm=_met(felt.pop(0) for _ in sweep.whiskers)) for sweep in self._sweeps
+            replace(sweep, jam_load_n_mm=_jam_loads(felt.pop(0) for _ in sweep.whiskers))
+            for sweep in self._sweeps
         ]
 
 
@@ -144,17 +145,17 @@ class Forward:
 class _Sweep:
     """Common data of a sweep's lines, and their samples, one row each.
 
-    `met_n_mm` (lines, steps) is what tips pressed by the recording where they jammed, NaN elsewhere: a jam is no
-    prediction's, but what follows it in the gauge is. `screw_ways` as of `_screw_ways`.
+    `jam_load_n_mm` (lines, steps) is the recorded load where tips jammed, NaN elsewhere: a jam is not predicted, but
+    its effect on the gauge afterwards is. `screw_basis` is that of `_screw_basis`.
     """
 
     plan: SweepPlan
     line_mm: NDArray[np.float64]
-    screw_ways: NDArray[np.float64]
+    screw_basis: NDArray[np.float64]
     whiskers: NDArray[np.intp]
     crept_n_mm: NDArray[np.float64]
     play_n_mm: NDArray[np.float64]
-    met_n_mm: NDArray[np.float64]
+    jam_load_n_mm: NDArray[np.float64]
 
     @classmethod
     def of(cls, traces: Sequence[Trace]) -> _Sweep:
@@ -162,22 +163,22 @@ class _Sweep:
         return cls(
             plan=traces[0].plan,
             line_mm=np.array([trace.line_mm for trace in traces]),
-            screw_ways=_screw_ways(traces[0].plan),
+            screw_basis=_screw_basis(traces[0].plan),
             whiskers=np.array([trace.whisker for trace in traces]),
             crept_n_mm=np.stack([trace.crept_n_mm for trace in traces]),
             play_n_mm=np.stack([trace.play_n_mm for trace in traces]),
-            met_n_mm=_met(traces),
+            jam_load_n_mm=_jam_loads(traces),
         )
 
 
-def _met(traces: Iterable[Trace]) -> NDArray[np.float64]:
-    met = [np.where(np.isnan(trace.felt_n_mm), trace.load_n_mm, np.nan) for trace in traces]
+def _jam_loads(traces: Iterable[Trace]) -> NDArray[np.float64]:
+    loads = [np.where(np.isnan(trace.measured_n_mm), trace.load_n_mm, np.nan) for trace in traces]
     between = STEPS // 2
-    return np.repeat(np.stack(met), STEPS, axis=1)[:, between : between - STEPS + 1]
+    return np.repeat(np.stack(loads), STEPS, axis=1)[:, between : between - STEPS + 1]
 
 
-def _screw_ways(plan: SweepPlan) -> NDArray[np.float64]:
+def _screw_basis(plan: SweepPlan) -> NDArray[np.float64]:
     """(STEPS (samples - 1) + 1, 1 + 2 leads): displacement of a sweep's tips by each number of the screw, in steps."""
     sign, step_mm = -1.0 if plan.direction.backward else 1.0, plan.step_mm / STEPS
     at_mm = sign * step_mm * np.arange(STEPS * (plan.n_samples - 1) + 1, dtype=np.float64)
-    return sign / step_mm * screw_ways(plan.start_mm + at_mm)
+    return sign / step_mm * screw_basis(plan.start_mm + at_mm)

@@ -1,10 +1,11 @@
 """Contributions of unit creep and unit hysteresis to a recording; both are fitted with the other parameters.
 
-    felt = gain * moment + creep * crept + lag * lagged
+    measured = gain * moment + creep * crept + lag * lagged
 
-Creep is slow, so the recording itself shows what a unit of it has added: that of its loads, which are the recording
-minus the present estimate. Lag answers every sample, and noise in it would look like lag: a noiseless prediction
-tells that, and the recording only where the plays stood when a pass began, and what they met where the tip jammed.
+Creep is slow, so the contribution of a unit of it follows from the recorded loads, that is the recording minus the
+present estimate of creep and lag. Lag responds to every sample, and noise would look like lag. Its contribution is
+therefore computed from a noiseless prediction; from the recording come only the states of the plays at the start of a
+pass and the loads where the tip jammed.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from whisker_array.scan.sensor_memory import (
 )
 
 LARGEST_LANDS = 3.0
-"""Largest load of a gauge's life, in moments of the land: plays are shares of it."""
+"""Largest past load of a gauge, in land moments; plays are shares of it."""
 _WITHIN_SECONDS = RELAX_S[:2]
 _LITTLE = 1e-3
 
@@ -40,9 +41,9 @@ class GaugeEffects(OneLine):
     """Contributions of the gauges to a sweep.
 
     Attributes:
-        crept_n_mm: (passes, whiskers, samples) by a creep of 1.
-        play_n_mm: (passes, whiskers, plays) where the plays of a lag stood when each pass began.
-        load_n_mm: (passes, whiskers, samples) the recording without all that.
+        crept_n_mm: (passes, whiskers, samples) contribution of a creep of 1.
+        play_n_mm: (passes, whiskers, plays) states of the plays of a lag when each pass began.
+        load_n_mm: (passes, whiskers, samples) the recording without creep and lag.
     """
 
     crept_n_mm: NDArray[np.float64]
@@ -51,9 +52,11 @@ class GaugeEffects(OneLine):
 
 
 def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:
-    """Gauges with (2, whiskers) shares of creep and lag; after the largest load the zero is off by the share of lag.
+    """Make gauges with (2, whiskers) shares of creep and lag; after the largest load the zero is off by the share of
+    lag.
 
-    None does by less than nothing. What creeps for a minute and more, no recording of two tells from a drift.
+    Negative shares count as 0. There is no creep over a minute or more, which a recording of two minutes cannot
+    separate from drift.
     """
     creep, lag = np.maximum(memory, 0.0)
     widths = np.array(PLAYS)
@@ -73,9 +76,9 @@ def gauge_effects(
 
     Args:
         scan: the recording.
-        gain: (whiskers,) as known.
-        memory: (2, whiskers) as known.
-        largest_n_mm: load that the plays are shares of.
+        gain: (whiskers,) present estimate.
+        memory: (2, whiskers) present estimate.
+        largest_n_mm: load of which the plays are shares.
     """
     known = scan.calibration or Calibration(np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers))
     plain = replace(
@@ -112,7 +115,7 @@ def _plays(
 def lag_response(
     load_n_mm: NDArray[np.float64], *, play_n_mm: NDArray[np.float64], largest_n_mm: float
 ) -> NDArray[np.float64]:
-    """(lines, samples) contribution of a lag of 1 to passes that began, lifted before, with these plays, N mm."""
+    """(lines, samples) contribution of a lag of 1 to passes whose plays have these states after lifting, N mm."""
     memory = _little_lag(load_n_mm.shape[0], largest_n_mm)
     state = SensorState.at_rest(load_n_mm.shape[0], memory)
     state.play_n_mm[...] = play_n_mm

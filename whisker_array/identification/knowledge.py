@@ -23,10 +23,10 @@ class Knowledge(OneLine):
 
     Attributes:
         names: numbers, of `OF_WHISKER`; others count as known. The stiffness is relative to the whisker's own.
-        covariance: (n, n) of them.
+        covariance: (n, n) covariance of these numbers.
 
     Raises:
-        WhiskerError: other numbers, one twice, or no covariance of as many.
+        WhiskerError: other numbers, a number twice, or a covariance of the wrong shape.
     """
 
     names: tuple[Unknown, ...]
@@ -37,7 +37,7 @@ class Knowledge(OneLine):
         if not set(self.names) <= set(OF_WHISKER) or len(set(self.names)) != n:
             raise WhiskerError(
                 "an identified whisker has an unknown number, or one twice",
-                hint=f"name each of {', '.join(OF_WHISKER)} once at most",
+                hint=f"name each of {', '.join(OF_WHISKER)} at most once",
             )
         freeze_arrays(WhiskerError, self, {"covariance": (n, n)})
         if (np.diag(self.covariance) < 0.0).any():

@@ -1,14 +1,14 @@
 r"""Residuals of a fit: measured minus predicted samples, whitened.
 
-    felt - predicted = level + scatter,     level(n) = level(n - 1) + step,     sd of a step: WALK of the scatter
+    measured - predicted = level + scatter,      level(n) = level(n - 1) + step,     sd of a step: WALK of the scatter
 
-The level is what a gauge remembers otherwise than predicted: a peak between two samples moves its plays, and all that
-follows in the pass is read a thousandth off. Innovations of the Kalman filter of such a walk scatter independently
-(A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 4.1)::
+The level is the error of the predicted gauge memory: a peak between two samples moves the plays, and the rest of the
+pass is off by a thousandth. The innovations of a Kalman filter for such a walk are independent (A. C. Harvey,
+Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 4.1)::
 
     e = (v - l) / sqrt(P + sigma^2),     g = P / (P + sigma^2),     l += g (v - l),     P = P (1 - g) + step^2
 
-They are linear in v, and what each number does to a prediction is seen through the same filter.
+They are linear in v, so derivatives of a prediction pass through the same filter.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ FEW = 4.0
 
 
 def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float64]:
-    """Weight of each residual, in sigmas, in a sum of squares: that of Geman and McClure, whose loss is bounded.
+    """Weight of each residual (in sigmas) in a sum of squares: that of Geman and McClure, whose loss is bounded.
 
-    Where tips slip around steep edges as they like, what jumps does not drown what the rest tells.
+    So the jumps of tips that slip at steep edges do not dominate the other samples.
     """
     return np.asarray((1.0 + (misses / few) ** 2) ** -2.0)
 
@@ -41,17 +41,17 @@ def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float = 0.005) -> NDArray[np.float64]:
     """(samples,) uncertainty of each sample: its scatter and the effect of an error of position; inf where not used.
 
-    The error of a stage's place is the amplitude of the waves that usual screws have in every turn.
+    The position error `place_mm` is the amplitude of the waves of usual screws within a turn.
     """
-    step = np.abs(np.diff(np.nan_to_num(trace.felt_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
+    step = np.abs(np.diff(np.nan_to_num(trace.measured_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
     steepest = np.fmax(step[1:], step[:-1]) / trace.plan.step_mm
     sigma = np.hypot(scatter_n_mm, place_mm * np.nan_to_num(steepest))
-    return np.asarray(np.where(np.isnan(trace.felt_n_mm), np.inf, sigma))
+    return np.asarray(np.where(np.isnan(trace.measured_n_mm), np.inf, sigma))
 
 
 def residuals(traces: Sequence[Trace], predicted: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """(samples,) of every trace, 0 where it is not to be used."""
-    return [np.nan_to_num(t.felt_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
+    """Residuals (samples,) of every trace, 0 where a sample is not used."""
+    return [np.nan_to_num(t.measured_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
 
 
 def innovations(

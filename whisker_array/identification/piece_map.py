@@ -1,8 +1,9 @@
-r"""Map of the test piece, and its pose under the felt lines.
+r"""Map of the test piece, and its pose under the recorded lines.
 
     plate --shift, yaw--> piece --ASKEW_RAD--> map         trace --direction--> plate
 
-The grid lies askew, so that a wall of the piece crosses it at all phases, and its error is another one on every line.
+The grid is slightly rotated, so that a wall of the piece crosses it at all phases and the error differs on every
+line.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.identification.bench import Bench, Unknown
-from whisker_array.simulation.contact import Laid
+from whisker_array.simulation.contact import SurfacePose
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.surface import TouchSurface, fields_of
 from whisker_array.simulation.threads import in_threads
@@ -23,18 +24,18 @@ from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.sections import WhiskerError
 
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
-"""Height over the land, mm, at places of the piece, x and y in mm."""
+"""Height above the land, mm, at positions on the piece, x and y in mm."""
 MARGIN_MM = 1.0
 """Margin of a map around its lines, for shifts of the piece and slips of the tip."""
 ASKEW_RAD = 0.05
 _TOGETHER = 16
-"""Rows whose heights stay in the cache."""
+"""Number of rows computed at once, so that they stay in the cache."""
 WIDER = 0.1
-"""Step of a tip's radius over which the signal changes nearly linearly, for any grid."""
+"""Relative step of a tip's radius over which the signal changes nearly linearly, for any grid."""
 
 
 def heights_of(surface: HeightMap) -> Heights:
-    """Make an interpolating function of a map's heights; beyond its rim they continue constant.
+    """Make an interpolating function of a map's heights; beyond its border the edge values are repeated.
 
     Raises:
         MapError: a map with holes.
@@ -57,25 +58,25 @@ def heights_of(surface: HeightMap) -> Heights:
 class PieceMap:
     """The piece dilated by the tip, on a rotated grid.
 
-    - Neither pose nor direction asks for another map (`contact.Laid`).
-    - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between their maps. Nothing is
-      drawn out beyond two: what is felt would have notches in which tips are caught.
-    - A surface asked for takes the place of the one before; ask for radii in order.
+    - One map serves all poses and directions (`contact.SurfacePose`).
+    - Maps are made for tip radii in steps of `WIDER`, and interpolated between two steps; extrapolated maps would have
+      notches in which tips are caught.
+    - A new surface overwrites the one before, so request radii in order.
     """
 
     def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
-        """Lay the map.
+        """Make the map.
 
         Args:
             heights: heights of the test piece.
-            plans: whose lines run over it.
-            about: the bench, whose tip the map is for, and near whose pose it is looked at.
+            plans: plans of the sweeps over it.
+            about: bench whose tip the map is for, and whose pose is near those requested.
             grid_mm: pitch of the map.
         """
         corners = np.array([corner for plan in plans for corner in _corners_mm(plan)])
         askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)
         self._origin = askew.min(axis=1) - MARGIN_MM
-        # that the map is for stands in the middle between two
+        # the tip of `about` lies in the middle between two steps
         self._radius_mm, self._grid = about[Unknown.RADIUS] / math.sqrt(1.0 + WIDER), grid_mm
         u_mm, v_mm = (
             np.arange(low, high, grid_mm)
@@ -90,43 +91,45 @@ class PieceMap:
                 self._bare[few : few + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
 
         in_threads(fill, v_mm.size)
-        self._felt: dict[int, NDArray[np.float32]] = {}
+        self._dilated: dict[int, NDArray[np.float32]] = {}
         self._fields = np.empty((*self._bare.shape, 6), dtype=np.float32)
         self._step: int | None = None
 
-    def _felt_by(self, step: int) -> NDArray[np.float32]:
-        """(rows, cols, 3) height and slopes, of the tip of a step."""
-        if step not in self._felt:
+    def _dilated_by(self, step: int) -> NDArray[np.float32]:
+        """(rows, cols, 3) height and slopes for the tip of a step."""
+        if step not in self._dilated:
             radius_mm = self._radius_mm * (1.0 + WIDER) ** step
             dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
-            self._felt[step] = fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[
+            self._dilated[step] = fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[
                 ..., :3
             ]
-        return self._felt[step]
+        return self._dilated[step]
 
     def surface(self, radius_mm: float) -> TouchSurface:
-        """Surface for the tip of the step below a radius, and the difference to the next step (`laid` gives its share).
+        """Surface for the tip of the step below a radius, and the difference to the next step (`pose` gives its share).
 
         Raises:
-            WhiskerError: a radius that no tip has.
+            WhiskerError: the radius is not positive.
         """
         step, _ = self._at(radius_mm)
         if self._step != step:
-            self._felt = {kept: felt for kept, felt in self._felt.items() if kept in (step, step + 1)}
-            self._fields[..., :3] = self._felt_by(step)
-            np.subtract(self._felt_by(step + 1), self._felt_by(step), out=self._fields[..., 3:])
+            self._dilated = {
+                kept: fields for kept, fields in self._dilated.items() if kept in (step, step + 1)
+            }
+            self._fields[..., :3] = self._dilated_by(step)
+            np.subtract(self._dilated_by(step + 1), self._dilated_by(step), out=self._fields[..., 3:])
             self._step = step
         return TouchSurface(self._fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
 
     def _at(self, radius_mm: float) -> tuple[int, float]:
-        """The step below a radius, and which share of the way to the next it is."""
+        """Step below a radius, and the share of the way from it to the next step."""
         if not radius_mm > 0.0:
             raise WhiskerError(f"a tip's radius is {radius_mm} mm", hint="it must be positive")
         step = math.floor(math.log(radius_mm / self._radius_mm) / math.log1p(WIDER))
         below_mm = self._radius_mm * (1.0 + WIDER) ** step
         return step, (radius_mm / below_mm - 1.0) / WIDER
 
-    def laid(self, direction: TraceDirection, bench: Bench) -> Laid:
+    def pose(self, direction: TraceDirection, bench: Bench) -> SurfacePose:
         """Place the map under traces of a direction: x along the plate's or against it, z as the plate's."""
         way = -1.0 if direction.backward else 1.0
         plate_from_trace = np.array(
@@ -137,7 +140,7 @@ class PieceMap:
         at = -map_from_plate @ _shift_mm(bench) - self._origin
         rises = 1e-3 * np.array([bench[Unknown.TILT_X], bench[Unknown.TILT_Y]]) @ plate_from_trace
         column, row = np.concatenate([at[:, None], turn], axis=1).tolist()
-        return Laid(
+        return SurfacePose(
             column_mm=tuple(column),
             row_mm=tuple(row),
             tilt=(0.0, *rises.tolist()),

@@ -1,10 +1,11 @@
 r"""Five numbers of a drawn whisker's tip that combine lengths, angle and stiffness.
 
     d = D11 / D11_yy,     q = (ln(d_xx - d_xy^2), d_xy, ln d_zz, arm_x / arm_y),   arm_y / D11_yy
-    moment = (arm_y / D11_yy) * (what the contact makes of the other four)
+    moment = (arm_y / D11_yy) * (a function of the other four, from the contact)
 
-So contact is asked for the first four alone, the fifth is a factor, and what no signal tells apart (a length from an
-angle, a stiffness from a gain) is not separated by noise of differences either. For any four D11 is positive definite.
+So contact is simulated for the first four only, and the fifth is a factor. Numbers that no signal can separate (a
+length from an angle, a stiffness from a gain) are then not separated by noise of finite differences either. D11 is
+positive definite for any first four.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from whisker_array.identification.bench import Bench
 from whisker_array.whisker.shapes import LShaped, TipModel
 
 SHAPE = 4
-"""Count of the tip's numbers that are not a factor."""
+"""Number of the tip's numbers that are not a factor."""
 _PROBE = 1e-3
 """Step of a finite difference of the tip's numbers, which are smooth, in prior standard deviations."""
 
@@ -31,16 +32,16 @@ def tip_numbers(tip: TipModel) -> NDArray[np.float64]:
 
 
 def tip_of_numbers(q: NDArray[np.float64]) -> TipModel:
-    """A tip with these numbers and a vertical compliance of 1 mm/N."""
+    """Return a tip with these numbers and a vertical compliance of 1 mm/N."""
     d = np.diag([math.exp(q[0]) + q[1] ** 2, 1.0, math.exp(q[2])])
     d[0, 1] = d[1, 0] = q[1]
     return TipModel(d, q[4] * np.array([q[3], 1.0, 0.0]))
 
 
-def tip_by(
+def tip_derivatives(
     at: Bench, before: NDArray[np.float64], drawn: NDArray[np.intp], nominal: LShaped
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(5,) the tip's numbers, and (5, drawn) their derivatives by those of the whisker."""
+    """(5,) the tip's numbers, and (5, drawn) their derivatives by the drawn numbers of the whisker."""
     vector = at.vector()
 
     def of(step: NDArray[np.float64]) -> NDArray[np.float64]:

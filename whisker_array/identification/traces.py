@@ -17,7 +17,8 @@ from whisker_array.whisker.passes import SweepPlan
 
 MOST_TRACES = 96
 JAM_LANDS = 1.7
-"""Greatest moment used, in land moments: a higher one occurs just before a tip jams, by chance of the sampling."""
+"""Greatest moment used, in land moments; a higher one occurs just before a tip jams, depending on the time of the
+sample."""
 _BESIDE = 3
 
 
@@ -27,20 +28,20 @@ class Trace(OneLine):
 
     Attributes:
         plan: plan of its sweep.
-        cluster: number of its pass: what shakes the base is shared within it, and drift ends with it.
+        cluster: number of its pass; vibration is common to a pass, and drift ends with it.
         whisker: number of the whisker.
         line_mm: plate coordinate across the trace.
-        felt_n_mm: (samples,) signal minus that in the air, NaN where unusable.
-        crept_n_mm: (samples,) what a creep of 1 would have added.
-        play_n_mm: (plays,) where the plays of a lag stood when the pass began.
-        load_n_mm: (samples,) the signal without what gauges have added, jams and all.
+        measured_n_mm: (samples,) signal minus that in the air, NaN where unusable.
+        crept_n_mm: (samples,) contribution of a creep of 1.
+        play_n_mm: (plays,) states of the plays of a lag when the pass began.
+        load_n_mm: (samples,) the signal without creep and lag, jams included.
     """
 
     plan: SweepPlan
     cluster: int
     whisker: int
     line_mm: float
-    felt_n_mm: NDArray[np.float64]
+    measured_n_mm: NDArray[np.float64]
     crept_n_mm: NDArray[np.float64]
     play_n_mm: NDArray[np.float64]
     load_n_mm: NDArray[np.float64]
@@ -51,12 +52,12 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
 
     Args:
         scan: the recording.
-        about: the bench as known so far.
-        largest_n_mm: largest load of a gauge's life.
+        about: present estimate of the bench.
+        largest_n_mm: largest past load of a gauge.
         most: greatest number of lines.
 
     Raises:
-        MapError: none can be used.
+        MapError: no line can be used.
     """
     groups: list[list[Trace]] = []
     cluster = 0
@@ -84,7 +85,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
     if not groups:
         raise MapError("no line of the recording can be used", hint="record passes that run over the piece")
     each = max(2, most // len(groups))
-    # of the better half, evenly: the very best run all alike
+    # evenly from the better half, because the very best lines are alike
     chosen = [
         group[k]
         for group in groups
@@ -94,12 +95,13 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
 
 
 def _walls_n_mm(trace: Trace) -> float:
-    """Information of a line from its steps only: its whole spread would favour lines with drift."""
-    return float(np.nanstd(np.diff(trace.felt_n_mm)))
+    """Information of a line, from its steps, because the whole spread would favour lines with drift."""
+    return float(np.nanstd(np.diff(trace.measured_n_mm)))
 
 
 def mask_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
-    """A line's moments, NaN where its tip was about to jam, at that share of the limit, and just beside that."""
+    """Set the moments of a line to NaN at and beside samples above `share` of the limit at which a tip is about to
+    jam."""
     land = np.nanmedian(moment_n_mm)
     near = np.abs(moment_n_mm) > share * JAM_LANDS * np.abs(land)
     if not near.any():

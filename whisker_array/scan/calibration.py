@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from whisker_array.scan.sensor import Gauges, SensorError, check_signal
 
 MIN_LEAD_IN_SAMPLES = 16
-"""Fewest samples of air, and of land, from which a calibration is taken."""
+"""Fewest samples in air, and on land, for a calibration."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,14 +32,14 @@ class Calibration(Gauges):
     """Gain and offset of every whisker as estimated from a lead-in, raw per moment and N mm.
 
     Attributes:
-        from_land: the gains were read off land at the nominal friction, so moments say nothing of the true one;
-            otherwise they come from a bench.
+        from_land: whether gains were estimated on land at the nominal friction, so that moments do not show the true
+            friction; otherwise they come from a bench.
     """
 
     from_land: bool = False
 
     def applied(self) -> Calibration:
-        """The calibration of a signal to which gain and offset were applied."""
+        """Return the calibration for a signal to which gain and offset are already applied."""
         return replace(self, gain=np.ones(self.gain.size), offset_n_mm=np.zeros(self.gain.size))
 
 
@@ -48,13 +48,13 @@ def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> ND
 
     Args:
         raw: (..., whiskers, samples), N mm as measured.
-        calibration: calibration for as many whiskers.
+        calibration: calibration of these whiskers.
 
     Returns:
         float32 of the same shape.
 
     Raises:
-        SensorError: a shape that does not fit.
+        SensorError: the shape does not fit.
     """
     raw = np.asarray(raw)
     check_signal("raw", raw, calibration.gain.size)
@@ -75,9 +75,8 @@ def calibrate_lead_in(
     Args:
         air: (whiskers, samples) raw signal without contact, N mm.
         land: (whiskers, samples) raw signal on undisturbed land, N mm.
-        expected_land_moment_n_mm: land moment by the whisker model, N mm, negative in its frame. An
-            error in it, by an unknown friction for instance, goes into every gain alike and leaves
-            m / m_land - 1 as it is.
+        expected_land_moment_n_mm: land moment by the whisker model, N mm, negative in its frame. An error in it, for
+            example from an unknown friction, changes all gains equally and leaves m / m_land - 1 unchanged.
         max_gain_uncertainty: largest standard error of a gain as a share of it.
 
     Raises:

@@ -17,7 +17,7 @@ SEE_LAYOUT = "see docs/pages/reference/recordings.md for the layout"
 MAX_SAMPLES = 200_000_000
 """Largest number of values (instants x channels) read: 0.8 GB as float32."""
 _MOST_PACKED = 1100
-"""Greatest possible ratio of a deflate stream's unpacked length to its own; a greater one is false."""
+"""Greatest possible ratio of unpacked to packed length in a deflate stream; beyond it, data is missing."""
 Shape = tuple[int | None, ...]
 
 
@@ -43,10 +43,10 @@ class CheckedFile:
 
     @contextmanager
     def naming(self, what: str = "", *, hint: str = "") -> Iterator[None]:
-        """Turn errors of the values read within into errors of this file, which begin with `what`.
+        """Turn errors of values that the block reads into errors of this file, which begin with `what`.
 
         Raises:
-            FileError: so.
+            FileError: the block raised a MarksError.
         """
         try:
             yield
@@ -97,7 +97,7 @@ class CheckedFile:
         """Read a dataset as finite numbers; a missing one is filled with the default, if there is one.
 
         Raises:
-            FileError: as in `dataset`, or a number that is not finite where the default is.
+            FileError: as in `dataset`, or a number is not finite although the default is.
         """
         if default is not None and name not in self.file:
             return np.full([n or 0 for n in shape], default, dtype=np.float64)

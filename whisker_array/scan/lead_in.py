@@ -21,9 +21,9 @@ class LeadIn(OneLine):
         calibration: gain and offset of every whisker.
         air_samples: (whiskers,) samples in the air used for each.
         land_samples: (whiskers,) samples on the land; 0 for a whisker that never ran in on the part, whose
-            gain is left at 1.
-        residual_n_mm: (whiskers,) rms by which those samples, calibrated, miss what they should be: 0 in the air,
-            the moment that the whisker model expects on the land.
+            gain stays 1.
+        residual_n_mm: (whiskers,) rms error of these samples after calibration, relative to 0 in the air and to the
+            expected moment on the land.
     """
 
     calibration: Calibration
@@ -36,7 +36,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
     """Calibrate every whisker from the raw signals of a scan.
 
     Raises:
-        SensorError: no air or lead-in samples in the scan, none on the land, or ones that give no gain.
+        SensorError: no air or lead-in samples in the scan, none on the land, or samples that give no gain.
     """
     if all(s.plan.n_lead == 0 for s in scan.sweeps):
         what = "no lead-in on land in the scan (n_lead is 0)"
@@ -64,7 +64,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
     if not n_land.any():
         raise SensorError(
             "no whisker runs in on the part's land: every lead-in is flagged as beyond the part or missing",
-            hint="begin passes on bare land of the part; of imported traces correct part_mm and lead_mm",
+            hint="begin passes on bare land of the part; for imported traces, correct part_mm and lead_mm",
         )
     calibration = Calibration(gain=gain, offset_n_mm=offset, from_land=True)
     return LeadIn(calibration, n_air, n_land, residual)
@@ -73,7 +73,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
 def _samples(scan: Scan, whisker: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Air and good lead-in samples of one whisker, of the dragged passes in which its whole lead-in is good."""
     air, land = [], []
-    for sweep in (s for s in scan.sweeps if not s.plan.pushed):  # pushed, friction pulls the other way
+    for sweep in (s for s in scan.sweeps if not s.plan.pushed):  # when pushed, friction acts the other way
         lead = sweep.plan.n_lead
         good = (sweep.flags[:, whisker, :lead] == 0).all(axis=1)
         air.append(sweep.air_n_mm[good, whisker].ravel())

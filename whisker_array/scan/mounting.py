@@ -32,7 +32,7 @@ from whisker_array.whisker.touch import Touch
 
 
 class VirtualBench(TypedDict, total=False):
-    """Surface, simulation and bench of a part that is felt virtually, by name; see `mount`."""
+    """Keyword arguments of `mount` that describe surface, simulation and bench."""
 
     fidelity: Fidelity
     friction: Friction | None
@@ -50,10 +50,10 @@ class Mounted(OneLine):
         surfaces: surfaces by radius of the tip, mm.
         origin_mm: plate coordinate of the padded surfaces' first sample, both axes.
         size_mm: size of the part itself, along x and y.
-        touches: one a kind of whisker.
+        touches: one per kind of whisker.
         fidelity: pointwise formula or frictional contact.
         sensor: gains, noise, converter; None: ideal.
-        stage: its errors of place; None: none.
+        stage: position errors of the stage; None: none.
         rng: needed with a sensor or a stage.
         state: state of the gauges; each pass updates it.
     """
@@ -78,21 +78,21 @@ class Mounted(OneLine):
         pause_s: float = 0.0,
         preload_mm: float | None = None,
     ) -> Sweep:
-        """The raw moments of a sweep.
+        """Simulate the raw moments of a sweep.
 
         Args:
-            sweep: where the whiskers run; those of the first touch come first.
-            air_samples: taken before each pass.
+            sweep: plan of the sweep; whiskers of the first touch come first.
+            air_samples: number of samples in air before each pass.
             sample_rate_hz: sample rate of the converter.
-            pause_s: time for which the array hangs in air before each pass, beside the air samples.
-            preload_mm: default: that of the touches.
+            pause_s: time for which the array hangs in air before each pass, in addition to the air samples.
+            preload_mm: preload; default: that of the touches.
         """
         stage, sensor, rng, touches = self.stage, self.sensor, self.rng, self.touches
         if preload_mm is not None:
             touches = tuple(replace(touch, preload_mm=preload_mm) for touch in touches)
         ran = sweep
         if stage is not None and rng is not None:
-            # of a generator of its own: the same seed gives the same noise with play and without
+            # a separate generator, so that the same seed gives the same noise with and without play
             ran = displace_plan(sweep, stage, rng=rng.spawn(1)[0])
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
@@ -114,10 +114,11 @@ class Mounted(OneLine):
                 moment, flags = apply_screw_wave(moment, flags, asked, stage)
             air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
-                # kind by kind: they come to a place one after the other, so the base does not shake them alike
+                # one kind at a time: kinds reach a position one after the other, so the base shakes them
+                # differently
                 several = len(touches) > 1
                 chain = sensor.of(range(i * n, (i + 1) * n)) if several else sensor
-                # rows of one comb are shaken together, each over its own place
+                # rows of one comb are shaken together, each at its own position
                 behind = asked.behind - asked.behind.min(initial=0)
                 raw, saturated = measure(
                     np.concatenate([air, to_instants(moment, behind)], axis=2),
@@ -154,20 +155,20 @@ def mount(
     stage: StagePlay | None = None,
     rng: np.random.Generator | None = None,
 ) -> Mounted:
-    """Make a part ready to be felt.
+    """Prepare a part for simulated scans.
 
     Args:
-        height_map: the surface; its land should lie about level at zero, as a stage would mount the part. Of a
+        height_map: the surface; its land should be about level at zero, as a stage would mount the part. For a
             soiled part it is the top of the dirt.
-        touches: touches with which it will be felt.
+        touches: one touch per kind of whisker.
         sample_pitch_mm: pitch of the samples.
-        beyond_mm: greatest distance that whiskers run beyond the part, on its replicated rim.
+        beyond_mm: greatest distance that whiskers run beyond the part, on its repeated edge.
         friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, or else
             the nominal one.
-        soil: dirt that yields; default: none.
+        soil: soft dirt; default: none.
         fidelity: pointwise formula or frictional contact.
         sensor: gains, noise, converter; default: ideal.
-        stage: its errors of place; default: none.
+        stage: position errors of the stage; default: none.
         rng: needed with a sensor or a stage.
 
     Raises:
@@ -181,7 +182,7 @@ def mount(
     if friction is None:
         friction = touches[0].friction if soil is None else soil.friction
     mu = check_friction(friction, height_map.shape)
-    # pad so that lead-in and outermost lines stand on replicated rim, then make the grid as fine as the steps
+    # pad by repeated edges for lead-in and outermost lines, then make the grid as fine as the steps
     pad = int(np.ceil(beyond_mm / height_map.pitch_mm)) + 1
     padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
     if isinstance(mu, np.ndarray):

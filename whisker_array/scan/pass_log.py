@@ -1,6 +1,6 @@
 """Log of a scan that was made pass by pass: the passes in order, and the reason for stopping.
 
-A recording keeps it, and a session over the recording feels the same passes again (`RecordedSession`).
+A recording stores it, and a `RecordedSession` replays the same passes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class LoggedPass(OneLine):
     """One pass, its samples, and the posterior after it.
 
     Attributes:
-        order: where the whiskers ran, how fast and how hard they were pressed on.
+        order: positions, speed and preload of the pass.
         sweep: its raw moments.
         why: reason for this pass, in words; may be empty.
         text: most probable text after it.
@@ -37,16 +37,16 @@ class LoggedPass(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PassLog(OneLine, Validated, error=WhiskerError):
-    """The passes of a scan, as one stage session felt them.
+    """The passes of a scan in one stage session.
 
     Attributes:
-        passes: in the order in which they were felt.
+        passes: the passes, in order.
         array: the comb.
         height_mm: character height that the whiskers are built for.
-        field_mm: (x0, y0, x1, y1) that could be felt, plate frame.
-        stopped: why no more were felt; may be empty.
+        field_mm: (x0, y0, x1, y1) that the array could reach, plate frame.
+        stopped: reason for stopping; may be empty.
         problem: message of the stage if it failed; otherwise empty.
-        budget_s: most stage seconds that could be spent; None: no limit.
+        budget_s: limit of stage seconds; None: no limit.
 
     Raises:
         WhiskerError: no passes, an empty field, a height or budget that is not positive.
@@ -62,7 +62,7 @@ class PassLog(OneLine, Validated, error=WhiskerError):
 
     def __post_init__(self) -> None:
         if not self.passes:
-            raise WhiskerError("nothing was felt, so there is no log of passes")
+            raise WhiskerError("no pass was run, so there is no log")
         x0, y0, x1, y1 = self.field_mm
         if not (x1 > x0 and y1 > y0):
             raise WhiskerError(f"the field {self.field_mm} is empty", hint="give (x0, y0, x1, y1)")

@@ -26,7 +26,7 @@ _MISSED_STEPS = 0.5
 def write_log(log: PassLog, file: h5py.File) -> None:
     """Write the log of a recording whose passes are already written in the log's order."""
     group = file.create_group(GROUP)
-    # the room that whiskers take has no effect on where they felt
+    # the whiskers' bodies have no effect on where they touched
     group.attrs["array"] = json.dumps(dataclasses.asdict(dataclasses.replace(log.array, body=None)))
     for name in ("height_mm", "field_mm", "stopped", "problem", "budget_s"):
         if getattr(log, name) is not None:
@@ -44,11 +44,11 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
     """Read the log of a recording.
 
     Args:
-        file: with the group.
+        file: open recording with the log's group.
         sweeps: sweeps of single passes, in order.
 
     Raises:
-        FileError: a log that is not according to the layout, or does not fit the passes.
+        FileError: a log that does not follow the layout or does not fit the passes.
     """
     n, group = len(sweeps), file.file[GROUP]
     along = file.numbers(f"{GROUP}/along_mm", (n, 2))
@@ -58,7 +58,7 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
     texts = {name: _texts(file, name, n) for name in _TEXTS}
     field = np.atleast_1d(group.attrs.get("field_mm", ()))
     numbers = field.shape == (4,) and field.dtype.kind in "fiu" and np.isfinite(field).all()
-    file.require(numbers, "/log has no field that could be felt", "write field_mm as x0, y0, x1, y1")
+    file.require(numbers, "/log has no valid field", "write field_mm as x0, y0, x1, y1")
     x0, y0, x1, y1 = field.tolist()
     passes = []
     for k, sweep in enumerate(sweeps):

@@ -39,10 +39,10 @@ Rows = NDArray[np.intp]
 
 
 class RecordingReader(CheckedFile):
-    """One reading of an open file.
+    """Reader of one open recording.
 
     Attributes:
-        raw: ignore the calibration, and keep signals in volts as they are.
+        raw: whether to ignore the calibration and leave signals in volts.
     """
 
     def __init__(self, path: Path, file: h5py.File, *, raw: bool) -> None:
@@ -74,7 +74,7 @@ class RecordingReader(CheckedFile):
             calibration = None if calibration.memory is None else calibration.applied()
         kind, touches = self._kinds()
         self._rows, self._offset_mm = self._rows_of_passes(), self._offsets()
-        # the passes of a log stay single; else those of one direction and way make a sweep
+        # passes of a log stay single; otherwise those of one direction, dragged or pushed, form a sweep
         log, is_logged = None, GROUP in self.file
         groups: defaultdict[object, list[int]] = defaultdict(list)
         for k, way in enumerate(zip(self._direction, self._pushed, strict=True)):
@@ -204,17 +204,17 @@ class RecordingReader(CheckedFile):
         return moment, flags
 
     def _sweep(self, members: Rows) -> Sweep:
-        """The sweep of some passes, which share their direction and way."""
+        """Return the sweep of passes that share direction and way (dragged or pushed)."""
         direction, offset_mm = TraceDirection(int(self._direction[members[0]])), self._offset_mm
         name = f"passes in direction {int(direction)} deg"
-        lifted, felt = zip(*(self._rows[p] for p in members), strict=True)
-        counts = sorted({rows.size for rows in felt})
+        lifted, lowered = zip(*(self._rows[p] for p in members), strict=True)
+        counts = sorted({rows.size for rows in lowered})
         self.require(
             len(counts) == 1 and counts[0] >= 2,
             f"{name} have {counts[0]} to {counts[-1]} touching samples",
             "give all passes of a direction the same number, at least 2",
         )
-        touching, n_air = np.stack(felt), min(rows.size for rows in lifted)
+        touching, n_air = np.stack(lowered), min(rows.size for rows in lifted)
         air = np.stack([rows[:n_air] for rows in lifted])
         start, step = self._along(direction, members, touching)
         behind = offset_mm / step
@@ -224,7 +224,7 @@ class RecordingReader(CheckedFile):
         self.require(
             n_samples >= 2,
             f"{name} are shorter than the rows' offsets",
-            "let the array run on until its last row has felt the part; see /whisker/offset_mm",
+            "let the array run on until its last row has crossed the part; see /whisker/offset_mm",
         )
         n_lead = int(self.numbers("passes/n_lead", (self._n_passes,), default=0.0)[members].min())
         counted = f"/passes/n_lead is {n_lead} of {n_samples} samples"
@@ -247,7 +247,7 @@ class RecordingReader(CheckedFile):
         )
 
     def _along(self, direction: TraceDirection, members: Rows, touching: Rows) -> tuple[float, float]:
-        """Start and step along the trace: as stated for the passes, else from the stage's positions."""
+        """Start and step along the trace, as stated for the passes or from the stage's positions."""
         n_samples = touching.shape[1]
         if "passes/start_mm" in self.file and "passes/step_mm" in self.file:
             starts, steps = (
@@ -290,11 +290,11 @@ def memory_shapes(n_whiskers: int) -> dict[str, tuple[int | None, ...]]:
 
 
 def _common(values: NDArray[np.float64]) -> float:
-    """The common value if all are equal, else the mean."""
+    """The common value if all are equal, otherwise the mean."""
     return float(values[0]) if np.ptp(values) == 0.0 else float(values.mean())
 
 
 def line_pitch_of(sweeps: tuple[Sweep, ...]) -> float:
-    """Distance of neighbouring lines of the first sweep."""
+    """Distance between neighbouring lines of the first sweep."""
     gaps = np.diff(np.unique(np.round(sweeps[0].plan.line_mm, 6)))
     return float(np.median(gaps)) if gaps.size else sweeps[0].plan.step_mm

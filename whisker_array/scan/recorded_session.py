@@ -23,47 +23,47 @@ class KeptSession:
     """
 
     def __init__(self, session: StageSession) -> None:
-        """Take the session that feels."""
+        """Wrap a session."""
         self._session = session
         self.felt: list[tuple[Pass, Sweep]] = []
 
     @property
     def fitting(self) -> Fitting:
-        """Fitting of the session that feels."""
+        """Fitting of the wrapped session."""
         return self._session.fitting
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass.
+        """Feel one pass and record it.
 
         Raises:
-            StageError: it could not be felt.
+            StageError: the pass failed.
         """
         sweep = self._session.feel(order)
         self.felt.append((order, sweep))
         return sweep
 
     def close(self) -> None:
-        """Close the session that feels."""
+        """Close the wrapped session."""
         self._session.close()
 
 
 class RecordedSession:
     """A `StageSession` that replays a recording with its log of passes, in order.
 
-    Where the stage failed after the last one, it fails again, with the same words.
+    If the stage failed after the last pass, the replay fails with the same message.
 
     Attributes:
         fitting: fitting of the recording, with its present calibration.
     """
 
     def __init__(self, scan: Scan) -> None:
-        """Take the recording.
+        """Prepare the replay of a recording.
 
         Raises:
-            StageError: it has no log of passes.
+            StageError: the recording has no log of passes.
         """
         if scan.log is None:
-            raise StageError("the recording does not say in which order it was felt", "read it as a whole")
+            raise StageError("the recording has no log of passes", "read it as a whole")
         self._log, self._next = scan.log, 0
         self.fitting = Fitting(
             touch=scan.touch,
@@ -77,14 +77,14 @@ class RecordedSession:
 
     @property
     def ended(self) -> bool:
-        """Whether every recorded pass was felt again."""
+        """Whether every recorded pass was replayed."""
         return self._next == len(self._log.passes)
 
     def feel(self, order: Pass) -> Sweep:
-        """The samples of the next recorded pass.
+        """Return the samples of the next recorded pass.
 
         Raises:
-            StageError: the recording has another pass next, or ends here.
+            StageError: the recording has another pass next, or has ended.
         """
         if self.ended:
             problem = self._log.problem
@@ -93,7 +93,7 @@ class RecordedSession:
         if not _same(order, recorded.order):
             raise StageError(
                 f"the recording continues with another pass than {order.describe()}",
-                "read it with the settings that it was felt with",
+                "read it with the settings of the scan",
             )
         self._next += 1
         return recorded.sweep

@@ -41,7 +41,7 @@ from whisker_array.whisker.shapes import TipModel
 
 
 @dataclass(frozen=True, repr=False)
-class Laid(OneLine):
+class SurfacePose(OneLine):
     """Pose of a surface under traces whose grid is not its own, tilted a little, and changed::
 
         h(x, z) = H(u, v) + share D(u, v) + rise + along x + across z
@@ -85,7 +85,7 @@ def trace_contact(
     n_samples: int,
     preload_mm: float,
     nominal_friction: float,
-    laid: Laid | None = None,
+    pose: SurfacePose | None = None,
 ) -> Traces:
     """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
 
@@ -98,7 +98,7 @@ def trace_contact(
         n_samples: samples per line.
         preload_mm: d0, mm.
         nominal_friction: friction at which the stage was set up (for the lag on the land).
-        laid: pose of the surface; default: in the trace frame.
+        pose: pose of the surface; default: in the trace frame.
 
     Raises:
         WhiskerError: preload or step not positive.
@@ -110,7 +110,7 @@ def trace_contact(
     lag = land_lag_mm(tip, preload_mm=preload_mm, friction=nominal_friction)
     top = surface.yielding
     fields, yielding = read_only(surface.fields), None if top is None else read_only(top)
-    lies = None if laid is None else astuple(laid)
+    lies = None if pose is None else astuple(pose)
     of_tip = [read_only(a) for a in (tip.stiffness_n_per_mm, tip.compliance_mm_per_n, tip.moment_arm_mm)]
 
     def trace(first: int, last: int) -> None:

@@ -36,9 +36,9 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
 
 
 @inline_kernel
-def _look_up_laid(fields, x, z, inv_pitch, laid):  # type: ignore[no-untyped-def]
-    """The same for a surface whose grid is not that of the traces (`contact.Laid`)."""
-    (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = laid
+def _look_up_posed(fields, x, z, inv_pitch, pose):  # type: ignore[no-untyped-def]
+    """The same for a surface whose grid is not that of the traces (`contact.SurfacePose`)."""
+    (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = pose
     cell = cell_of(fields, (o + ox * x + oz * z) * inv_pitch, (s + sx * x + sz * z) * inv_pitch)
     h = bilinear(fields, cell, 0) + share * bilinear(fields, cell, 3)
     p = bilinear(fields, cell, 1) + share * bilinear(fields, cell, 4)
@@ -93,11 +93,11 @@ def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignor
 
 
 @kernel(allow=FAST)
-def trace_abreast(fields, top, laid, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
+def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
     """A few whiskers' lines, sample by sample; the state (previous tips) lives here, so that blocks run in parallel.
 
     An iteration is one long chain of roots and quotients; those of several lines do not wait for each other.
-    `top` is None without yielding dirt, `laid` where the grid is that of the traces: numba then leaves out all that
+    `top` is None without yielding dirt, `pose` where the grid is that of the traces: numba then leaves out all that
     concerns them as it compiles.
     """
     inv_pitch = 1.0 / pitch
@@ -132,10 +132,10 @@ def trace_abreast(fields, top, laid, pitch, z_free, start, step, lag, d0, K, D, 
             for a in range(left):
                 i = active[a]
                 x, z, xp, zp = tip[i, 0], tip[i, 1], before[i, 0], before[i, 1]
-                if laid is None:
+                if pose is None:
                     h, p, q, mu = _look_up(fields, x, z, inv_pitch)
                 else:
-                    h, p, q, mu = _look_up_laid(fields, x, z, inv_pitch, laid)
+                    h, p, q, mu = _look_up_posed(fields, x, z, inv_pitch, pose)
                 if top is not None:
                     load = carried[i, 1]
                     kappa, kappa_x, kappa_z, near = _look_up(top[:, :, 3:], x, z, inv_pitch)
@@ -211,7 +211,7 @@ def trace_abreast(fields, top, laid, pitch, z_free, start, step, lag, d0, K, D, 
             left = still
             if left == 0:
                 break
-        outside = laid is None and (x_command < 0.0 or x_command > (cols - 1) * pitch)
+        outside = pose is None and (x_command < 0.0 or x_command > (cols - 1) * pitch)
         for i in range(n):
             flags[i, j] = _OUTSIDE if outside else np.uint8(0)
         for a in range(left):

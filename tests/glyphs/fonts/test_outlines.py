@@ -217,7 +217,7 @@ LINE = np.array([[0.0, 0.0], [0.0, 1.0]])
         (lambda: Glyph("A", strokes=(LINE,), stroke=1.0), "stroke"),
         (lambda: Font("f", {}, 0.1, "here"), "no glyphs"),
         (lambda: Font("", {"A": Glyph("A")}, 0.1, "here"), "name"),
-        (lambda: Font("f", {"B": Glyph("A")}, 0.1, "here"), "other characters"),
+        (lambda: Font("f", {"B": Glyph("A")}, 0.1, "here"), "differ from the characters"),
         (lambda: Font("f", {"A": Glyph("A")}, 1.5, "here"), "stroke_ratio"),
         (lambda: load_font("gothic").glyph("é"), "no character 'é'"),
     ],

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from glyphs.surface.pieces import Piece
 from tests.support.benches import recorded
-from whisker_array.identification.bench import DRAWN, Bench, Unknown, nominal_bench, of_screw, prior_sd
+from whisker_array.identification.bench import DRAWN, Bench, Unknown, nominal_bench, prior_sd, screw_slice
 from whisker_array.identification.cloud import Plane, plane_through
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.misses import sample_sigma_n_mm
@@ -39,13 +39,13 @@ class Stub:
 
     def slopes(self, trace: Trace) -> np.ndarray:
         """(samples, own numbers)."""
-        return np.random.default_rng(7).normal(size=(trace.felt_n_mm.size, len(OWN)))
+        return np.random.default_rng(7).normal(size=(trace.measured_n_mm.size, len(OWN)))
 
-    def pressed(self, bench: Bench, *, tip: TipModel | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
+    def predict(self, bench: Bench, *, tip: TipModel | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
         off = (bench.vector() - self.start.vector())[OWN]
         # so fast a wave that no plane follows it
         jump = self.jump_n_mm * np.sign(np.sin(1e6 * off.sum()))
-        return [(1.0 + self.slopes(t) @ off + jump, np.zeros((2, t.felt_n_mm.size))) for t in self.traces]
+        return [(1.0 + self.slopes(t) @ off + jump, np.zeros((2, t.measured_n_mm.size))) for t in self.traces]
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_a_plane_is_laid_through_what_is_plane(scan: Scan) -> None:
     model = stub(scan)
     plane = laid(model, width=1e-4)
     for trace, moment, by, sigma in zip(model.traces, plane.moment, plane.jacobian, plane.sigma, strict=True):
-        felt = ~np.isnan(trace.felt_n_mm)
+        felt = ~np.isnan(trace.measured_n_mm)
         np.testing.assert_allclose(moment, 1.0, atol=1e-6)
         np.testing.assert_allclose(by[felt][:, OWN], model.slopes(trace)[felt], atol=1e-3)
         np.testing.assert_allclose(sigma, sample_sigma_n_mm(trace, SCATTER_N_MM), rtol=1e-6)
@@ -95,7 +95,7 @@ def test_what_jumps_within_the_cloud_is_roughness(scan: Scan) -> None:
     plane = laid(model, width=0.01, turns=16)
     rough = []
     for trace, sigma in zip(model.traces, plane.sigma, strict=True):
-        felt = ~np.isnan(trace.felt_n_mm)
+        felt = ~np.isnan(trace.measured_n_mm)
         of_sample = sample_sigma_n_mm(trace, SCATTER_N_MM)
         rough.append(np.sqrt(sigma[felt] ** 2 - of_sample[felt] ** 2))
     assert np.median(np.concatenate(rough)) == pytest.approx(0.2, rel=0.1)
@@ -124,7 +124,7 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(scan: Scan) -> None:
         seed=(1, 0),
     )
     for along_x in (True, False):
-        mine = of_screw(before.size, along_x=along_x)
+        mine = screw_slice(before.size, along_x=along_x)
         step = np.zeros(before.size)
         step[mine] = 0.3 * before[mine]
         told_of_any = 0.0

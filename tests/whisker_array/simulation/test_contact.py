@@ -16,7 +16,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import HeightMap
 from tests.support.felt import felt as felt_whole
-from whisker_array.simulation.contact import Laid, land_lag_mm, trace_contact
+from whisker_array.simulation.contact import SurfacePose, land_lag_mm, trace_contact
 from whisker_array.simulation.contact_kernel import ABREAST
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
@@ -363,7 +363,7 @@ def test_a_surface_laid_at_an_angle_is_felt_as_one_on_the_grid_of_the_traces(tur
         pitch=pitch, size=(5.0, 5.0),
     )  # fmt: skip
     half = 0.5 * there.fields[..., :3]
-    laid = Laid(
+    pose = SurfacePose(
         column_mm=(2.5 - c * 2.0 + s * 1.3, c, -s),
         row_mm=(2.5 - s * 2.0 - c * 1.3, s, c),
         tilt=(0.0, slope_x, slope_z),
@@ -374,7 +374,7 @@ def test_a_surface_laid_at_an_angle_is_felt_as_one_on_the_grid_of_the_traces(tur
     felt = trace(own, WIRE, lines=lines, start=start, step=step, n=n)
     told = trace_contact(
         TouchSurface(np.concatenate([0.0 * half, half], axis=2), there.dropout, pitch), WIRE, lines_mm=lines,
-        start_mm=start, step_mm=step, n_samples=n, preload_mm=D0, nominal_friction=MU, laid=laid,
+        start_mm=start, step_mm=step, n_samples=n, preload_mm=D0, nominal_friction=MU, pose=pose,
     )  # fmt: skip
     assert not told.flags.any()
     np.testing.assert_allclose(ratio(told, WIRE), ratio(felt, WIRE), atol=0.01)
