@@ -339,7 +339,7 @@ class Intake:
         """Have the stage feel a part, and read it.
 
         Raises:
-            StageError: the part could not be felt; its history says why.
+            StageError: the part could not be felt.
             Problem: the scan cannot be read.
         """
         if part.plan is None:
@@ -347,18 +347,14 @@ class Intake:
         order = ScanOrder(part_name=part.name, plan=part.plan)
         read = partial(self._read, part, earlier_photos=await self._photos_of(part))
         with self.work_folder() as folder:
-            try:
-                if self.stage.by_pass:
-                    async with self.stage.for_worker() as stage:
-                        done = await read([], folder=folder, felt_by=(stage, order))
-                    sent = [Upload(folder / RECORDING, RECORDING, EvidenceKind.SCAN)]
-                else:
-                    path = await self.stage.scan(order, folder)
-                    sent = [Upload(path, path.name, EvidenceKind.SCAN)]
-                    done = await read(sent)
-            except StageError as error:
-                await asyncio.to_thread(self._note_failure, part, str(error))
-                raise
+            if self.stage.by_pass:
+                async with self.stage.for_worker() as stage:
+                    done = await read([], folder=folder, felt_by=(stage, order))
+                sent = [Upload(folder / RECORDING, RECORDING, EvidenceKind.SCAN)]
+            else:
+                path = await self.stage.scan(order, folder)
+                sent = [Upload(path, path.name, EvidenceKind.SCAN)]
+                done = await read(sent)
             write = partial(self.store.add_readings, part.id)
             return await self._keep(write, done, sent, part)
 
@@ -368,12 +364,6 @@ class Intake:
             return self.evidence.whole(e.sha256 for e in kept if e.kind is EvidenceKind.PHOTO and not e.gone)
 
         return await asyncio.to_thread(photos)
-
-    def _note_failure(self, part: PartRecord, why: str) -> None:
-        last = self.store.story(part.id).events[-1]
-        # noted once, however often touch is tried
-        if (last.kind, last.data) != ("touch_failed", {"why": why}):
-            self.store.note_event(part.id, "touch_failed", {"why": why})
 
     # ----------------------------------------------------------------------------------------------------- decide
 

@@ -9,7 +9,7 @@
 * A part is tried until its time limit, then given up: no part waits for ever, whether the stage or the sender was to
   feel it. The limit is kept in the store. From the first look on it is measured by the monotonic clock, so a leap of
   the clock does not matter.
-* The log, the part's page and /readyz say why a part was not felt yet, and how long it still waits.
+* The log, the part's history and page, and /readyz say why a part was not felt yet, and how long it still waits.
 * Services that share a store feel only the parts of their own lines; any of them gives up any part.
 """
 
@@ -30,7 +30,7 @@ from pipeline.store.errors import ConflictError, StoreError
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from pipeline.common.records import PartRecord
+    from pipeline.common.records import PartRecord, TouchWait
     from pipeline.store.store import Store
 
 RETRY_S = 15.0
@@ -125,18 +125,23 @@ class TouchQueue:
             if part.touch is not None:  # else it was felt, reviewed or given up meanwhile
                 part = await self.feel(part)
         except BaseException as error:
-            before, _ = self._failures.get(part_id, ("", 0.0))
-            self._failures[part_id] = str(error), time.monotonic() + self.retry_s
-            if part is not None and part.touch is not None and str(error) not in ("", before):
-                left_s = round(self._left_s(part.changed_at, part.touch.until))
-                told = {"name": part.name, "why": str(error), "stage": self.stage, "waits_another_s": left_s}
-                log.warning("part not felt yet", part=part.id, **told)
+            (before, _), why = self._failures.get(part_id, ("", 0.0)), str(error)
+            self._failures[part_id] = why, time.monotonic() + self.retry_s
+            if part is not None and part.touch is not None and why not in ("", before):
+                await self._say_failure(part, part.touch, error)
             raise
         else:
             self._failures.pop(part_id, None)
             return part
         finally:
             del self._attempts[part_id]
+
+    async def _say_failure(self, part: PartRecord, touch: TouchWait, error: BaseException) -> None:
+        left_s = round(self._left_s(part.changed_at, touch.until))
+        told = {"why": str(error), "stage": self.stage, "waits_another_s": left_s}
+        log.warning("part not felt yet", part=part.id, name=part.name, **told)
+        if isinstance(error, StageError):
+            await asyncio.to_thread(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
 
     def _left_s(self, since: datetime, until: datetime | None) -> float:
         """Seconds that a part may still wait; never more than its limit, even if the clock is wrong."""

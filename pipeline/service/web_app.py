@@ -26,11 +26,7 @@ def create_app(service: Service) -> FastAPI:
     """The web application of a service."""
     settings = service.settings
     frame = Frame(service)
-    routers = (
-        parts_router(service),
-        service_router(service),
-        pages_router(frame),
-    )
+    routers = (parts_router(service), service_router(service), pages_router(frame))
     app = FastAPI(
         title="tactile-marks",
         summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",

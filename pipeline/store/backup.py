@@ -232,10 +232,8 @@ def _refuse_unless_empty(tx: Transaction, store: Store) -> None:
         raise ConflictError(f"the store {store.shown} is not empty", hint="restore into a new one")
 
 
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Store]:
-    with contextlib.closing(Store.open(f"sqlite:///{path.absolute()}")) as store:
-        yield store
+def _opened(path: Path) -> contextlib.closing[Store]:
+    return contextlib.closing(Store.open(f"sqlite:///{path.absolute()}"))
 
 
 def _sync() -> None:

@@ -11,7 +11,7 @@ from functools import partial
 
 import pytest
 
-from pipeline.service.stage.driver_thread import MOST_WAITING, DriverThread, StageDownError
+from pipeline.service.stage.driver import MOST_WAITING, DriverThread, StageDownError
 from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
 
@@ -90,7 +90,7 @@ def test_what_a_driver_raises_reaches_its_caller(
 def test_a_driver_that_never_comes_back_does_not_keep_the_process() -> None:
     program = (
         "import threading\n"
-        "from pipeline.service.stage.driver_thread import DriverThread, StageDownError\n"
+        "from pipeline.service.stage.driver import DriverThread, StageDownError\n"
         "try:\n"
         "    DriverThread('camera', timeout_s=0.05).call(threading.Event().wait)\n"
         "except StageDownError:\n"
@@ -98,3 +98,9 @@ def test_a_driver_that_never_comes_back_does_not_keep_the_process() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0)
     assert (ended.stdout, ended.returncode) == ("down\n", 0)
+
+
+def test_a_worker_that_is_lent_the_stage_loads_nothing_of_the_web() -> None:
+    code = "import sys, pipeline.service.stage.driver; print({'fastapi', 'sqlalchemy'} & sys.modules.keys())"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout == "set()\n"

@@ -18,8 +18,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.stage.driver_thread import DriverThread
-from pipeline.service.stage.work import StageLink
+from pipeline.service.stage.driver import DriverThread, StageLink
 from tests.support.jamming import Jamming
 from tests.support.service_fixtures import FORMAT, Served, inline_service
 from tests.support.store_samples import STAGE_PLAN

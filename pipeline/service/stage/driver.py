@@ -1,0 +1,296 @@
+"""A driver: called in a thread of its own, and, where it feels pass by pass, linked to the worker that reads the part.
+
+    call(work) --> waiting (bounded) --> the driver's thread --> driver
+         \\------ timeout_s ------> StageDownError, and `trouble` says so until the driver comes back
+
+    worker: reader --pass--> LinkedStage <== connection ==> StageLink: the driver's session --> whiskers
+
+* A driver that hangs blocks neither other work nor the end of the service.
+* A driver is never called by two threads at once.
+* Every call ends within its time: with the driver's answer, its exception, or StageDownError.
+* While a call hangs, others are refused at once; when it returns at last, the driver is used again.
+* The thread is a daemon: a driver that never returns does not keep the process alive.
+* A driver stays in the service's process; its session is closed when the worker has done, has failed, or is gone.
+* A worker imports this module, so it imports nothing of the web.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import queue
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from concurrent import futures
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from functools import partial
+from multiprocessing.connection import Client, Connection, Listener
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import structlog
+
+from pipeline.service.stage.devices import ScanOrder
+from whisker_array.scan.stage_error import StageError
+
+if TYPE_CHECKING:
+    from whisker_array.scan.session import Fitting, SessionStage, StageSession
+    from whisker_array.scan.sweep import Sweep
+    from whisker_array.whisker.passes import Pass
+
+T = TypeVar("T")
+MOST_WAITING = 8
+_LOST = (EOFError, OSError)
+# seconds between looks whether the driver's session is closed
+_LOOK_S = 0.02
+log = structlog.get_logger("tactile-marks")
+
+
+class StageDownError(StageError):
+    """The driver does not answer, or is too busy; a later call may succeed."""
+
+    later = True
+
+
+class DriverThread:
+    """Call one driver.
+
+    Attributes:
+        what: camera or stage, for messages.
+        timeout_s: timeout for one call, with its wait for those before, unless the caller says another.
+    """
+
+    def __init__(self, what: str, *, timeout_s: float) -> None:
+        self.what, self.timeout_s = what, timeout_s
+        self._calls: queue.Queue[_Call] = queue.Queue(MOST_WAITING)
+        self._thread: threading.Thread | None = None
+        self._starting = threading.Lock()
+        self._at_work: _Call | None = None
+
+    @property
+    def trouble(self) -> str:
+        """Current fault of the driver, in words; empty without one."""
+        at_work = self._at_work
+        if at_work is None or (waited_s := time.monotonic() - at_work.begun_s) < at_work.timeout_s:
+            return ""
+        return f"the {self.what} has not answered for {waited_s:.0f} s"
+
+    def call(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
+        """Run work in the driver's thread, and return its result.
+
+        Raises:
+            StageError: raised by the driver.
+            OSError: raised by the driver.
+            StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
+        """
+        made = self._submit(work, timeout_s)
+        futures.wait([made.future], made.timeout_s)
+        outcome: T = self._outcome(made.future, made)
+        return outcome
+
+    async def call_async(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
+        """Do the same as `call` in a coroutine."""
+        made = self._submit(work, timeout_s)
+        answer = asyncio.wrap_future(made.future)
+        try:
+            await asyncio.wait([answer], timeout=made.timeout_s)
+            outcome: T = self._outcome(answer, made)
+        finally:
+            answer.cancel()  # if its caller is cancelled
+        return outcome
+
+    def _submit(self, work: Callable[[], Any], timeout_s: float | None) -> _Call:
+        if self.trouble:
+            raise self._down(self.trouble)
+        made = _Call(work, self.timeout_s if timeout_s is None else timeout_s)
+        with self._starting:
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name=self.what, daemon=True)
+                self._thread.start()
+        try:
+            self._calls.put_nowait(made)
+        except queue.Full:
+            raise self._down(f"{MOST_WAITING} others wait for the {self.what}") from None
+        return made
+
+    def _outcome(self, answer: Future[Any] | asyncio.Future[Any], made: _Call) -> Any:
+        if answer.done():
+            return answer.result()
+        answer.cancel()
+        raise self._down(f"the {self.what} has not answered in {made.timeout_s:g} s")
+
+    def _run(self) -> None:
+        while True:
+            made = self._calls.get()
+            if not made.future.set_running_or_notify_cancel():
+                continue  # its caller has given up
+            made.begun_s = time.monotonic()
+            self._at_work = made
+            result, failure = None, None
+            try:
+                result = made.work()
+            except (StageError, OSError) as error:
+                failure = error
+            except BaseException as error:
+                log.exception("fault of a driver", driver=self.what)
+                fault = f"the {self.what}'s driver has a fault ({type(error).__name__}: {error})"
+                failure = StageDownError(fault, "the service's log has more of it")
+            self._at_work = None
+            if failure is None:
+                made.future.set_result(result)
+            else:
+                made.future.set_exception(failure)
+
+    def _down(self, what: str) -> StageDownError:
+        return StageDownError(what, f"see that the {self.what} and its driver work")
+
+
+@dataclass(eq=False)
+class _Call:
+    """One call of the driver.
+
+    Attributes:
+        work: work to be done.
+        timeout_s: time that its caller waits.
+        future: its result.
+        begun_s: when, by the monotonic clock.
+    """
+
+    work: Callable[[], Any]
+    timeout_s: float
+    future: Future[Any] = field(default_factory=Future)
+    begun_s: float = 0.0
+
+
+class LinkedStage:
+    """The stage in a worker, with the one session that it opens.
+
+    Attributes:
+        address: address of the connection.
+        fitting: fitting reported by the driver, once it is open.
+    """
+
+    fitting: Fitting
+    _connection: Connection
+
+    def __init__(self, address: Any, key: bytes) -> None:
+        """Set the address, and the key by which the service recognises its worker."""
+        self.address, self._key = address, key
+
+    def open(self, order: ScanOrder) -> StageSession:
+        """Have the service's driver open a session.
+
+        Raises:
+            StageError: it cannot.
+        """
+        self._connection = Client(self.address, authkey=self._key)
+        try:
+            self.fitting = self._answer(order)
+        except StageError:
+            self.close()
+            raise
+        return self
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass.
+
+        Raises:
+            StageError: it could not be felt.
+        """
+        sweep: Sweep = self._answer(order)
+        return sweep
+
+    def close(self) -> None:
+        """Let the service close the driver's session."""
+        self._connection.close()
+
+    def _answer(self, question: Any) -> Any:
+        try:
+            self._connection.send(question)
+            answer = self._connection.recv()
+        except _LOST as error:
+            raise StageError("the service has released the stage", "feel the part again") from error
+        if isinstance(answer, StageError):
+            raise answer
+        return answer
+
+
+class StageLink:
+    """The service's end: serve one session of a driver to one worker.
+
+    Attributes:
+        stage: stage for the worker.
+        down: fault that kept the driver from answering; None if it has answered every call.
+    """
+
+    def __init__(self, stage: SessionStage[ScanOrder], thread: DriverThread) -> None:
+        """Wait for the worker.
+
+        Args:
+            stage: the driver.
+            thread: thread that it is called in.
+        """
+        key = secrets.token_bytes(32)
+        self._driver = thread
+        self.down: StageDownError | None = None
+        self._listener = Listener(authkey=key)
+        self.stage = LinkedStage(self._listener.address, key)
+        self._serving = threading.Thread(target=self._serve, args=(stage,), name="stage-link", daemon=True)
+        self._serving.start()
+
+    async def close(self) -> None:
+        """Wait until the driver's session is closed, or has not answered in time."""
+        if self._serving.is_alive():
+            # a worker that never came is still waited for: a stranger's call, which is refused, ends that
+            with contextlib.suppress(*_LOST):
+                Client(self.stage.address).close()
+        while (
+            self._serving.is_alive()
+        ):  # not joined: the end of the service need not wait for a driver that hangs
+            await asyncio.sleep(_LOOK_S)
+
+    def _serve(self, stage: SessionStage[ScanOrder]) -> None:
+        from multiprocessing import AuthenticationError
+
+        with self._listener:
+            try:
+                connection = self._listener.accept()
+            except (*_LOST, AuthenticationError):
+                return
+        session = None
+        with connection, contextlib.suppress(*_LOST):
+            try:
+                session = self._answered(connection, stage.open, attrgetter("fitting"))
+                while session is not None:
+                    self._answered(connection, session.feel)
+            finally:
+                if session is not None:
+                    with contextlib.suppress(StageError):  # the log has it
+                        self._driver.call(session.close)
+
+    def _answered(
+        self,
+        connection: Connection,
+        work: Callable[[Any], Any],
+        shown: Callable[[Any], Any] = lambda made: made,
+    ) -> Any:
+        """Answer the worker's next question, and return the result; None if it fails.
+
+        The worker is sent the error, or `shown` of the result.
+        """
+        question, made = connection.recv(), None
+        try:
+            made = self._driver.call(partial(work, question))
+            answer = shown(made)
+        except StageError as error:
+            answer = StageError(error.what, error.hint)
+            self.down = error if isinstance(error, StageDownError) else self.down
+        except OSError as error:
+            answer = StageError(
+                f"the stage cannot be used ({error.strerror or error})", "see that it is connected"
+            )
+        connection.send(answer)
+        return made
