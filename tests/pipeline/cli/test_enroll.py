@@ -105,11 +105,6 @@ def test_what_is_set_aside_is_named_by_character_part_and_place(taught):
     assert "8 2 (part-1 place 4, part-7 place 1), C 1 (part-3 place 2)" in described
 
 
-def test_places_follow_the_text_of_the_part(taught):
-    kept = [e for e in load_database(taught[0]).exemplars if e.part == "part-0"]
-    assert [e.place for e in kept] == [1, 2, 3, 4]
-
-
 def test_the_exemplars_are_drawn_with_those_set_aside_in_red(taught):
     held = load_database(taught[0])
     first = held.exemplars[0]
@@ -135,13 +130,9 @@ def test_the_database_holds_exemplars_and_where_they_are_from(taught):
     assert list(kept.fonts) == ["gothic", "press-7"]
     assert kept.fonts["press-7"].learned
     assert not kept.fonts["gothic"].learned
-    first = kept.exemplars[0]
-    assert (first.char, first.font_name, first.part, first.note) == (
-        stamped(0).text[0],
-        "press-7",
-        "part-0",
-        stamped(0).text,
-    )
+    first, text = kept.exemplars[0], stamped(0).text
+    assert (first.char, first.font_name, first.part, first.note) == (text[0], "press-7", "part-0", text)
+    assert [e.place for e in kept.exemplars if e.part == "part-0"] == [1, 2, 3, 4]
     assert first.enrolled_at == WHEN.isoformat(timespec="seconds")
     assert first.height_mm == pytest.approx(5.0, rel=0.05)
     assert len(first.evidence) == 64

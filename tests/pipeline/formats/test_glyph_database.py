@@ -28,11 +28,23 @@ def exemplar(**change):
     return Exemplar(**{**values, **change})
 
 
+def learned():
+    """A font that was felt, in part."""
+    relief = np.random.default_rng(1).normal(size=(53, 65)).astype(np.float32)
+    square = np.array([[0.1, 0.0], [0.5, 0.0], [0.5, 1.0], [0.1, 1.0]])
+    shapes = {"8": {"relief": relief}, "B": {"relief": -relief, "guessed": True}, "-": {}}
+    glyphs = {char: Glyph(char, contours=(square,), advance=0.6, **more) for char, more in shapes.items()}
+    return Font("press", glyphs, 0.0, "")
+
+
 @pytest.fixture(scope="module")
 def full():
     dejavu = load_font(f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf")
-    fonts = (load_font("gothic"), load_font("timesr"), dejavu)
-    return GlyphDatabase({f.name: f for f in fonts}, (exemplar(), exemplar(char="B", note="")))
+    fonts = (load_font("gothic"), load_font("timesr"), dejavu, learned())
+    gaps = np.where(exemplar().relief > 1.0, np.nan, exemplar().relief)
+    values = {"relief": gaps, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True, "part": "part-7"}
+    exemplars = (exemplar(), exemplar(char="B", note=""), exemplar(evidence="ab" * 32, **values))
+    return GlyphDatabase({f.name: f for f in fonts}, exemplars)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +59,9 @@ def plainly(database):
 
 
 def test_round_trip_keeps_everything(full, saved):
-    assert plainly(load_database(saved)) == plainly(full)
+    back = load_database(saved)
+    assert plainly(back) == plainly(full)
+    assert [name for name, font in back.fonts.items() if font.learned] == ["press"]
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -117,24 +131,6 @@ def test_nonsense_behind_a_right_digest_is_refused(saved, tmp_path, change):
 def test_values_refuse(make, message):
     with pytest.raises(MarksError, match=message):
         make()
-
-
-def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
-    relief = np.random.default_rng(1).normal(size=(53, 65)).astype(np.float32)
-    square = np.array([[0.1, 0.0], [0.5, 0.0], [0.5, 1.0], [0.1, 1.0]])
-    glyphs = {
-        "8": Glyph("8", contours=(square,), advance=0.6, relief=relief),
-        "B": Glyph("B", contours=(square,), advance=0.6, relief=-relief, guessed=True),
-        "-": Glyph("-", contours=(square,), advance=0.6),
-    }
-    felt = np.where(relief > 1.0, np.nan, relief)
-    values = {"relief": felt, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True}
-    one = exemplar(part="part-7", evidence="ab" * 32, **values)
-    database = GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, (one,))
-    save_database(database, tmp_path / "l.glyphs")
-    back = load_database(tmp_path / "l.glyphs")
-    assert back.fonts["press"].learned
-    assert plainly(back) == plainly(database)
 
 
 def crowded_glyph(content):

@@ -203,13 +203,18 @@ def test_two_photographs_of_one_stem_trouble_vision_alone(folder: Path) -> None:
     assert "b.jpg" in str(b.photo_problem)
 
 
-def test_a_missing_or_unknown_file_is_a_part_to_be_refused_later(folder: Path) -> None:
-    found = discover([folder / "none.npz", folder / "notes.txt"])
-    assert named(folder, found) == [("none", "none.npz", "", ""), ("notes", "notes.txt", "", "")]
-    (part,) = discover(["x" * 5000 + ".npz"])
-    assert len(part.name) < 100
-    with pytest.raises(FileError, match=r"cannot be opened .*; check the name"):
-        read_height_map(part.height_map)
+def test_what_is_no_file_or_an_unknown_one_is_a_part_to_be_refused_later(folder: Path) -> None:
+    (folder / "lost.npz").symlink_to("none.npz")
+    (folder / "loop.npz").symlink_to("loop.npz")
+    assert {"lost", "loop"} < {part.name for part in discover([folder])}
+    found = discover([folder / name for name in ("none.npz", "notes.txt", "lost.npz", "loop.npz")])
+    assert named(folder, found[:2]) == [("none", "none.npz", "", ""), ("notes", "notes.txt", "", "")]
+    (long,) = discover(["x" * 5000 + ".npz"])
+    assert len(long.name) < 100
+    missing, unopened = r"is not there; check the name", r"cannot be opened .*; check the name"
+    for part, told in ((found[2], missing), (found[3], unopened), (long, unopened)):
+        with pytest.raises(FileError, match=told):
+            read_height_map(part.height_map)
 
 
 def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
@@ -217,16 +222,6 @@ def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
     (part,) = discover([tmp_path])
     assert part.name.encode() == b"st?ck"
     assert Path(part.height_map).read_bytes() == b"x"
-
-
-def test_links_that_lead_nowhere_are_parts_to_be_refused_later(folder: Path) -> None:
-    (folder / "lost.npz").symlink_to("none.npz")
-    (folder / "loop.npz").symlink_to("loop.npz")
-    found = {part.name: part for part in discover([folder])}
-    assert {"lost", "loop"} < found.keys()
-    for name, told in (("lost", "is not there"), ("loop", "cannot be opened")):
-        with pytest.raises(FileError, match=told):
-            read_height_map(found[name].height_map)
 
 
 def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FileError
-from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.whisker import scan
 from pipeline.common.settings import MapSettings
@@ -20,17 +19,6 @@ from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 Z = np.zeros((4, 5), np.float32)
 MAP = HeightMap(Z, 0.05)
-
-
-def test_what_is_written_is_read(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    soil = Soil(*(rng.uniform(0.01, 1.0, Z.shape).astype(np.float32) for _ in range(3)))
-    write_npz(tmp_path / "a.npz", MAP, more=soil_members(soil))
-    read = read_part_map(tmp_path / "a.npz")
-    assert read.soil is not None
-    for name, values in soil_members(read.soil).items():
-        np.testing.assert_array_equal(values, soil_members(soil)[name])
-    np.testing.assert_array_equal(read.height_map.z_mm, Z)
 
 
 def test_soil_turns_with_its_map(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
 from pathlib import Path
 
 import cv2
@@ -15,6 +14,7 @@ from PIL import Image
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from pipeline.formats.photos import read_photo, write_photo
+from tests.support.bad_files import chunk
 
 RNG = np.random.default_rng(0)
 COLOUR = RNG.integers(0, 256, (20, 31, 3), dtype=np.uint8)
@@ -22,14 +22,6 @@ SMOOTH = np.ascontiguousarray(
     np.stack(np.broadcast_arrays(np.arange(0, 240, 6)[None, :], np.arange(0, 150, 5)[:, None], 90), -1),
     np.uint8,
 )
-
-
-def _chunk(name: bytes, body: bytes) -> bytes:
-    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-
-
-def _with_chunk(png: bytes, name: bytes, body: bytes) -> bytes:
-    return png[:33] + _chunk(name, body) + png[33:]
 
 
 def _encoded(suffix: str, image: np.ndarray) -> bytes:
@@ -124,9 +116,8 @@ def test_the_first_page_that_is_not_blank_is_read(deep: bool, tmp_path: Path) ->
 
 def test_smaller_copies_are_no_pages(tmp_path: Path) -> None:
     path = tmp_path / "part.tif"
-    tag = Image.core and {254: 1}
     pages = [Image.fromarray(SMOOTH), Image.fromarray(SMOOTH[::2, ::2].copy())]
-    pages[1].encoderinfo = {"tiffinfo": tag}
+    pages[1].encoderinfo = {"tiffinfo": {254: 1}}
     pages[0].save(path, save_all=True, append_images=pages[1:])
     assert read_photo(path).notes == ()
 
@@ -206,7 +197,7 @@ def test_the_pitch_that_a_file_states(
 ) -> None:
     data = _encoded(suffix, COLOUR if suffix == ".png" else SMOOTH)
     if suffix == ".png":
-        data = _with_chunk(data, b"pHYs", struct.pack(">IIB", *numbers))
+        data = data[:33] + chunk(b"pHYs", struct.pack(">IIB", *numbers)) + data[33:]
     else:
         at = data.index(b"JFIF\0") + 7
         data = data[:at] + struct.pack(">BHH", *numbers) + data[at + 5 :]

@@ -103,6 +103,9 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     row = SimpleNamespace(**row_of(record))
     assert (row.decision, row.confidence, row.source, row.font) == ("review", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
+    pixels = reading_record(replace(reading("11"), unit="px"), ReadSettings(), None, part="p", seconds=0.1)
+    assert (pixels.height_mm, pixels.height_px) == (None, 5.0)
+    assert all(c.box_mm is None and c.box_px == (0.0, 0.0, 1.0, 1.0) for c in pixels.characters)
     assert row.flags == "; ".join(("too shallow for x: 1 0.212 mm (at least 0.3)", ReadingFlag.DROPOUTS.text))
     assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
     assert row.depths == "1 0.212/0.231 1 ?"

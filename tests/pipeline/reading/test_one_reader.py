@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import pipeline
-from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.benchmark.exam.condition import Condition
@@ -93,18 +92,3 @@ def test_the_library_uses_the_soil_of_the_file_and_verifies(files: dict[str, Pat
     assert reading.trace.verification.verdict == "refuted"
     with pytest.raises(FileError, match="is a second height map beside"):
         pipeline.read(files["height_map"], "other.x3p")
-
-
-def test_a_photograph_without_a_scale_is_measured_in_its_own_pixels(
-    files: dict[str, Path], tmp_path: Path
-) -> None:
-    scaled = pipeline.read_photo(files["photo"])
-    pipeline.write_photo(tmp_path / "bare.png", Photo(scaled.pixels))
-    bare = read_listed(RunOrder(SETTINGS), PartFiles("bare", photos=(str(tmp_path / "bare.png"),))).record
-    record = read_listed(RunOrder(SETTINGS), PartFiles("part", photos=(str(files["photo"]),))).record
-    assert (bare.height_mm, record.height_px) == (None, None)
-    assert all(c.box_mm is None and c.box_px is not None for c in bare.characters)
-    assert scaled.pitch_mm is not None
-    assert record.height_mm is not None
-    # a height found by two searches, a few percent apart
-    assert bare.height_px == pytest.approx(record.height_mm / scaled.pitch_mm, rel=0.1)

@@ -72,13 +72,6 @@ def test_the_same_in_json() -> None:
     assert told["slowest"][0] == {"part": "b", "seconds": 4.0}
 
 
-def test_verdicts_are_counted() -> None:
-    rows = [
-        read(str(k), "A1", "accept", verdict=v) for k, v in enumerate(("confirmed", "refuted", "confirmed"))
-    ]
-    assert counted(*rows).counts() == "3 parts, 3 accept, 2 confirmed, 1 refuted"
-
-
 @given(st.lists(st.floats(0.0, 1e3, allow_nan=False), max_size=30))
 def test_the_slowest_are_the_slowest(seconds: list[float]) -> None:
     rows = [read(f"p{k}", "A", "accept", seconds=s) for k, s in enumerate(seconds)]
