@@ -140,16 +140,6 @@ def test_no_feasible_whisker_by_chance_is_better(made: Design) -> None:
     assert found >= 10
 
 
-def test_a_binding_limit_costs_contrast_and_a_slack_one_nothing(made: Design) -> None:
-    binding = {row.bound for row in made.constraints if row.binding}
-    assert {Bound.FORCE, Bound.SPEED} <= binding
-    assert not {Bound.STRESS, Bound.WIDTH, Bound.DEFLECTION} & binding
-    tighter = design_whisker(ASKED, limits=Limits(force_n=0.25))
-    assert tighter.contrast < made.contrast * (1.0 - SEARCH_TOLERANCE)
-    looser = design_whisker(ASKED, limits=Limits(safety=1.2, width_heights=2.0))
-    assert looser.contrast == pytest.approx(made.contrast, rel=SEARCH_TOLERANCE)
-
-
 def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
     request = replace(ASKED, depth_mm=2.0 * ASKED.depth_mm, character_height_mm=10.0)
     usual = Limits()

@@ -60,16 +60,6 @@ def test_f_is_1_but_for_the_axial_term(alpha: float, beta: float, mu: float) -> 
 
 
 @settings(max_examples=100, deadline=None)
-@given(alpha=ANGLES, mu=FRICTIONS)
-def test_level_it_is_1_exactly(alpha: float, mu: float) -> None:
-    # tan(beta) = 0: the axial give then moves the tip along the trace only
-    assume(lean(alpha, 0.0, mu)[1] > 0.02)
-    assert enhancement_factor(
-        straight_whisker(L, 0.0, WIRE).tip_model(), alpha_rad=alpha, mu=mu
-    ) == pytest.approx(1.0, abs=EXACT)
-
-
-@settings(max_examples=100, deadline=None)
 @given(alpha=ANGLES, beta=SETTINGS, mu=FRICTIONS)
 def test_it_jams_where_the_force_cannot_bend_it_up(alpha: float, beta: float, mu: float) -> None:
     across = lean(alpha, beta, mu)[1]
