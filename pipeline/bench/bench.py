@@ -164,7 +164,7 @@ class BenchSession:
             StageError: it could not be felt.
         """
         if self._bench is None:
-            raise StageError("the part is no longer on the stage", "open a session of its own for every part")
+            raise StageError("the part is no longer on the stage", "open a new session for every part")
         settings = self._bench.settings
         moves = moves_of(order, settings, preload_mm=self.fitting.touch.preload_mm)
         air, felt, clipped = samples(self._bench.run(moves), order, moves)

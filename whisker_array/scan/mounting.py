@@ -97,7 +97,7 @@ class Mounted(OneLine):
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
-            asked, own = sweep.of(whiskers), ran.of(whiskers)
+            commanded, own = sweep.of(whiskers), ran.of(whiskers)
             surface = self._along(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
                 surface,
@@ -106,12 +106,12 @@ class Mounted(OneLine):
                 fidelity=self.fidelity,
                 origin_mm=self.origin_mm,
                 size_mm=self.size_mm,
-                asked=asked,
+                commanded=commanded,
             )
             shape = (*own.line_mm.shape, own.n_samples)
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
             if stage is not None:
-                moment, flags = apply_screw_wave(moment, flags, asked, stage)
+                moment, flags = apply_screw_wave(moment, flags, commanded, stage)
             air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
                 # one kind at a time: kinds reach a position one after the other, so the base shakes them
@@ -119,7 +119,7 @@ class Mounted(OneLine):
                 several = len(touches) > 1
                 chain = sensor.of(range(i * n, (i + 1) * n)) if several else sensor
                 # rows of one comb are shaken together, each at its own position
-                behind = asked.behind - asked.behind.min(initial=0)
+                behind = commanded.behind - commanded.behind.min(initial=0)
                 raw, saturated = measure(
                     np.concatenate([air, to_instants(moment, behind)], axis=2),
                     chain=chain,

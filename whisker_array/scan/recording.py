@@ -1,8 +1,7 @@
 """Scans on disk: HDF5 that a laboratory can write by hand (docs/pages/reference/recordings.md).
 
-One row of `/scan/signal` is one sampling instant, one column one whisker; pass follows pass in time order,
-and each pass begins with its air samples. A star marks what a file must have; the rest has the default
-given::
+One row of `/scan/signal` is one sampling instant, one column one whisker. Passes follow each other in time order, and
+each begins with its air samples. A star marks required items; the others have the default in brackets::
 
     /                      attributes: format* = "tactile-marks-scan", format_version* = 1, sampling_rate_hz*,
                            units ("N*mm"; also "mN*m", "N*m", and "V" with a calibration), scale_factor (1),
@@ -15,26 +14,26 @@ given::
     /passes/direction_deg* (pass,) 0, 90, 180 or 270
     /passes/line_mm*       (pass, whisker) plate coordinate across the trace: y for 0/180, x for 90/270
     /passes/start_mm       (pass,) plate coordinate along the trace of the first touching sample (position_mm)
-    /passes/step_mm        (pass,) distance of touching samples, positive (position_mm)
-    /passes/n_lead         (pass,) samples that run in on land, and out behind the marks (0)
+    /passes/step_mm        (pass,) distance between touching samples, positive (position_mm)
+    /passes/n_lead         (pass,) samples of the lead-in on land, and of the lead-out behind the marks (0)
     /passes/pushed         (pass,) 1 where the array was pushed back, its base behind the tip (0)
-    /log                   of a scan that was felt pass by pass, each as long as it was; attributes: array (its fields,
+    /log                   of a scan made pass by pass, each with its own length; attributes: array (its fields,
                            JSON)*, height_mm*, field_mm* (4,), stopped (""), problem (""), budget_s
-    /log/along_mm*         (pass, 2) least and greatest plate coordinate along the trace, lead-in and -out beside it
+    /log/along_mm*         (pass, 2) least and greatest plate coordinate along the trace, without lead-in and lead-out
     /log/speed_mm_s*       (pass,);  /log/lead_mm*  (pass,);  /log/turnaround_s*  (pass,)
-    /log/preload_mm        (pass,) NaN where it is that of /whisker (NaN)
-    /log/confidence        (pass,) that all of the text is right (0);  /log/text, /log/why  (pass,) text ("")
+    /log/preload_mm        (pass,) NaN: that of /whisker (NaN)
+    /log/confidence        (pass,) probability of the whole text (0);  /log/text, /log/why  (pass,) text ("")
     /channels/whisker      (channel,) whisker of each column; negative: not a whisker (0, 1, 2, ...)
     /channels/{name,axis,units,range}   for people; not used
     /whisker/compliance_mm_per_n*       (3, 3);  /whisker/moment_arm_mm*  (3,)
     /whisker               attributes: preload_mm*, tip_radius_mm (0), friction (0.2), description
     /whisker/kind          (whisker,) kind of each whisker; those of kind 1 are described in /whisker_1 (0)
-    /whisker/offset_mm     (whisker,) how far each stands behind whisker 0 along the trace, not negative (0); positions
-                           and starts are those of whisker 0, and another is over a place later by this offset
-    /calibration           attribute: from_land, gains read off land rather than on a bench (0)
+    /whisker/offset_mm     (whisker,) distance of each behind whisker 0 along the trace, not negative (0); positions
+                           and starts are those of whisker 0; another whisker reaches a position later by its offset
+    /calibration           attribute: from_land, gains estimated on land rather than on a bench (0)
     /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
     /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"
-    /calibration/memory    how the gauges creep and lag (none), as in whisker_array/scan/sensor_memory.py; attribute:
+    /calibration/memory    creep and lag of the gauges (none), as in whisker_array/scan/sensor_memory.py; attribute:
                            largest_n_mm
     /calibration/memory/creep, relax_s, play_weight, play_n_mm
                            (whisker, term) share of the load, (term,) s, (whisker, play) share, (play,) N mm
@@ -68,9 +67,9 @@ def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
     """Write a scan; the file appears whole or not at all.
 
     Args:
-        scan: scan to be written.
-        path: where.
-        volts: its moments are the converter's volts, yet to be calibrated.
+        scan: the scan.
+        path: the file to write.
+        volts: whether its moments are the converter's volts, to be calibrated later.
 
     Raises:
         FileError: the file cannot be written.
@@ -114,7 +113,7 @@ def _write(scan: Scan, file: h5py.File) -> None:
     file.attrs.update(attributes)
     if scan.notes:
         file.attrs["notes"] = list(scan.notes)
-    # as felt: passes of one direction need not be of one length
+    # single passes of a log: those of one direction may differ in length
     sweeps = scan.sweeps if scan.log is None else tuple(p.sweep for p in scan.log.passes)
     signal, flags, position, phase, length = [], [], [], [], []
     for sweep in sweeps:
@@ -168,7 +167,7 @@ def _write(scan: Scan, file: h5py.File) -> None:
 
 
 def _in_time(air: NDArray[Any], touching: NDArray[Any]) -> NDArray[Any]:
-    """(passes x samples, whiskers) of samples lifted and touching, (passes, whiskers, samples) each."""
+    """Join lifted and touching samples, (passes, whiskers, samples) each, in time: (passes x samples, whiskers)."""
     return np.concatenate([air, touching], axis=2).transpose(0, 2, 1).reshape(-1, touching.shape[1])
 
 
@@ -186,7 +185,7 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
 
 
 def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
-    """(pass x sample, 2) plate x, y of whisker 0; lifted, the array waits over its first touching sample."""
+    """(pass x sample, 2) plate x, y of whisker 0; the lifted array waits above its first touching sample."""
     ran = replace(plan, n_samples=plan.n_samples + int(plan.behind.max(initial=0)))
     along = np.concatenate([np.full(n_air, plan.start_mm), ran.position_mm()])
     n_pass = plan.line_mm.shape[0]
@@ -199,10 +198,10 @@ def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
 
     Args:
         path: the file.
-        raw: leave the calibration out, and take signals in volts as they are: for calibrating.
+        raw: ignore the calibration and leave signals in volts, in order to calibrate.
 
     Raises:
-        FileError: missing, damaged, foreign, newer, too large, or not according to the layout.
+        FileError: the file is missing, damaged, foreign, newer, too large, or does not follow the layout.
     """
     path = Path(path)
     if not path.is_file():

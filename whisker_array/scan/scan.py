@@ -23,17 +23,17 @@ class Scan(OneLine, Validated, error=MapError):
     """All passes over one part.
 
     Attributes:
-        sweeps: one a trace direction and way (dragged or pushed).
-        touch: whisker, preload, tip, nominal friction; of the first kind where the array has several.
-        line_pitch_mm: distance of neighbouring lines once the passes are interlaced.
+        sweeps: one per trace direction and way (dragged or pushed).
+        touch: whisker, preload, tip and nominal friction of the first kind of whisker.
+        line_pitch_mm: distance between neighbouring lines of the interlaced passes.
         sample_rate_hz: converter rate.
-        calibration: gain and offset of each whisker, as far as known; `None` is unit gain and no offset.
+        calibration: gain and offset of each whisker if known; `None`: unit gain and no offset.
         part_id: name of the part.
         start_time: ISO 8601 with zone, or empty.
         fidelity: "pointwise", "contact" or "measured".
         others: touches of the array's other kinds of whisker.
         kind: kind of each whisker, 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0.
-        log: the single passes in their order, of a scan that was felt pass by pass; its sweeps gather them.
+        log: the single passes in order, if the scan was made pass by pass; `sweeps` merges them.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -69,12 +69,12 @@ class Scan(OneLine, Validated, error=MapError):
 
     @property
     def n_whiskers(self) -> int:
-        """Whiskers of the array."""
+        """Number of whiskers of the array."""
         return int(self.sweeps[0].moment_n_mm.shape[1])
 
     @property
     def n_samples(self) -> int:
-        """Touching samples of all passes."""
+        """Number of touching samples of all passes."""
         return sum(s.moment_n_mm.size for s in self.sweeps)
 
     @property
@@ -100,16 +100,16 @@ def trace_scan(
     """Run the virtual array over a height map.
 
     Args:
-        height_map: the surface; its land should lie about level at zero, as a stage would mount the part. Of a
+        height_map: the surface; its land should be about level at zero, as a stage would mount the part. For a
             soiled part it is the top of the dirt.
         touch: whisker, preload, tip.
         plan: passes and directions.
         part_id: name of the part.
         others: touches of the further kinds of the plan's array.
-        bench: as in `mount`: fidelity (pointwise formula or frictional contact), friction (true one, a number or a
-            (rows, cols) map; default: that of the soil, and the nominal one without soil), soil (friction of the part,
-            and dirt that yields; default: none), sensor (gains, noise, converter, creep; default: ideal), stage (play
-            and errors of its place; default: ideal), rng (needed with a sensor or a stage).
+        bench: as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a
+            (rows, cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft
+            dirt of the part; default: none), sensor (gains, noise, converter, creep; default: ideal), stage (play and
+            position errors; default: ideal), rng (needed with a sensor or a stage).
 
     Raises:
         MapError: a friction map or soil that does not fit.
@@ -146,7 +146,7 @@ def trace_scan(
 
 
 def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
-    """The part of a scan by one kind of whisker, dragged (or pushed; None: both).
+    """Select the samples of one kind of whisker from a scan; dragged, pushed, or both (None).
 
     Raises:
         MapError: no such kind of whisker, or no such sweep.

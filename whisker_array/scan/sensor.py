@@ -2,7 +2,7 @@
 
     moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw
 
-Hysteresis and creep are those of `sensor_memory`; `calibration` is the way back. The axis of whiskers is the last but
+Hysteresis and creep are those of `sensor_memory`; `calibration` inverts the chain. The axis of whiskers is the last but
 one, the axis of samples the last. Moments are in N mm; all random draws use the given rng.
 """
 
@@ -41,7 +41,7 @@ class Gauges(OneLine, Validated, error=SensorError):
     Attributes:
         gain: (n,) float64, output per true moment, nominally 1, not 0.
         offset_n_mm: (n,) float64, output without a moment, N mm.
-        memory: creep and hysteresis; None: gauges without memory of earlier loads, or memory not known.
+        memory: creep and hysteresis; None: none, or not known.
 
     Raises:
         SensorError: arrays that do not agree or are not finite, or a gain of 0.
@@ -84,10 +84,10 @@ class SensorChain(Gauges):
     Attributes:
         noise_n_mm: rms of the white gauge and amplifier noise of one sample, N mm.
         drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second.
-        vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers
-            at one sample since they share the base.
-        adc_range_n_mm: full scale to either side, N mm; inf with adc_bits None.
-        adc_bits: resolution, 2 to 32 bits for the whole range from - to +; None: no conversion.
+        vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers at one
+            sample, because they share the base.
+        adc_range_n_mm: full scale in both directions, N mm; inf with adc_bits None.
+        adc_bits: resolution, 2 to 32 bits for the whole range from negative to positive; None: no conversion.
 
     Raises:
         SensorError: as in `Gauges`, negative rms values, an invalid converter.
@@ -106,11 +106,11 @@ class SensorChain(Gauges):
 
     @property
     def adc_step_n_mm(self) -> float:
-        """One count of the converter, N mm; 0 without one."""
+        """One count of the converter, N mm; 0 without a converter."""
         return 0.0 if self.adc_bits is None else 2.0 * self.adc_range_n_mm / 2.0**self.adc_bits
 
     def at_rest(self) -> SensorState:
-        """State of its gauges after a long time in air."""
+        """State of the gauges after a long time in air."""
         return SensorState.at_rest(self.n_whiskers, self.memory)
 
 
@@ -127,35 +127,35 @@ def draw_sensor_chain(
     noise: float = 2e-4,
     drift_a_minute: float = 3e-3,
 ) -> SensorChain:
-    """Draw a typical chain: every whisker is a little different.
+    """Draw a typical chain; whiskers differ slightly.
 
     Args:
         n_whiskers: number of whiskers.
-        rng: draws the gains and offsets.
-        full_scale_n_mm: converter range to either side, N mm. About three times the land moment leaves room
+        rng: random generator of gains, offsets and memory.
+        full_scale_n_mm: converter range in both directions, N mm. About three times the land moment leaves room
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
         gain_sd: standard deviation of the gain about 1; draws are limited to 3 standard deviations.
         offset_sd: standard deviation of the offset, as a share of full scale.
         vibration: rms vibration of the base as a share of the preload.
-        adc_bits: converter, None for none.
+        adc_bits: resolution of the converter; None: no conversion.
         memory: whether the gauges have creep and hysteresis, drawn by `draw_memory`.
         noise: rms of one sample, as a share of full scale (the largest load); measured on whiskers.
         drift_a_minute: rms drift of the zero in a minute, as a share of full scale; measured on whiskers.
 
     Raises:
-        SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
+        SensorError: a value that SensorChain rejects, no whisker, or a gain_sd above 0.33.
     """
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
     require_not_negative(SensorError, offset_sd=offset_sd)
-    # from its own generator: the same seed gives the same gains, offsets and noise with memory and without
-    remembering = rng.spawn(1)[0]
+    # a separate generator, so that a seed gives the same gains, offsets and noise with and without memory
+    memory_rng = rng.spawn(1)[0]
     return SensorChain(
         gain=1.0 + gain_sd * np.clip(rng.standard_normal(n_whiskers), -3.0, 3.0),
         offset_n_mm=offset_sd * full_scale_n_mm * rng.standard_normal(n_whiskers),
         noise_n_mm=noise * full_scale_n_mm,
         drift_n_mm_per_sqrt_s=drift_a_minute / math.sqrt(60.0) * full_scale_n_mm,
-        memory=draw_memory(n_whiskers, rng=remembering, largest_n_mm=full_scale_n_mm) if memory else None,
+        memory=draw_memory(n_whiskers, rng=memory_rng, largest_n_mm=full_scale_n_mm) if memory else None,
         vibration=vibration,
         adc_range_n_mm=full_scale_n_mm if adc_bits is not None else math.inf,
         adc_bits=adc_bits,
@@ -163,7 +163,7 @@ def draw_sensor_chain(
 
 
 def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> None:
-    """Refuse a signal of another number of whiskers.
+    """Check the number of whiskers of a signal.
 
     Raises:
         SensorError: the number of whiskers differs.
@@ -177,7 +177,7 @@ def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> No
 def convert(
     signal_n_mm: NDArray[np.float32], chain: SensorChain
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """The converter alone: round to the nearest count and clip to the range.
+    """Convert a signal: round to the nearest count and clip to the range.
 
     Returns:
         The converted signal, float32, and where it was clipped, bool. NaN stays NaN and is not clipped.
@@ -204,18 +204,18 @@ def measure(
     Args:
         moment_n_mm: (..., whiskers, samples), N mm, passes in the order in which they were run; NaN (no contact) stays
             NaN.
-        chain: the sensor chain, as many whiskers.
-        sample_rate_hz: samples per second: sets how far the zero drifts between two samples.
-        rng: draws vibration, noise and drift; the same seed gives the same raw signal.
-        state: state of the gauges before, which is updated; default: at rest.
-        pause_s: time that the whiskers hang in air before each pass, beside the air samples; 0: none.
+        chain: sensor chain of these whiskers.
+        sample_rate_hz: samples per second, which sets the drift of the zero between two samples.
+        rng: random generator of vibration, noise and drift; the same seed gives the same raw signal.
+        state: state of the gauges, which is updated; default: at rest.
+        pause_s: time in air before each pass, in addition to the air samples; 0: none.
 
     Returns:
         raw (float32, same shape, N mm as if gain were 1) and saturated (bool, same shape): clipped
         by the converter.
 
     Raises:
-        SensorError: a shape that does not fit the chain, a rate that is not positive.
+        SensorError: the shape does not fit the chain, or the rate is not positive.
     """
     moment = np.asarray(moment_n_mm)
     check_signal("moment_n_mm", moment, chain.n_whiskers)

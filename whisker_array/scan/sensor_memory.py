@@ -2,27 +2,27 @@
 
     load x --+-- w0 ---------------------------+
              |                                 |
-             +-- plays, each slack by +-r_j ---+--> h --+-- 1 --------------------------+--> reading y
+             +-- plays, each with slack +-r_j -+--> h --+-- 1 --------------------------+--> reading y
                  |<-- 2 r -->|   x w_j                  |                               |
                                                         +-- springs on dashpots, x c_i -+
                                                             tau_i dq/dt = h - q
 
-    load  |  ________          reading |  ___-----          h is later on the way down than on the way up,
-          | |        |                 | |        |         q follows in seconds and minutes: what it has
-          |_|        |____             |_|        |___---   followed by at unloading is the shift of the zero
+    load  |  ________          reading |  ___-----          h lags, so it is higher on the way down,
+          | |        |                 | |        |         q follows in seconds and minutes: what is left of
+          |_|        |____             |_|        |___---   q and h after unloading is the shift of the zero
 
 Hysteresis is a sum of play operators (Prandtl-Ishlinskii; Visintin, Differential Models of Hysteresis, 1994, III.2;
 Kuhnen, European Journal of Control 9, 2003, 407-418)::
 
     p_j(n) = max(x(n) - r_j, min(x(n) + r_j, p_j(n - 1))),      h = w0 x + sum_j w_j p_j
 
-with w0 such that the first way up to the largest load L reads L. Creep is a chain of Kelvin-Voigt elements behind it
-(the generalised standard linear solid, a Prony series; Findley, Lai and Onaran, Creep and Relaxation of Nonlinear
-Viscoelastic Materials, 1976, chapter 5)::
+with w0 such that the first rise to the largest load L gives a reading of L. Creep is a chain of Kelvin-Voigt elements
+behind it (the generalised standard linear solid, a Prony series; Findley, Lai and Onaran, Creep and Relaxation of
+Nonlinear Viscoelastic Materials, 1976, chapter 5)::
 
     y = h + sum_i c_i q_i,      q_i(n) = a_i q_i(n - 1) + (1 - a_i) h(n),      a_i = exp(-dt / tau_i)
 
-Loads and readings are in N mm; the axis of whiskers is the last but one, that of samples the last.
+Loads and readings are in N mm; the axis of whiskers is the last but one, the axis of samples the last.
 """
 
 from __future__ import annotations
@@ -39,18 +39,19 @@ from glyphs.ranges import freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
 
 RELAX_S = (0.3, 3.0, 60.0)
-"""Times of the creep's terms: one per decade of the durations of a pass and a scan; the first two share their part."""
+"""Relaxation times of the creep terms, one per decade from a pass to a scan; the first two have equal shares."""
 PLAYS = (0.1, 0.2, 0.3, 0.4)
 """Half widths of the plays, as shares of the largest load; equal weights, so that small loads shift the zero less."""
 HOLD_S = 11.0
-"""Time that the load of the figures is held, and that the whisker then rests in their cycles."""
+"""Time, s, for which the load is held and then removed in the tests behind the figures below."""
 CYCLES = 10
 CREEP = (0.009, 0.027)
-"""Growth of a held load's reading in `HOLD_S`, of the largest load: least and most of recorded whiskers."""
+"""Growth of the reading of a held load within `HOLD_S`, share of the largest load: least and most of recorded
+whiskers."""
 ZERO_SHIFT = (0.016, 0.027)
-"""Reading right after the first unloading, of the largest load: least and most."""
+"""Reading right after the first unloading, share of the largest load: least and most."""
 SHIFT_AFTER_CYCLES = 0.035
-"""Reading right after the last of `CYCLES` unloadings, of the largest load."""
+"""Reading right after the last of `CYCLES` unloadings, share of the largest load."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,14 +59,15 @@ class SensorMemory(OneLine):
     """Creep and hysteresis of the gauges of an array.
 
     Attributes:
-        creep: (n, terms) float64, c_i: what each term adds in the end, of the load.
+        creep: (n, terms) float64, c_i: final creep of each term, share of the load.
         relax_s: (terms,), tau_i, seconds.
         play_weight: (n, plays) float64, w_j.
         play_n_mm: (plays,), r_j, N mm.
-        largest_n_mm: L, N mm, up to which the first way up is straight.
+        largest_n_mm: L, N mm, up to which the first loading is linear.
 
     Raises:
-        MarksError: shapes that do not agree, numbers that are negative or not finite, plays that weigh 1 or more.
+        MarksError: shapes that do not agree, numbers that are negative or not finite, or plays with a weight of 1
+            or more.
     """
 
     creep: NDArray[np.float64]
@@ -85,7 +87,7 @@ class SensorMemory(OneLine):
 
     @property
     def straight(self) -> NDArray[np.float64]:
-        """(n,) w0, the part of the reading that has no slack."""
+        """(n,) w0, the share of the reading without slack."""
         return np.asarray(1.0 - (self.play_weight * (1.0 - self.play_n_mm / self.largest_n_mm)).sum(axis=1))
 
     @property
@@ -106,7 +108,7 @@ class SensorState(OneLine):
     Attributes:
         play_n_mm: (n, plays) float64, p_j.
         strain_n_mm: (n, terms) float64, q_i.
-        drift_n_mm: (n,) float64, how far the zero has walked.
+        drift_n_mm: (n,) float64, present drift of the zero.
     """
 
     play_n_mm: NDArray[np.float64]
@@ -120,7 +122,7 @@ class SensorState(OneLine):
         return cls(np.zeros((n_whiskers, plays)), np.zeros((n_whiskers, terms)), np.zeros(n_whiskers))
 
     def part(self, whiskers: slice) -> SensorState:
-        """View of the state of neighbouring whiskers: changes of it are changes of the whole."""
+        """View of the state of neighbouring whiskers; changing it changes the whole state."""
         return SensorState(self.play_n_mm[whiskers], self.strain_n_mm[whiskers], self.drift_n_mm[whiskers])
 
 
@@ -130,10 +132,10 @@ def read_gauges(
     """Compute the reading of a load: the equations of the module, sample by sample.
 
     Args:
-        load_n_mm: (whiskers, samples), N mm; NaN (no contact) stays NaN and loads nothing.
+        load_n_mm: (whiskers, samples), N mm; NaN (no contact) stays NaN and counts as no load.
         memory: memory of the same number of whiskers.
-        state: where they stand before the first sample; moved on.
-        step_s: between two samples; the load of a sample stands for the step that leads to it.
+        state: state before the first sample, which is updated.
+        step_s: time between two samples; the load of a sample holds for the step before it.
 
     Returns:
         (whiskers, samples), N mm.
@@ -180,23 +182,23 @@ def _read(load, straight, weight, width, creep, keep, play, strain, reading):  #
 def fit_memory(
     creep: NDArray[np.float64], zero_shift: NDArray[np.float64], *, largest_n_mm: float
 ) -> SensorMemory:
-    """Fit the memory to given figures, and to `SHIFT_AFTER_CYCLES` for all whiskers.
+    """Fit the memory to figures of each whisker, and to `SHIFT_AFTER_CYCLES` for all.
 
-    What has crept in the hold is still there right after it, so hysteresis leaves the rest of the first zero shift:
-    sum_j w_j r_j = zero_shift - creep. After n holds of T and rests of T a term stands at::
+    Creep during the hold remains right after it, so hysteresis causes the rest of the first zero shift:
+    sum_j w_j r_j = zero_shift - creep. After n holds of T and rests of T the state of a term is::
 
         g_n(tau) = (1 - exp(-T / tau)) sum_(k < n) exp(-2 k T / tau)
 
-    and the parts f of the quick terms and s of the slow one solve f g_1 + s g_1 = creep and f g_10 + s g_10 = the
-    shift after ten cycles minus that of hysteresis. The load left by plays also creeps; this is ignored (0.05 % of L).
+    and the shares f of the quick terms and s of the slow one solve f g_1 + s g_1 = creep and f g_10 + s g_10 = the
+    shift after ten cycles minus that of hysteresis. Creep of the load left in the plays is ignored (0.05 % of L).
 
     Args:
-        creep: (n,) what a held load grows by in `HOLD_S`, of the largest load, within `CREEP`.
-        zero_shift: (n,) right after it is taken off, within `ZERO_SHIFT`, no less than the creep.
+        creep: (n,) growth of the reading of a held load within `HOLD_S`, share of the largest load, within `CREEP`.
+        zero_shift: (n,) reading right after unloading, within `ZERO_SHIFT`, at least the creep.
         largest_n_mm: L, N mm.
 
     Raises:
-        MarksError: figures that no such memory has.
+        MarksError: impossible figures.
     """
     crept, shift = np.asarray(creep, dtype=np.float64), np.asarray(zero_shift, dtype=np.float64)
     tau, widths = np.array(RELAX_S), np.array(PLAYS)
@@ -222,7 +224,7 @@ def draw_memory(n_whiskers: int, *, rng: np.random.Generator, largest_n_mm: floa
 
     Args:
         n_whiskers: number of whiskers.
-        rng: draws the figures of each.
+        rng: random generator of the figures.
         largest_n_mm: largest load, N mm.
     """
     shift = rng.uniform(*ZERO_SHIFT, size=n_whiskers)

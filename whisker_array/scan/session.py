@@ -1,10 +1,10 @@
-"""A part on the stage, felt pass by pass: the protocol, and the scan of all passes so far.
+"""A part on the stage, scanned pass by pass: the protocol, and the scan of all passes so far.
 
     stage.open(part) --> session --feel(pass)--> Sweep of that pass
                                  --feel(pass)--> Sweep ...          scan_of(sweeps) --> Scan
                                  --close()
 
-The stage may fail between two passes: `feel` raises a `StageError`, and what was felt before it stands.
+The stage may fail between two passes: `feel` raises a `StageError`, and earlier passes stay valid.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class Fitting(OneLine):
         touch: whiskers, usual preload, tip, nominal friction.
         array: the comb.
         height_mm: character height that the whiskers are built for.
-        field_mm: (x0, y0, x1, y1) that can be felt, plate frame.
-        calibration: gain and offset of each whisker; None where they are not known.
+        field_mm: (x0, y0, x1, y1) that the array can reach, plate frame.
+        calibration: gain and offset of each whisker; None if not known.
         fidelity: fidelity of the samples: "measured", or how they are simulated.
         part_id: name of the part.
     """
@@ -50,7 +50,7 @@ class Fitting(OneLine):
 
 
 class StageSession(Protocol):
-    """One part under the whiskers, from its mounting until it is taken away."""
+    """One part under the whiskers, from its mounting to its removal."""
 
     @property
     def fitting(self) -> Fitting:
@@ -60,13 +60,13 @@ class StageSession(Protocol):
         """Feel one pass.
 
         Args:
-            order: where the whiskers run, how fast, how hard they are pressed on.
+            order: positions, speed and preload of the pass.
 
         Returns:
             The raw moments, a sweep of one pass.
 
         Raises:
-            StageError: it could not be felt, and what to do; passes felt before stand.
+            StageError: the pass failed, and what to do; earlier passes stay valid.
         """
 
     def close(self) -> None:
@@ -74,30 +74,30 @@ class StageSession(Protocol):
 
 
 class SessionStage(Protocol[Part]):
-    """A stage that feels pass by pass."""
+    """A stage that scans pass by pass."""
 
     def open(self, part: Part) -> StageSession:
         """Mount a part and level it.
 
         Raises:
-            StageError: it cannot be mounted, and what to do.
+            StageError: the part cannot be mounted, and what to do.
         """
 
 
-def gather_sweeps(felt: Sequence[Sweep]) -> tuple[Sweep, ...]:
-    """Merge sweeps of single passes into one for each direction and way, in the order in which these were first felt.
+def gather_sweeps(passes: Sequence[Sweep]) -> tuple[Sweep, ...]:
+    """Merge sweeps of single passes into one per direction and way, in the order of their first passes.
 
-    Passes of one direction may have begun and ended at different places: each lies within the longest stretch, and
-    is flagged OUTSIDE where it was not run. They share their steps, and lie on one grid of them.
+    Passes of one direction may begin and end at different positions: the merged sweep covers all of them, and a pass is
+    flagged OUTSIDE where it was not run. They share one step and one grid.
 
     Args:
-        felt: in the order of the passes.
+        passes: sweeps of single passes, in order.
 
     Raises:
-        ValueError: passes of one direction with other steps.
+        ValueError: passes of one direction have different steps.
     """
     groups: dict[tuple[int, bool], list[Sweep]] = {}
-    for sweep in felt:
+    for sweep in passes:
         groups.setdefault((int(sweep.plan.direction), sweep.plan.pushed), []).append(sweep)
     return tuple(one[0] if len(one) == 1 else _together(one) for one in groups.values())
 
@@ -105,7 +105,7 @@ def gather_sweeps(felt: Sequence[Sweep]) -> tuple[Sweep, ...]:
 def _together(sweeps: Sequence[Sweep]) -> Sweep:
     first = sweeps[0].plan
     if any(abs(s.plan.step_mm - first.step_mm) > 1e-9 for s in sweeps):
-        raise ValueError("passes of one direction were sampled in other steps")
+        raise ValueError("passes of one direction were sampled at different steps")
     sign = -1.0 if first.direction.backward else 1.0
     begin = [round(sign * (s.plan.start_mm - first.start_mm) / first.step_mm) for s in sweeps]
     earliest = min(begin)
@@ -116,7 +116,7 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
         lead, before = sweep.plan.n_lead, b - earliest
         after = n - before - sweep.plan.n_samples
         own = sweep.flags.copy()
-        # run-in and run-out of a stretch within the line are no part of it
+        # lead-in and lead-out of a pass within the line do not count
         if before:
             own[..., :lead] |= outside
         if after:

@@ -1,4 +1,4 @@
-"""A simulated session: a height map is mounted once and felt pass by pass by the virtual array."""
+"""A simulated session: a height map is mounted once and scanned pass by pass by the virtual array."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from whisker_array.whisker.touch import Touch
 
 _BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
 _MOMENT_SAMPLES = 16
-"""Number of samples from which the bench takes a reading: too short for creep."""
+"""Number of samples of one reading on the bench: too short for creep."""
 _BEYOND_HEIGHTS = 0.5
 """Greatest run of whiskers beyond the part, character heights."""
 
@@ -37,9 +37,9 @@ _BEYOND_HEIGHTS = 0.5
 def bench_calibration(
     chain: SensorChain, touch: Touch, *, sample_rate_hz: float, rng: np.random.Generator
 ) -> Calibration:
-    """Gains and offsets of an array, measured in air and then on a reference plate.
+    """Measure gains and offsets of an array in air and then on a reference plate.
 
-    Creep and hysteresis, where the chain has them, the maker takes from one load held and taken off.
+    Creep and hysteresis, if the chain has them, are measured by holding and removing one load.
     """
     air = np.zeros((chain.n_whiskers, _BENCH_SAMPLES))
     land_n_mm = touch.land_moment_n_mm()
@@ -52,17 +52,17 @@ def bench_calibration(
     memory = _bench_memory(chain, chain.memory.largest_n_mm, sample_rate_hz=sample_rate_hz, rng=rng)
     rest = SensorState.at_rest(chain.n_whiskers, memory)
     read = read_gauges(air + land_n_mm, memory=memory, state=rest, step_s=1.0 / sample_rate_hz)
-    # the gain is that of a gauge without memory, which the plate has not shown
+    # convert to the gain of a gauge without memory, which the plate does not show
     return replace(found, gain=found.gain * land_n_mm / read.mean(axis=1), memory=memory)
 
 
 def _bench_memory(
     chain: SensorChain, largest_n_mm: float, *, sample_rate_hz: float, rng: np.random.Generator
 ) -> SensorMemory:
-    """Fit the memory to the gauges' response as the largest load was held and removed; it includes their drift."""
+    """Fit the memory to the gauges' response to holding and removing the largest load; it includes their drift."""
     air, hold = np.zeros((chain.n_whiskers, _MOMENT_SAMPLES)), round(HOLD_S * sample_rate_hz)
     load = np.concatenate([air, np.full((chain.n_whiskers, hold), -largest_n_mm), air], axis=1)
-    # the bench's own converter, which has room for the largest load and its creep
+    # the bench's own converter, whose range covers the largest load and its creep
     wide = replace(chain, adc_range_n_mm=2.0 * chain.adc_range_n_mm)
     raw, _ = measure(load, chain=wide, sample_rate_hz=sample_rate_hz, rng=rng)
     n = _MOMENT_SAMPLES
@@ -79,7 +79,7 @@ class SimulatedSession:
 
     Attributes:
         fitting: whiskers, field and calibration.
-        felt_s: stage seconds of the passes felt so far.
+        felt_s: stage seconds of the passes so far.
     """
 
     def __init__(
@@ -97,14 +97,14 @@ class SimulatedSession:
         """Mount the part.
 
         Args:
-            height_map: level, its land about at zero.
+            height_map: the surface, level, with its land about at zero.
             touch: whisker, usual preload, tip.
             array: the comb, of one row.
             height_mm: character height that the whiskers are built for.
-            sample_pitch_mm: the finest that will be asked for.
-            calibration: calibration of the sensor, if known; that of ideal sensors is.
+            sample_pitch_mm: finest sample pitch that will be used.
+            calibration: calibration of the sensor, if known; ignored for ideal sensors.
             part_id: name of the part.
-            bench: fidelity, friction, soil, sensor, stage and rng, as `trace_scan`.
+            bench: fidelity, friction, soil, sensor, stage and rng, as in `trace_scan`.
 
         Raises:
             MapError: a friction map or soil that does not fit.
@@ -118,7 +118,7 @@ class SimulatedSession:
             **bench,
         )
         if part.sensor is None:
-            # lines that lie far apart do not show gains by what neighbours feel
+            # gains of an ideal sensor are known; lines that are far apart cannot show them
             whiskers = array.n_whiskers * array.rows
             calibration = Calibration(np.ones(whiskers), np.zeros(whiskers))
         self.fitting = Fitting(
@@ -140,7 +140,7 @@ class SimulatedSession:
             StageError: the session is closed, or the pass is meant for another array.
         """
         if self._part is None:
-            raise StageError("the part is no longer on the stage", "open a session of its own for every part")
+            raise StageError("the part is no longer on the stage", "open a new session for every part")
         whiskers = self.fitting.array.n_whiskers * self.fitting.array.kinds
         if len(order.line_mm) != whiskers:
             raise StageError(

@@ -9,7 +9,7 @@ class StageError(MarksError):
     """A stage or camera could not carry out a command; the hint says what to do.
 
     Attributes:
-        later: whether the same may succeed later, as it is.
+        later: whether the same command may succeed later.
     """
 
     later = False

@@ -1,15 +1,15 @@
-"""Position errors of a stage: play, the screw's own error, and the return to a line.
+"""Position errors of a stage: play, errors of the screw, and the return to a line.
 
-    asked   |----------------------->           dragged to larger coordinates the nut lags by half the play,
-    really  --|----------------------->         to smaller ones it is as much ahead; the run-in takes play up
-               ~~~~ screw: a wave a turn, and a share of the travel ~~~~
+    command |----------------------->           towards larger coordinates the nut lags by half the play, towards
+    actual  --|----------------------->         smaller ones it leads by as much; the lead-in takes up the play
+               ~~~~ screw: a wave per turn, and a share of the travel ~~~~
 
     along(s)  = s - way play / 2 + rate s + wave sin(2 pi s / lead + phase)
-    across    = line + a draw for each pass, the same for all whiskers of the comb
+    across    = line + a random offset per pass, the same for all whiskers of the comb
 
-The usual figures are those of a rolled ball screw: the limits of travel and of the wave are those of tolerance grade 5
-in ISO 3408-3 (23 um over 300 mm, 8 um from crest to trough within a turn); play and the return to a line are those that
-makers state for stages without a preloaded nut.
+The defaults are those of a rolled ball screw. The limits of travel and wave are tolerance grade 5 in ISO 3408-3 (23 um
+over 300 mm, 8 um from crest to trough within a turn). Play and return to a line are as stated by makers of stages
+without a preloaded nut.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class StagePlay(Validated):
     """Position errors of a stage, the same along x and y.
 
     Attributes:
-        play_mm: lost when the travel turns about.
-        rate: travel gained or lost, of the travel, from the plate's origin.
-        wave_mm: amplitude of the error that comes again with each turn of the screw.
+        play_mm: travel lost when the direction is reversed.
+        rate: error of travel from the plate's origin, as a share of the travel.
+        wave_mm: amplitude of the error that repeats with each turn of the screw.
         lead_mm: travel of one turn.
         phase_rad: phase of the wave at the plate's origin.
-        return_mm: rms across the trace with which a pass finds its line.
+        return_mm: rms error across the trace with which a pass returns to its line.
 
     Raises:
-        MarksError: a number that is negative or not finite, or no lead.
+        MarksError: a number is negative or not finite, or the lead is zero.
     """
 
     play_mm: NotNegative = 0.010
@@ -50,19 +50,19 @@ class StagePlay(Validated):
 
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
-    """Draw a typical stage: the usual figures, with random rate and phase of its screw."""
+    """Draw a typical stage: the defaults, with random rate and phase of the screw."""
     usual = StagePlay()
     rate = usual.rate * float(rng.uniform(-1.0, 1.0))
     return StagePlay(rate=rate, phase_rad=float(rng.uniform(0.0, 2.0 * math.pi)))
 
 
 def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
-    """The plan as the stage runs it, except for the screw's wave, which varies along a line.
+    """Return the plan as the stage runs it, except for the screw's wave, which varies along a line.
 
     Args:
         plan: the requested plan.
         stage: errors of the stage.
-        rng: draws how each pass finds its line.
+        rng: random generator of the return of each pass to its line.
     """
     way = -1.0 if plan.direction.backward else 1.0
     off = rng.normal(0.0, stage.return_mm, size=(plan.line_mm.shape[0], 1))
@@ -81,9 +81,9 @@ def apply_screw_wave(
 
     Args:
         moment: (..., samples).
-        flags: same shape; those of both neighbours are kept.
+        flags: same shape; the flags of both neighbours are kept.
         plan: the requested plan.
-        stage: its wave; a small part of a step.
+        stage: errors of the stage; the wave must be a small part of a step.
     """
     if stage.wave_mm == 0.0:
         return moment, flags

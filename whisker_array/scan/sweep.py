@@ -1,4 +1,4 @@
-"""The raw moments of passes in one direction."""
+"""Raw moments of passes in one direction."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Sweep(OneLine):
     """The raw moments of all passes in one direction.
 
     Attributes:
-        plan: where the passes ran.
-        moment_n_mm: (passes, whiskers, samples) float32, raw: sensor gain, offset and drift still in it.
+        plan: positions of the passes.
+        moment_n_mm: (passes, whiskers, samples) float32, raw: with sensor gain, offset and drift.
         flags: same shape, uint8 of SampleFlag.
         air_n_mm: (passes, whiskers, air samples) float32, moments with the array lifted before each pass.
     """
@@ -38,6 +38,6 @@ class Sweep(OneLine):
             raise MapError(f"air samples {self.air_n_mm.shape} do not fit the plan {shape}")
 
     def of(self, whiskers: NDArray[np.intp]) -> Sweep:
-        """The moments of some of the whiskers."""
+        """Select some of the whiskers."""
         moment, air = self.moment_n_mm[:, whiskers], self.air_n_mm[:, whiskers]
         return Sweep(self.plan.of(whiskers), moment, self.flags[:, whiskers], air)

@@ -1,1 +1,1 @@
-"""Tip and surface: one trace by either fidelity, pointwise or contact."""
+"""Simulation of tips on surfaces: traces by either fidelity, pointwise or contact, and dynamics."""

@@ -7,19 +7,19 @@ At every sample the base advances by dx. The tip q = (x, z) on the dilated surfa
 G = (1 + p^2, pq; pq, 1 + q^2) the surface metric and f_n the normal force of the last iterate::
 
        base ->  ________________ l1
-                                |l2        d: from the force-free tip (o) to the tip on the surface (x)
+                                |l2        d: from the unloaded tip (o) to the tip on the surface (x)
       land _____                x _______  The elastic force K d, projected on the surface, balances friction;
-                \______________/o d0       sideways the wire may give, which the pointwise map cannot know.
+                \______________/o d0       the wire may also bend sideways, unlike in the pointwise map.
 
-Where the wall's friction leaves the tip no way to rise, e_y.D11 (n - mu t) <= 0, it *jams*. Mostly it does not
-come so far but is caught at the wall's foot, where the slope is just short of that: then it is held there, the base
-walks on and the force grows without end, so a force many times the land's is a jam as well. Where the normal
-force vanishes, contact is *lost*. All are flags of the sample.
+Where friction on the wall prevents the tip from rising, e_y.D11 (n - mu t) <= 0, it *jams*. Mostly the tip is caught
+before that at the foot of the wall, where the slope is slightly less: it stays there, the base moves on and the force
+grows without limit, so a force many times that on the land is a jam, too. Where the normal force vanishes, contact is
+*lost*. All are flags of the sample.
 
-Dirt that yields (`soft`) puts h in between its top and what lies below, by the load it carries: kappa s = f_n. The
-sinkage s is a third unknown of the same iteration: on slopes f_n at a place held fixed changes with s many times
-faster than e says, or the wrong way, so no step for s alone settles. The track's slopes take load and e of the last
-sample.
+Dirt that yields (`soft`) sets h between its top and the bottom below, by the load it carries: kappa s = f_n. The
+sinkage s is a third unknown of the same iteration, because on slopes f_n at a fixed position changes with s many
+times faster than e predicts, or in the wrong direction, so that an iteration for s alone does not converge. The
+slopes of the track use load and e of the last sample.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from whisker_array.whisker.shapes import TipModel
 
 @dataclass(frozen=True, repr=False)
 class SurfacePose(OneLine):
-    """Pose of a surface under traces whose grid is not its own, tilted a little, and changed::
+    """Pose of a surface with its own grid under traces, with a small tilt and a change of its heights::
 
         h(x, z) = H(u, v) + share D(u, v) + rise + along x + across z
         u, v = column_mm . (1, x, z), row_mm . (1, x, z)
@@ -50,8 +50,8 @@ class SurfacePose(OneLine):
     The fields of such a surface are (rows, cols, 6): height and slopes of H, and those of D.
 
     Attributes:
-        column_mm: where a place of the trace frame lies along the grid's columns.
-        row_mm: and along its rows.
+        column_mm: coefficients of u, the position along the grid's columns.
+        row_mm: coefficients of v, the position along its rows.
         tilt: (rise_mm, along, across), added to the heights.
         share: share of D that is added.
         friction: Coulomb coefficient.
@@ -67,8 +67,8 @@ class SurfacePose(OneLine):
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
     """Displacement of the tip along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind.
 
-    A stage is set up with the tip, not the base, over the commanded place, so traces are labelled by the
-    commanded position and this displacement is taken off, at the nominal friction.
+    A stage is set up with the tip, not the base, at the commanded position. So traces are labelled by the commanded
+    position, and this displacement, at the nominal friction, is subtracted.
     """
     force = np.array([-friction, 1.0, 0.0])
     shift = tip.compliance_mm_per_n @ force
@@ -90,15 +90,15 @@ def trace_contact(
     """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
 
     Args:
-        surface: in the trace frame: columns run along the trace.
+        surface: surface in the trace frame, whose columns run along the trace.
         tip: compliance and moment arm of the whisker.
         lines_mm: (lines,) lateral coordinate of each trace, mm.
         start_mm: commanded position of the first sample along the trace, mm.
-        step_mm: distance of samples, mm.
-        n_samples: samples per line.
+        step_mm: distance between samples, mm.
+        n_samples: number of samples per line.
         preload_mm: d0, mm.
         nominal_friction: friction at which the stage was set up (for the lag on the land).
-        pose: pose of the surface; default: in the trace frame.
+        pose: pose of a surface that is not in the trace frame.
 
     Raises:
         WhiskerError: preload or step not positive.

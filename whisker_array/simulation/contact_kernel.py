@@ -18,13 +18,14 @@ _NOT_CONVERGED = np.uint8(SampleFlag.NOT_CONVERGED)
 
 MAX_ITERATIONS = 80
 TOLERANCE_STEPS = 5e-4
-"""Newton stops when the tip moves less than this fraction of a sample step."""
+"""The Newton iteration stops when the tip moves less than this fraction of a sample step."""
 JAM_FORCE = 10.0
-"""Force over that of lifting the tip straight up, above which it counts as jammed: 60 degree walls need up to 5."""
+"""Ratio of force to that of lifting the tip straight up above which the tip is jammed; 60 degree walls need up to
+5."""
 ABREAST = 8
-"""Lines traced side by side, enough to keep a processor busy; more gain nothing."""
+"""Number of lines traced together, enough to keep a processor busy."""
 SMOOTHING_STEPS = 1e-3
-"""|q - q_prev| is rounded at this fraction of a step: a stick-slip corner the solver can pass."""
+"""Rounding of |q - q_prev|, as a fraction of a step, which lets the solver pass stick-slip corners."""
 
 
 @inline_kernel
@@ -37,7 +38,7 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
 
 @inline_kernel
 def _look_up_posed(fields, x, z, inv_pitch, pose):  # type: ignore[no-untyped-def]
-    """The same for a surface whose grid is not that of the traces (`contact.SurfacePose`)."""
+    """`_look_up` for a surface whose grid is not that of the traces (`contact.SurfacePose`)."""
     (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = pose
     cell = cell_of(fields, (o + ox * x + oz * z) * inv_pitch, (s + sx * x + sz * z) * inv_pitch)
     h = bilinear(fields, cell, 0) + share * bilinear(fields, cell, 3)
@@ -48,21 +49,22 @@ def _look_up_posed(fields, x, z, inv_pitch, pose):  # type: ignore[no-untyped-de
 
 @inline_kernel
 def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
-    """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and which part is the track's.
+    """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and the track's share of the
+    slopes.
 
-    `last` is the load of the last sample: slopes that turned with the load would make the tip hunt at the bottom.
+    `last` is the load of the last sample: slopes that changed with the present load would make the tip oscillate.
     """
     h_top, p_top, q_top, kappa, kappa_x, kappa_z = top
     thickness = max(h_top - h, 0.0)
     sinkage = min(load / kappa, thickness)
     free = last / kappa
-    # sinkage / load, bounded where the dirt is pushed through however soft it is
+    # sinkage / load, bounded where the tip reaches the bottom
     bend = min(free, thickness) * min(1.0 / kappa, thickness / max(last, 1e-12))
     share = kappa * give / (1.0 + kappa * give)
     p_track = share * (p_top + bend * kappa_x)
     q_track = share * (q_top + bend * kappa_z)
-    # where the track meets the bottom slopes turn over two samples, as differences on the grid do; but not where
-    # next to nothing sinks in: the slopes of the top have met the bottom already
+    # where the track meets the bottom, slopes change over two samples, like differences on the grid; not where there
+    # is hardly any sinkage, because there the slopes of the top have already met the bottom
     apart = max(math.hypot(p_track - p, q_track - q) * pitch, 1e-9)
     part = 0.5 + 0.5 * (thickness - free + max(apart - free, 0.0)) / apart
     part = min(max(part, 0.0), 1.0)
@@ -85,7 +87,7 @@ def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignor
     g, h, i = kappa[1] - nx, kappa[2] - nz, kappa[0] - ns
     u, v, w = rest
     det = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    det = det if abs(det) > 1e-30 else 1e-30  # a huge step is cut, a NaN would stay
+    det = det if abs(det) > 1e-30 else 1e-30  # a huge step is clipped later, a NaN would stay
     step_x = u * (e * i - f * h) - b * (v * i - f * w) + c * (v * h - e * w)
     step_z = a * (v * i - f * w) - u * (d * i - f * g) + c * (d * w - v * g)
     step_s = a * (e * w - v * h) - b * (d * w - v * g) + u * (d * h - e * g)
@@ -94,11 +96,11 @@ def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignor
 
 @kernel(allow=FAST)
 def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
-    """A few whiskers' lines, sample by sample; the state (previous tips) lives here, so that blocks run in parallel.
+    """Trace a few lines, sample by sample; the state (previous tips) is local, so that blocks can run in parallel.
 
-    An iteration is one long chain of roots and quotients; those of several lines do not wait for each other.
-    `top` is None without yielding dirt, `pose` where the grid is that of the traces: numba then leaves out all that
-    concerns them as it compiles.
+    An iteration is one long chain of roots and quotients; those of several lines do not wait for each other. `top` is
+    None without soft dirt, and `pose` where the grid is that of the traces; numba then compiles the kernel without
+    their code.
     """
     inv_pitch = 1.0 / pitch
     cols = fields.shape[1]
@@ -108,7 +110,7 @@ def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, 
     tol2 = (TOLERANCE_STEPS * step) ** 2
     limit = 0.5 * max(pitch, step)
     n = moment.shape[0]
-    before, tip = np.empty((n, 2)), np.empty((n, 2))  # x and z after the last sample, and now
+    before, tip = np.empty((n, 2)), np.empty((n, 2))  # x and z after the last sample, and at present
     last = np.empty((n, 4))  # the last step in x and z, its square, the damping
     seen = np.empty((n, 8))  # force, height, slopes, friction and sliding length where it was last evaluated
     active = np.empty(n, dtype=np.intp)  # lines whose tip has not settled yet
@@ -149,7 +151,7 @@ def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, 
                 f0 = k00 * d0x + k01 * d1 + k02 * d2
                 f1 = k01 * d0x + k11 * d1 + k12 * d2
                 f2 = k02 * d0x + k12 * d1 + k22 * d2
-                # K J, J = d(d)/d(x, z): what the Hessian J^T K J needs of it
+                # K J, J = d(d)/d(x, z), for the Hessian J^T K J
                 a0, a1 = k00 + k01 * p, k01 + k11 * p
                 b0, b1, b2 = k02 + k01 * q, k12 + k11 * q, k22 + k12 * q
                 inv_norm = 1.0 / math.sqrt(1.0 + p * p + q * q)
@@ -189,7 +191,7 @@ def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, 
                             (w * (1.0 + p * p - ux * ux), w * (p * q - ux * uz), w * (1.0 + q * q - uz * uz)),
                         )  # fmt: skip
                 size2 = mx * mx + mz * mz
-                # In a valley the slope turns under the tip, which J^T K J knows nothing of: Newton steps to and fro.
+                # In a valley the slope changes under the tip, which J^T K J ignores: Newton steps alternate.
                 hunting = mx * last[i, 0] + mz * last[i, 1] < -0.25 * last[i, 2]
                 damping = 0.5 * last[i, 3] if hunting else min(1.0, 1.3 * last[i, 3])
                 last[i, 0], last[i, 1], last[i, 2], last[i, 3] = mx, mz, size2, damping

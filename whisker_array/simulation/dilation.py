@@ -1,12 +1,12 @@
-"""Heights at which a ball tip rests.
+"""Heights of a resting ball tip.
 
 A ball of radius r resting on z(x) has its lowest point at the *dilated* height (ISO 16610-41, the tip's
 morphological closing of valleys)::
 
             ___                h_d(x) = max over |u| <= r of  z(x + u) + sqrt(r^2 - u^2) - r
            /   \\
-    ------(  r  )------        a groove narrower than the ball is felt shallower than it is,
-          .\\_._/.              a ridge wider by the ball.
+    ------(  r  )------        a groove narrower than the ball appears shallower,
+          .\\_._/.              a ridge wider.
     _____/  h_d  \\____
 """
 
@@ -22,17 +22,17 @@ from whisker_array.whisker.sections import WhiskerError
 
 _MOST_REACH = 60
 _BLOCK = 64
-"""Columns that are dilated together, or skipped if nothing around is higher."""
+"""Number of columns dilated together, or skipped if nothing around them is higher."""
 
 
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
     """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
 
-    The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
-    below one pitch therefore leaves the surface as it is. Beyond the rim the surface continues constant.
+    The ball is evaluated at the offsets of the grid, so its bottom is exact and its flank is sampled; a radius below
+    one pitch therefore leaves the surface unchanged. Beyond the border the edge values are repeated.
 
     Raises:
-        WhiskerError: a radius negative, or of more than 60 samples.
+        WhiskerError: the radius is negative or more than 60 samples.
     """
     require_not_negative(WhiskerError, radius_mm=radius_mm)
     reach = int(np.floor(radius_mm / pitch_mm))
@@ -48,7 +48,7 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     lift = (np.sqrt(np.maximum(square, 0.0)) - radius_mm).astype(np.float32)
     half = (square >= 0.0).sum(axis=1) // 2
     padded = np.pad(np.ascontiguousarray(z_mm, dtype=np.float32), reach, mode="edge")
-    # of each row and block: the highest place that its balls can meet
+    # highest point that the balls of each row and block can touch
     ends = [(left, min(left + _BLOCK, z_mm.shape[1]) + 2 * reach) for left in range(0, z_mm.shape[1], _BLOCK)]
     highest = np.stack([padded[:, first:end].max(axis=1) for first, end in ends], axis=1)
     out = np.array(z_mm, dtype=np.float32)
@@ -68,7 +68,7 @@ def _dilate(first, last, padded, lift, half, highest, reach, out):  # type: igno
                 lowest = min(lowest, here[c])
             for i in range(1, 2 * reach + 1):
                 top = max(top, highest[r + i, left // _BLOCK])
-            # on top of all around it the ball stands on the very place
+            # where nothing around is higher, the ball rests on the sample itself
             if lowest >= top:
                 continue
             for i in range(2 * reach + 1):

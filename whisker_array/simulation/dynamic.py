@@ -5,12 +5,12 @@ With p = dh/dx at the tip and the force f = lam a, a = (-(p + mu), 1 - mu p), as
     on the surface    u_y + c lam = d0 + h(x + u_x - u_x0),  lam > 0      u = sum phi_i q_i     c: Hertz (ball on plate)
     in the air        lam = 0,  while u_y > d0 + h                        x = v t,  u_x0: shift of a slow tip there
 
-Height and slope are taken where the tip was a step ago, and the height is extrapolated from there by the slope: so the
-force acts along the same normal as the constraint, without which a tip on a wall would make energy of nothing.
-Newmark's average acceleration (1959: unconditionally stable, second order) makes of every step one equation for lam,
-for contact couples all modes by one force; lam <= 0 is lift-off. The slow stage is the pointwise fidelity, where the
-surface is smooth; at the foot of a wall the tip slips to its new place, which the pointwise one leaves out. It slides
-forwards.
+Height and slope are taken at the tip's position one step ago, and the height is extrapolated from there by the slope.
+So the force acts along the normal of the constraint; otherwise a tip on a wall would gain energy. Newmark's average
+acceleration (1959: unconditionally stable, second order) turns every step into one equation for lam, because contact
+couples all modes by one force; lam <= 0 is lift-off. On a slow stage the result is that of the pointwise fidelity where
+the surface is smooth; at the foot of a wall the tip slips to a new position, which the pointwise fidelity leaves out.
+The tip slides forwards.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from whisker_array.whisker.sections import WhiskerError
 _LOST = np.uint8(SampleFlag.CONTACT_LOST)
 _JAMMED = np.uint8(SampleFlag.JAMMED)
 CONTACT_DAMPING = 0.1
-"""Share of critical damping of the tip on its contact: an assumption."""
+"""Share of critical damping of the tip on its contact (assumed)."""
 STEPS_A_PERIOD = 16.0
 """Time steps in the shortest period, that of the tip on its contact; twice as many change the moment by less than 0.1 %
-of the land's."""
+of the land moment."""
 
 
 def shortest_period_s(modes: WhiskerModes, *, contact_mm_per_n: float, friction: float) -> float:
@@ -114,9 +114,9 @@ def _slow(
     preload_mm: float,
     friction: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(lines, samples, 2) shift along x and force lam of a slow tip at each sample; and where that jams.
+    """Shift along x and force lam (lines, samples, 2) of a slow tip at each sample, and where it jams.
 
-    Where it jams, or nearly, the shift is that of a tip that still yields a tenth of what it does on the land.
+    Where it jams or nearly jams, the give of the tip is set to a tenth of that on the land.
     """
     compliance = (modes.tip / modes.omega_rad_s[:, None] ** 2).T @ modes.tip
     ax, ay = -(slope + friction), 1.0 - friction * slope
@@ -138,18 +138,18 @@ def trace_dynamic(
     contact_mm_per_n: float,
     steps_a_period: float = STEPS_A_PERIOD,
 ) -> Traces:
-    """Moments of traces along the columns of a (lines, samples) field of heights, by a whisker with mass.
+    """Simulate traces along the columns of a (lines, samples) field of heights, by a whisker with mass.
 
-    It starts at rest on the first sample. Unlike the other fidelities a lost sample still has its moment, which rings;
-    it is flagged CONTACT_LOST where the tip was in the air at any time since the sample before. Where a slow whisker
-    would jam, the sample is flagged JAMMED.
+    It starts at rest on the first sample. Unlike in the other fidelities, a lost sample has a moment, that of the
+    ringing whisker; it is flagged CONTACT_LOST if the tip was in the air at any time since the sample before. Where a
+    slow whisker would jam, the sample is flagged JAMMED.
 
     Args:
-        height_mm: dilated heights over the land under each sample, float32.
+        height_mm: dilated heights above the land at each sample, float32.
         modes: modes of the whisker.
-        step_mm: distance of neighbouring samples; between them surface and slope are straight.
+        step_mm: distance between neighbouring samples; between them height and slope are interpolated linearly.
         speed_mm_s: speed of the stage.
-        preload_mm: d0, how far below the land the force-free tip would run.
+        preload_mm: d0, depth of the unloaded tip below the land.
         friction: Coulomb coefficient.
         contact_mm_per_n: compliance of ball and plate, see `dynamic_modes.contact_mm_per_n`.
         steps_a_period: time steps in the shortest period.

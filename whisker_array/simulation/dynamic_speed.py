@@ -1,12 +1,12 @@
-"""Errors by speed: the dynamic whisker over a stamped groove, against the same one on a slow stage.
+"""Errors by speed: a dynamic whisker over a stamped groove, compared with the same whisker on a slow stage.
 
-    land ______          ______ ... ringing is looked at from here on, a stroke behind the last edge
+    land ______          ______ ... ringing is measured from here, a stroke behind the last edge
                \\        /
                 \\______/   bevels of 45 degrees, depth h/25, floor h/10 wide; dilated by the ball
 
-Error is what an edge map would have: both moments averaged over pixels of a line pitch, the difference's root mean
-square over that of the signal. Everything scales with the character height, so that one speed holds for whiskers in
-proportion.
+The error is that of an edge map: both moments are averaged over pixels of a line pitch, and the rms of the difference
+is divided by that of the signal. Everything scales with the character height, so that one speed holds for all
+whiskers in proportion.
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ from whisker_array.whisker.validity import land_force_n
 BEVEL_RAD = math.pi / 4.0
 """The usual bevel of stamped marks."""
 DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
-"""Dimensions of usual marks, character heights (0.25 mm deep at 6.35 mm)."""
+"""Depth and stroke of usual marks, character heights (0.25 mm deep at 6.35 mm)."""
 FINE_ERROR = 0.05
-"""Allowed error of passes from which characters are read."""
+"""Largest error of the edge map in passes for reading characters."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
 _SLOWEST, _FIRST, _FASTEST, _HALVINGS = 2.0, 10.0, 2000.0, 9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SpeedCost(OneLine):
-    """One speed over the groove: moments over the land's, and errors.
+    """One speed over the groove: moments, as shares of the land moment, and errors.
 
     Attributes:
         speed_mm_s: speed of the stage.
-        place_mm: (samples,) along the trace.
+        place_mm: (samples,) position along the trace.
         fast: (samples,) moment at that speed.
-        slow: (samples,) moment on a stage so slow that nothing rings. (The pointwise one has no slip of the tip at the
-            groove's foot.)
+        slow: (samples,) moment on a stage so slow that nothing rings. (The pointwise fidelity would leave out the slip
+            of the tip at the foot of the groove.)
         error: error of the edge map, as a share of the signal.
-        ringing: greatest error a stroke behind the last edge and further.
-        in_air_mm: length of surface that was not touched all the while.
+        ringing: greatest error from a stroke behind the last edge on.
+        in_air_mm: length of surface on which the tip was in the air at least briefly.
     """
 
     speed_mm_s: float
@@ -68,7 +68,8 @@ class SpeedCost(OneLine):
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
-    """One whisker over one groove: its traces by speed, the moment at the slowest, and where ringing begins."""
+    """One whisker over one groove: its traces by speed, the moment at the slowest speed, and the start of the
+    ringing."""
 
     trace: Callable[..., Traces]
     slow_n_mm: NDArray[np.float64]
@@ -79,7 +80,7 @@ class _Stage:
 def _groove(
     height_mm: float, *, tip_radius_mm: float, bevel_rad: float
 ) -> tuple[NDArray[np.float32], float, int]:
-    """Heights of the dilated groove, their distance, and where ringing begins."""
+    """Heights of the dilated groove, their pitch, and the sample from which ringing is measured."""
     step = height_mm / (LINES_PER_HEIGHT * _STEPS_A_PITCH)
     depth, stroke = DEPTH_HEIGHTS * height_mm, STROKE_HEIGHTS * height_mm
     wide = stroke + 2.0 * depth / math.tan(bevel_rad)
@@ -88,8 +89,8 @@ def _groove(
     z = -np.clip((0.5 * wide - np.abs(x - middle)) * math.tan(bevel_rad), 0.0, depth)
     rim = math.ceil(tip_radius_mm / step) + 1
     rows = np.tile(z.astype(np.float32), (2 * rim + 1, 1))
-    felt = prepare_surface(HeightMap(rows, step), tip_radius_mm=tip_radius_mm, friction=0.0)
-    return felt.fields[rim : rim + 1, :, 0], step, round((middle + 0.5 * wide + stroke) / step)
+    dilated = prepare_surface(HeightMap(rows, step), tip_radius_mm=tip_radius_mm, friction=0.0)
+    return dilated.fields[rim : rim + 1, :, 0], step, round((middle + 0.5 * wide + stroke) / step)
 
 
 @lru_cache(maxsize=8)
@@ -112,17 +113,17 @@ def speed_cost(
     character_height_mm: float,
     bevel_rad: float = BEVEL_RAD,
 ) -> SpeedCost:
-    """Simulate the errors of a speed over one stamped groove.
+    """Simulate the errors at a speed over one stamped groove.
 
     Args:
         whisker: whisker of the touch.
         touch: preload, ball and friction.
         speed_mm_s: speed of the stage.
-        character_height_mm: character height to which the groove is in proportion.
+        character_height_mm: character height, with which the groove scales.
         bevel_rad: bevel of its walls.
 
     Raises:
-        WhiskerError: a speed or height that is not positive, or a touch without a ball.
+        WhiskerError: the speed or height is not positive, or the touch has no ball.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm, speed_mm_s=speed_mm_s)
     stage = _stage(whisker, touch, character_height_mm, bevel_rad)
@@ -151,7 +152,7 @@ def fastest_mm_s(
     allowed_error: float = FINE_ERROR,
     bevel_rad: float = BEVEL_RAD,
 ) -> float:
-    """Find the fastest stage whose edge map is within the allowed error.
+    """Find the fastest speed at which the edge map is within the allowed error.
 
     Args:
         whisker: whisker of the touch.
@@ -161,22 +162,22 @@ def fastest_mm_s(
         bevel_rad: bevel of the walls.
 
     Raises:
-        WhiskerError: an error that is not positive.
+        WhiskerError: the allowed error is not positive.
     """
     require_positive(WhiskerError, allowed_error=allowed_error)
 
     cost = partial(speed_cost, whisker, touch, character_height_mm=character_height_mm, bevel_rad=bevel_rad)
 
-    def kept(speed: float) -> bool:
+    def is_allowed(speed: float) -> bool:
         return cost(speed_mm_s=speed).error <= allowed_error
 
-    # upwards from slow: beyond the first limit half a swing may hide the error by chance
+    # search upwards: beyond the first limit the ringing may cancel by chance
     slow, fast = _SLOWEST, _FIRST
-    while kept(fast):
+    while is_allowed(fast):
         slow, fast = fast, 1.25 * fast
         if fast > _FASTEST:
             return slow
     for _ in range(_HALVINGS):
         middle = math.sqrt(slow * fast)
-        slow, fast = (middle, fast) if kept(middle) else (slow, middle)
+        slow, fast = (middle, fast) if is_allowed(middle) else (slow, middle)
     return slow

@@ -33,7 +33,7 @@ def _kernel(first, last, h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flag
     one, zero = np.float32(1.0), np.float32(0.0)
     for i in range(first, last):
         beside = mu[i % mu.shape[0]]
-        each = 1 if beside.size == samples else 0  # of a map; otherwise one number for all
+        each = 1 if beside.size == samples else 0  # from a map; otherwise one number for all
         for j in range(samples):
             left, right = max(j - 1, 0), min(j + 1, samples - 1)
             p = (h[i, right] - h[i, left]) * inv_two_step
@@ -57,13 +57,13 @@ def trace_pointwise(
     preload_mm: float,
     friction: float | NDArray[np.float32],
 ) -> Traces:
-    """Moments of traces along the columns of a (lines, samples) field of heights, eqs. (11), (14), (16).
+    """Simulate traces along the columns of a (lines, samples) field of heights by eqs. (11), (14), (16).
 
     Args:
-        height_mm: dilated heights over the land under each sample, float32.
+        height_mm: dilated heights above the land at each sample, float32.
         tip: compliance and moment arm of the whisker.
-        step_mm: distance of neighbouring samples.
-        preload_mm: d0, how far below the land the force-free tip would run.
+        step_mm: distance between neighbouring samples.
+        preload_mm: d0, depth of the unloaded tip below the land.
         friction: one coefficient or one for each sample.
 
     Raises:

@@ -16,14 +16,13 @@ _NOTHING_MM = 1e-6
 def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:
     """Resample a map to a grid that suits steps of `target_mm`: interpolate if coarser, average if much finer.
 
-    Coarser maps are interpolated (bicubic) to the step itself or a little finer: slopes of a coarse grid
-    would be steps of their own. Maps finer than half the step are averaged in blocks. The top left sample's
-    centre stays where it was.
+    Coarser maps are interpolated (bicubic) to the step or slightly finer, because slopes of a coarse grid would have
+    steps. Maps finer than half the step are averaged in blocks. The centre of the top left sample stays in place.
 
     Args:
         height_map: the surface, (rows, cols).
-        friction: one coefficient, or a map of the same shape, which is brought along.
-        target_mm: step of the samples that will be taken, mm.
+        friction: one coefficient, or a map of the same shape, which is resampled, too.
+        target_mm: step of the scan's samples, mm.
 
     Raises:
         MapError: a map so coarse and wide that the fine grid would exceed the limit of samples.
@@ -50,7 +49,7 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
 
 
 def pad_soil(soil: Soil, samples: int) -> Soil:
-    """The dirt with its rim replicated outwards on all sides."""
+    """Extend the dirt on all sides by its edge values."""
     thickness, hardness, friction = (
         np.pad(a, samples, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction)
     )
@@ -60,14 +59,14 @@ def pad_soil(soil: Soil, samples: int) -> Soil:
 def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float) -> Soil:
     """Resample the dirt on a map to the grid of `fit_pitch`.
 
-    What lies below the dirt is brought along as the map is, and the thickness is what is left between: a cubic would
-    otherwise draw the edge of the dirt into the metal under it.
+    The surface below the dirt is resampled like the map, and the thickness is the difference; otherwise a cubic would
+    overshoot from the edge of the dirt into the metal.
 
     Args:
-        soil: on the grid of `top`.
-        top: the map as given.
-        fitted: the map as brought to its new grid.
-        target_mm: as given to `fit_pitch`.
+        soil: the dirt on the grid of `top`.
+        top: the original map.
+        fitted: the resampled map.
+        target_mm: as in `fit_pitch`.
     """
     if fitted is top:
         return soil
@@ -100,7 +99,7 @@ def _fit_beside(beside: Friction, factor: int, block: int) -> Friction:
     if not isinstance(beside, np.ndarray):
         return beside
     if factor > 1:
-        # linear: a cubic would swing below zero beside the rim of an oil patch
+        # linear, because a cubic would overshoot below zero beside an oil patch
         return _interpolate(beside, factor, order=1)
     return _average(beside, block) if block > 1 else beside
 
@@ -118,7 +117,7 @@ def _interpolate(values: NDArray[np.float32], factor: int, *, order: int) -> NDA
 
 
 def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    """Each sample's mask on the interpolated grid, centred on it."""
+    """The mask of each sample on the interpolated grid, centred on the sample."""
     half = factor // 2
     return np.repeat(np.repeat(mask, factor, axis=0), factor, axis=1)[half:, half:]
 

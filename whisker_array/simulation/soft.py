@@ -1,21 +1,21 @@
 r"""Dirt that yields under the tip: sinkage of a ball, in the pointwise fidelity and in general.
 
 The law of a ball indentation test: the dirt carries the mean pressure H on the ball's contact area 2 pi r s, so a
-ball of radius r pressed on with f_n sinks by s, and at most to where it stands on what lies below::
+ball of radius r pressed with f_n sinks by s, but no deeper than the bottom of the dirt::
 
                  s = f_n / kappa,   kappa = 2 pi r H            h = max(h_top - s, h_bottom)
       top  _____
-               |\_(  )___ h     track      h_top, h_bottom: what the ball would rest on if all were hard, or the
-      ____________________      bottom     dirt were not there; both dilated by the ball
+               |\_(  )___ h     track      h_top, h_bottom: heights of the ball if the dirt were hard, or
+      ____________________      bottom     missing; both dilated by the ball
 
-The dirt does not spring back: what the tip slides on is its own track h, and the slope that turns the contact force
-is the track's. In between top and bottom f_n = (d0 + h) / e, e = e_y.D11 (n - mu t) of eq. (7), and with it
+The dirt does not spring back: the tip slides on its own track h, whose slope sets the direction of the contact force.
+Between top and bottom f_n = (d0 + h) / e, e = e_y.D11 (n - mu t) of eq. (7), and with it
 
     s = (d0 + h_top) / (1 + kappa e),      grad h = (1 - phi) (grad h_top + s / kappa grad kappa),
     phi = 1 / (1 + kappa e)
 
-so a slope of the top is felt the less, the softer the dirt is against the whisker. Ploughing in front of the ball,
-and what it throws up, is left to the friction coefficient.
+so the softer the dirt is compared with the whisker, the less a slope of the top has an effect. Ploughing in front of
+the ball is part of the friction coefficient.
 """
 
 from __future__ import annotations
@@ -34,15 +34,16 @@ _ROUNDS = 6
 
 
 def indenting_radius_mm(tip_radius_mm: float, *, pitch_mm: float) -> float:
-    """Radius of the ball that sinks in: the tip's, but at least half a sample: a finer one is not resolved."""
+    """Radius of the ball that sinks in: the tip's radius, but at least half a sample, below which the grid resolves
+    none."""
     return max(tip_radius_mm, 0.5 * pitch_mm)
 
 
 def carrying_stiffness_n_per_mm(soil: Soil, *, tip_radius_mm: float, pitch_mm: float) -> NDArray[np.float32]:
     """kappa = 2 pi r H, normal force per depth of sinkage, (rows, cols).
 
-    H is the mean under the ball, weighted by thickness: a force is a pressure summed over its area, and clean metal
-    has no part in it.
+    H is the mean hardness under the ball, weighted by thickness, because the force is the pressure integrated over
+    the dirt's area; clean metal does not count.
     """
     radius = indenting_radius_mm(tip_radius_mm, pitch_mm=pitch_mm)
     hardness = soil.hardness_mpa
@@ -71,16 +72,16 @@ def sunken_heights(
     preload_mm: float,
     friction: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Heights under traces for the pointwise formula, all arrays (lines, samples).
+    """Compute heights under traces for the pointwise formula; all arrays are (lines, samples).
 
-    e depends on the slope of the track and that on e, weakly: a few rounds settle it at each sample by itself.
+    e depends on the slope of the track, and the slope weakly on e, so a few iterations per sample converge.
 
     Args:
-        top_mm: dilated heights of the dirt's top over the land.
-        bottom_mm: dilated heights of what is below.
+        top_mm: dilated heights of the dirt's top above the land.
+        bottom_mm: dilated heights of the surface below the dirt.
         stiffness_n_per_mm: kappa of the dirt.
         tip: compliance of the whisker.
-        step_mm: distance of neighbouring samples.
+        step_mm: distance between neighbouring samples.
         preload_mm: d0.
         friction: coefficient under each sample.
     """
@@ -97,14 +98,14 @@ def sunken_heights(
         give = np.maximum(give, LEAST_GIVE * d_yy)
         sinkage = reach / (1.0 + kappa * give)
         held = np.minimum(sinkage, thickness)
-        # held / f_n, which is 1 / kappa while the dirt carries, and stays bounded where it is pushed through
+        # held / f_n, which is 1 / kappa while the dirt carries, and stays bounded where the tip reaches the bottom
         per_force = held * give / np.maximum(reach - held, 1e-9)
         slope = (1.0 - 1.0 / (1.0 + kappa * give)) * (top_slope + held * per_force * kappa_slope)
     return np.asarray(np.maximum(top - sinkage, bottom_mm), dtype=np.float32)
 
 
 def _slope(values: NDArray[np.float64], step_mm: float) -> NDArray[np.float64]:
-    """Along the trace, central, one-sided at the ends."""
+    """Slope along the trace: central differences, one-sided at the ends."""
     if values.shape[1] < 2:
         return np.zeros_like(values)
     return np.asarray(np.gradient(values, step_mm, axis=1))

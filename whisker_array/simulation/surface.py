@@ -25,12 +25,13 @@ class TouchSurface(OneLine):
     """A surface ready to be traced, sample by sample, in the plate frame.
 
     Attributes:
-        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction; of what the
-            tip stands on, below all dirt that yields.
-        dropout: (rows, cols) bool: the height there was not measured and is filled from around.
+        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, and friction of the surface
+            below all soft dirt.
+        dropout: (rows, cols) bool: whether the height was not measured but filled from its surroundings.
         pitch_mm: grid pitch, mm.
-        yielding: (rows, cols, 7) float32, None where nothing yields: height and both slopes of the dirt's top, the
-            stiffness N/mm with which it carries the tip (`soft`), both slopes of that, and 1 where any of it is felt.
+        yielding: (rows, cols, 7) float32, None without soft dirt: height and both slopes of the dirt's top, the
+            stiffness N/mm with which it carries the tip (`soft`), both slopes of the stiffness, and 1 where dirt
+            affects the tip.
     """
 
     fields: NDArray[np.float32]
@@ -47,7 +48,7 @@ class TouchSurface(OneLine):
 def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Fill NaN from the nearest measured neighbours; returns the filled heights and where they were filled.
 
-    The nearest value, then a few local averages inside the holes only, so that a hole has no step at its rim.
+    Holes get the nearest value, and then a few local averages inside, so that there is no step at their rim.
     """
     dropout = np.isnan(z_mm)
     if not dropout.any():
@@ -66,7 +67,7 @@ def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
     """Check friction: one coefficient as a float, or a map as float32 of a given shape.
 
     Raises:
-        MapError: a map of another shape; negative or not finite anywhere.
+        MapError: a map of another shape, or a value that is negative or not finite.
     """
     mu = np.asarray(friction, dtype=np.float32)
     if mu.ndim > 0 and mu.shape != shape:
@@ -80,7 +81,7 @@ def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
     """Check that dirt lies on the grid of the height map.
 
     Raises:
-        MapError: it does.
+        MapError: the grids differ.
     """
     if soil.shape != shape:
         raise MapError(f"soil {soil.shape} does not fit the height map {shape}", hint="give both on one grid")
@@ -89,15 +90,15 @@ def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
 def prepare_surface(
     height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: Friction = 0.2, soil: Soil | None = None
 ) -> TouchSurface:
-    """Make a height map ready to be traced: fill, dilate by the tip, compute slopes, add the friction.
+    """Prepare a height map for tracing: fill dropouts, dilate by the tip, compute slopes, add the friction.
 
-    Where dirt yields, both its top and what lies below are dilated: the tip will stand somewhere in between.
+    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between.
 
     Args:
         height_map: the surface, (rows, cols).
         tip_radius_mm: ball radius at the whisker's tip, mm.
         friction: Coulomb coefficient, one number or a (rows, cols) map (oil lowers it in patches).
-        soil: dirt on the same grid, the height map being its top; its friction is not looked at here.
+        soil: dirt on the same grid, whose top is the height map; its friction is ignored here.
 
     Raises:
         MapError: a friction map of another shape, negative or not finite; soil of another shape.
@@ -130,7 +131,8 @@ def _dilated_fields(
 def fields_of(
     z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float
 ) -> NDArray[np.float32]:
-    """(rows, cols, 4) of heights: the heights, their slopes along columns and rows, and a map or (1, 1) beside."""
+    """Fields (rows, cols, 4): heights, their slopes along columns and rows, and the map or (1, 1) value
+    `beside`."""
     z, fields = np.asarray(z_mm, dtype=np.float32), np.empty((*z_mm.shape, 4), dtype=np.float32)
     fields[..., 0], fields[..., 3] = z, beside
     half = np.float32(0.5 / pitch_mm)
@@ -143,9 +145,9 @@ def fields_of(
 
 
 def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
-    """The surface in the *trace frame* of a direction: columns run the way the whisker is dragged.
+    """Return the surface in the *trace frame* of a direction, in which columns run the way the whisker is dragged.
 
-    Rows are then the lateral coordinate, in its plate order. A kernel written for +x serves all directions.
+    Rows are the lateral coordinate, in plate order. So a kernel written for +x serves all directions.
     """
     dropout = surface.dropout if direction.along_x else surface.dropout.T
     dropout = dropout[:, ::-1] if direction.backward else dropout
@@ -163,7 +165,7 @@ def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[n
     turned = fields if direction.along_x else fields.swapaxes(0, 1)
     turned = turned[:, ::-1] if direction.backward else turned
     out = np.empty(turned.shape, dtype=np.float32)
-    # slopes along the trace and across it are layers 1 and 2; of what lies on top of it 4 and 5
+    # slopes along and across the trace are layers 1 and 2, and for dirt on top layers 4 and 5
     of = (0, 1, 2, 3, 4, 5, 6) if direction.along_x else (0, 2, 1, 3, 5, 4, 6)
     for layer in range(fields.shape[2]):
         sign = np.float32(-1.0 if direction.backward and layer in (1, 4) else 1.0)
@@ -173,7 +175,7 @@ def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[n
 
 @inline_kernel
 def cell_of(fields, u, v):  # type: ignore[no-untyped-def]
-    """The cell of a place u columns and v rows into a grid, clamped at its rim, and the shares of its corners."""
+    """Cell of a position, u columns and v rows into a grid and clamped to it, and the weights of its corners."""
     u = min(max(u, 0.0), fields.shape[1] - 1.001)
     v = min(max(v, 0.0), fields.shape[0] - 1.001)
     c, r = int(u), int(v)
@@ -183,7 +185,7 @@ def cell_of(fields, u, v):  # type: ignore[no-untyped-def]
 
 @inline_kernel
 def bilinear(fields, cell, k):  # type: ignore[no-untyped-def]
-    """Layer k of some fields in a cell."""
+    """Interpolate layer k of the fields in a cell."""
     r, c, w00, w01, w10, w11 = cell
     above, below = w00 * fields[r, c, k] + w01 * fields[r, c + 1, k], fields[r + 1, c, k]
     return above + w10 * below + w11 * fields[r + 1, c + 1, k]
@@ -202,7 +204,8 @@ def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, h
 def sample_lines(
     surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Height, friction and dropout under every sample of parallel lines, each (lines, samples), bilinear."""
+    """Height, friction and dropout at every sample of parallel lines, each (lines, samples), by bilinear
+    interpolation."""
     height, mu = np.empty((2, lines_mm.size, n_samples), dtype=np.float32)
     missing = np.empty(height.shape, dtype=np.bool_)
     fields, dropout = read_only(surface.fields), read_only(surface.dropout)

@@ -12,7 +12,7 @@ import numba
 def in_threads(work: Callable[[int, int], None], rows: int) -> None:
     """Call work(first, last) for ranges that cover all rows, one for each thread that numba may use.
 
-    The work lets go of Python's lock, as kernels do, and rows know nothing of each other.
+    The work must release the GIL, as kernels do, and rows must be independent.
     """
     count = max(min(numba.get_num_threads(), rows), 1)
     if count == 1:

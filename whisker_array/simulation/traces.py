@@ -12,14 +12,14 @@ from glyphs.surface.display import OneLine
 
 
 class Fidelity(StrEnum):
-    """Fidelities of simulation (physics.md)."""
+    """Fidelities of simulation (docs/pages/physics.md)."""
 
     POINTWISE = "pointwise"
     CONTACT = "contact"
 
 
 class SampleFlag(IntFlag):
-    """Faults of one sample; 0 is a good one. Flagged moments are never used as if measured."""
+    """Faults of one sample; 0 is a good sample. Flagged moments are never used as measurements."""
 
     CONTACT_LOST = 1
     JAMMED = 2
@@ -39,8 +39,8 @@ _MESSAGES = {
     SampleFlag.JAMMED: "the tip jams on a wall (lower k = l2/l1, or the friction)",
     SampleFlag.OUT_OF_RANGE: "the signal left the converter's range (lower the gain or the preload)",
     SampleFlag.OUTSIDE: "the trace ran beyond the measured surface",
-    SampleFlag.DROPOUT: "the height there is a dropout, filled from around",
-    SampleFlag.NOT_CONVERGED: "the contact solver did not settle",
+    SampleFlag.DROPOUT: "the height there is a dropout, filled from its surroundings",
+    SampleFlag.NOT_CONVERGED: "the contact solver did not converge",
     SampleFlag.FAULTY: "the whisker or its wiring is faulty there (see its fault)",
 }
 

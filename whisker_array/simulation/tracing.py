@@ -1,4 +1,4 @@
-"""One sweep of a virtual scan: all its lines traced over the surface, by either fidelity, in the trace frame."""
+"""Trace all lines of a sweep over the surface, by either fidelity, in the trace frame."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def trace_sweep(
     fidelity: Fidelity,
     origin_mm: float,
     size_mm: tuple[float, float],
-    asked: SweepPlan | None = None,
+    commanded: SweepPlan | None = None,
 ) -> Traces:
-    """Trace one sweep over a padded surface that lies the way of its traces.
+    """Trace one sweep over a padded surface in its trace frame.
 
-    Lead-in and lead-out may run on the replicated rim; any other sample beyond the part is OUTSIDE.
+    Lead-in and lead-out may run on the repeated edge; any other sample beyond the part is OUTSIDE.
 
     Args:
-        oriented: in the trace frame of the sweep's direction (`orient`).
-        sweep: where the whiskers run.
+        oriented: surface in the trace frame of the sweep's direction (`orient`).
+        sweep: actual positions of the whiskers.
         touch: touch of these whiskers.
         fidelity: pointwise formula or frictional contact.
         origin_mm: plate coordinate of the padded surface's first sample, both axes.
         size_mm: size of the part itself, along x and y.
-        asked: where the whiskers were meant to run, which decides what is OUTSIDE; default: as they run.
+        commanded: commanded positions, which decide which samples are OUTSIDE; default: the actual ones.
 
     Returns:
         (passes * whiskers, samples), passes first.
@@ -47,11 +47,11 @@ def trace_sweep(
     if sweep.direction.backward:
         start = length - start
     lines = sweep.line_mm.ravel() - origin_mm
-    # half a thousandth of a step: places that rounding puts beyond the rim still stand on it
-    asked = sweep if asked is None else asked
-    slack = 5e-4 * asked.step_mm
+    # half a thousandth of a step, so that rounding puts no position beyond the edge
+    commanded = sweep if commanded is None else commanded
+    slack = 5e-4 * commanded.step_mm
     reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
-    across, along = asked.line_mm.ravel(), asked.position_mm()
+    across, along = commanded.line_mm.ravel(), commanded.position_mm()
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False

@@ -1,1 +1,1 @@
-"""The whisker: its shape, sections, compliance, enhancement factor and limits of validity, and arrays of it."""
+"""The whisker: shape, sections, compliance, enhancement factor and limits of validity; arrays of whiskers."""

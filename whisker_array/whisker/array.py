@@ -8,9 +8,9 @@ fill the gaps, and the array then moves on by W P to the next block::
       pass 1     |         |         |
       pass 2      |         |         |
 
-Whiskers wider than their pitch stand in several rows, staggered along the trace (`whisker_array.whisker.comb`). A
-second comb of whiskers, of another kind, may run on the same lines behind the first. The return of the stage may be
-used too: the array is then *pushed back* over the line it was dragged along.
+Whiskers wider than their pitch are in several rows, staggered along the trace (`whisker_array.whisker.comb`). A second
+comb with another kind of whisker may run on the same lines behind the first. The return of the stage may be used, too:
+the array is then *pushed back* over the lines that it was dragged along.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ ALL_DIRECTIONS = (
     TraceDirection.BACK_Y,
 )
 LINES_PER_HEIGHT = 40
-"""Traced lines across one character height by default: a stroke of h/10 is four lines wide."""
+"""Default number of lines per character height: a stroke of h/10 is four lines wide."""
 SAMPLES_PER_LINE_PITCH = 2
 SAFE_SPEED_MM_S = 50.0
-"""For the default whisker at any character height: the dynamic simulation finds the edge map of a stamped groove of 45
-degrees wrong by 2 %, at 81 mm/s by 5 % and at 162 mm/s by 20 % (`fastest_mm_s` of
+"""Safe speed of the default whisker for any character height. In the dynamic simulation of a stamped groove of 45
+degrees the error of the edge map is 2 % at this speed, 5 % at 81 mm/s and 20 % at 162 mm/s (`fastest_mm_s` of
 `whisker_array.simulation.dynamic_speed`)."""
 COMB_STEP_HEIGHTS = 0.1
-"""Rows stand a multiple of this behind each other, character heights: a whole number of samples of any usual plan."""
+"""Step of the distance between rows, character heights: a whole number of samples in all usual plans."""
 PITCH_TOLERANCE = 1e-3
-"""Tolerance of whisker pitch over line pitch about a whole number: a comb is not made more exactly."""
+"""Allowed deviation of whisker pitch over line pitch from a whole number: the accuracy of a comb's manufacture."""
 
 
 @dataclass(frozen=True)
 class WhiskerArray(Comb):
-    """A comb of equal whiskers, or several such combs one behind the other; its places are those of `Comb`.
+    """A comb of equal whiskers, or several such combs one behind the other; positions are those of `Comb`.
 
     Attributes:
-        body: space that a whisker takes; None: whiskers are points, as in a prediction.
+        body: space occupied by a whisker; None: whiskers are points, as in a prediction.
 
     Raises:
-        WhiskerError: an invalid number; whiskers that would touch.
+        WhiskerError: a number is invalid, or whiskers would touch.
     """
 
     body: Body | None = field(default=None, repr=False)
@@ -80,7 +80,7 @@ class WhiskerArray(Comb):
 
     @property
     def mass_g(self) -> float:
-        """Mass of whiskers and clamps without their carrier; 0 where whiskers are points."""
+        """Mass of whiskers and clamps without their carrier; 0 if whiskers are points."""
         return 0.0 if self.body is None else self.kinds * self.n_whiskers * self.body.mass_g
 
 
@@ -90,15 +90,15 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     Attributes:
         array: the comb of whiskers.
-        region_mm: (x0, y0, x1, y1) to be felt, plate frame.
-        line_pitch_mm: distance of traced lines.
-        sample_pitch_mm: distance of samples along a line.
+        region_mm: (x0, y0, x1, y1) to scan, plate frame.
+        line_pitch_mm: distance between traced lines.
+        sample_pitch_mm: distance between samples along a line.
         directions: trace directions, in the order they are run.
         speed_mm_s: speed of the stage while tracing.
-        lead_mm: run-in and run-out on land, before and after the region.
+        lead_mm: lead-in and lead-out on land, before and after the region.
         air_samples: samples taken with the array lifted before each pass, for the offsets.
         turnaround_s: time to lift, move and set down between passes.
-        two_way: every pass is felt again on its return, pushed.
+        two_way: whether every pass is traced again on its return, pushed.
     """
 
     array: WhiskerArray
@@ -124,27 +124,27 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         lines = self.array.pitch_mm / self.line_pitch_mm
         if self.array.n_whiskers > 1 and abs(lines - self.interlace) > PITCH_TOLERANCE:
             raise WhiskerError(
-                (f"whiskers {self.array.pitch_mm} mm apart cannot lay lines {self.line_pitch_mm} mm apart"),
+                f"whiskers {self.array.pitch_mm} mm apart cannot trace lines {self.line_pitch_mm} mm apart",
                 hint=f"it must divide the whisker pitch, as {self.array.pitch_mm / self.interlace:.6g} does",
             )
         samples_behind(self.array.offset_mm, self.sample_pitch_mm)
 
     @property
     def interlace(self) -> int:
-        """Passes needed to fill the gap between neighbouring whiskers."""
+        """Number of passes that fill the gap between neighbouring whiskers."""
         return max(1, math.ceil(self.array.pitch_mm / self.line_pitch_mm - 1e-9))
 
     @property
     def sample_rate_hz(self) -> float:
-        """Rate at which the converter must run."""
+        """Sample rate of the converter."""
         return self.speed_mm_s / self.sample_pitch_mm
 
     def sweeps(self) -> tuple[SweepPlan, ...]:
-        """The passes of every direction, dragged, and then those pushed back."""
+        """The passes of every direction, dragged, then those pushed back."""
         return tuple(replace(first.sweep_plan(), line_mm=line_mm) for first, line_mm in self._ways())
 
     def passes(self) -> tuple[Pass, ...]:
-        """The travels of the array, one by one, in the order they are run."""
+        """The single passes of the array, in the order in which they are run."""
         return tuple(
             replace(first, line_mm=tuple(lines))
             for first, line_mm in self._ways()
@@ -152,7 +152,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         )
 
     def _ways(self) -> Iterator[tuple[Pass, NDArray[np.float64]]]:
-        """First pass and (passes, whiskers) lines of every direction, dragged, and then of those pushed back."""
+        """First pass and lines (passes, whiskers) of every direction, dragged, then of those pushed back."""
         x0, y0, x1, y1 = self.region_mm
         ways = [(direction, False) for direction in self.directions]
         if self.two_way:
@@ -175,7 +175,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
             yield first, line_mm
 
     def _lines_mm(self, low: float, high: float) -> NDArray[np.float64]:
-        """(passes, whiskers) lines from one coordinate across the trace to another, block by block, interlaced."""
+        """Lines (passes, whiskers) between two coordinates across the trace, block by block, interlaced."""
         n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
         whiskers = self.array.n_whiskers
         per_block = whiskers * self.interlace
@@ -186,25 +186,26 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     @property
     def n_samples(self) -> int:
-        """Samples of the whole scan: passes x whiskers x (air + touching) over all directions."""
+        """Number of samples of the whole scan: passes x whiskers x (air + touching) over all directions."""
         return sum(s.line_mm.size * (s.n_samples + self.air_samples) for s in self.sweeps())
 
     @property
     def n_passes(self) -> int:
-        """Travels of the array."""
+        """Number of passes of the array."""
         return sum(s.line_mm.shape[0] for s in self.sweeps())
 
     @property
     def scan_time_s(self) -> float:
-        """Time of the whole scan: the sum over its passes; those of one sweep take the same time."""
+        """Time of the whole scan."""
         return math.fsum(len(line_mm) * first.stage_s for first, line_mm in self._ways())
 
 
 def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int = 1) -> WhiskerArray:
-    """Default whiskers in one row, as close as their ribbons allow in half character heights: one height apart.
+    """Default whiskers in one row, as close as their ribbons allow in steps of half a height: one character height
+    apart.
 
-    For the default plan that is the quickest of what can be built of them: at half a height they stand in two rows
-    a whole whisker apart, and every pass is longer by that. A second kind stands behind the first.
+    For the default plan this is the quickest comb: at half a height whiskers are in two rows a whole whisker apart,
+    which lengthens every pass. A second kind is behind the first.
     """
     body, step = default_body(character_height_mm), COMB_STEP_HEIGHTS * character_height_mm
     half = 0.5 * character_height_mm
@@ -228,11 +229,10 @@ def default_plan(
     two_way: bool = False,
     lines_per_height: int = LINES_PER_HEIGHT,
 ) -> RasterPlan:
-    """A raster scaled to the character height: 40 lines per character with the default comb.
+    """Return a raster scaled to the character height, by default with 40 lines per height and the default comb.
 
-    Samples are always as close as for 40 lines: they cost no stage time.
-
-    The default speed is 10 character heights a second, but no more than `SAFE_SPEED_MM_S`.
+    The sample pitch is always that for 40 lines, because samples cost no stage time. The default speed is 10 character
+    heights per second, but at most `SAFE_SPEED_MM_S`.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     line_pitch = character_height_mm / lines_per_height

@@ -8,7 +8,7 @@
                         `->o tip, f, m
 
 so that D = sum over the segments of the integral of G^T C G du with G = ([r]x, I), plus the axial term
-L/(EA) a a^T. Euler-Bernoulli: shear, rotary and warping terms are left out. Units: N, mm, rad.
+L/(EA) a a^T. Euler-Bernoulli beams: shear, rotary and warping terms are left out. Units: N, mm, rad.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Segment(OneLine):
         return np.array([along, lateral, [y * w - z * v, z * u - x * w, x * v - y * u]])
 
     def section_at(self, t: float) -> Section:
-        """The section at the share t of the length, 0 = start."""
+        """Return the section at the share t of the length, 0 = start."""
         if isinstance(self.section, Taper):
             return self.section.start.blend(self.section.end, t)
         return self.section
@@ -127,7 +127,8 @@ class Segment(OneLine):
 
 
 def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
-    """Quadratures over [0, 1], coarse to fine: points and weights. One is exact for a constant section."""
+    """Quadratures over [0, 1], coarse to fine: points and weights. For a constant section there is one, which is
+    exact."""
     if not isinstance(segment.section, Taper):
         yield np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
         return
@@ -152,7 +153,7 @@ def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: 
 
 
 def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
-    """Share of one segment in D; a taper is refined until its blocks converge."""
+    """Contribution of one segment to D; a taper is refined until its blocks converge."""
     previous: Matrix | None = None
     for t, weight in _rules(segment):
         d = _integrate(segment, tip, t, weight, axial)
@@ -175,7 +176,7 @@ def check_chain(segments: Sequence[Segment]) -> None:
     """Check that the segments follow each other, base to tip.
 
     Raises:
-        WhiskerError: no segment at all, or a gap between one's end and the next one's start.
+        WhiskerError: no segment, or a gap between a segment's end and the start of the next.
     """
     if not segments:
         raise WhiskerError("a chain needs at least one segment")
@@ -193,7 +194,7 @@ def require_plane(error: type[MarksError], points_mm: Matrix) -> None:
     """Check that the points (n, 3) of a whisker lie in the plane of tracing.
 
     Raises:
-        MarksError: (as `error`) they do not.
+        MarksError: (as `error`) the points do not lie in one plane.
     """
     if np.ptp(points_mm[:, 2]) > 1e-9 * np.abs(points_mm - points_mm[0]).max():
         raise error("the whisker leaves the plane of tracing", hint="give a chain with one z for all points")
@@ -203,9 +204,9 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     """Compliance D of eqs. (1) and (2) at the tip of a chain clamped at its base.
 
     Args:
-        segments: base to tip, each beginning where the one before ends.
-        axial: keep the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without it a
-            straight whisker's D11 is singular.
+        segments: base to tip; each begins at the end of the one before.
+        axial: whether to include the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without
+            it a straight whisker's D11 is singular.
 
     Returns:
         (6, 6) float64, symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per

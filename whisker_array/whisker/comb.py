@@ -1,16 +1,16 @@
-"""Space in a comb: whiskers as bodies, bent and unbent, and the distance of rows at which none touch.
+"""Space in a comb: whiskers as bodies, bent and unbent, and the distance between rows at which none touch.
 
-Seen from above, traced to the right; whisker i stands in row i mod rows, each row one stagger behind the last::
+Seen from above, traced to the right; whisker i is in row i mod rows, each row one stagger behind the last::
 
     row 1        row 0                     lateral
-    |==o 1=====] |                         neighbours in a row: rows x pitch apart, at least
-                 |==o 0=====]                 width + what both bend sideways + gap
+    |==o 1=====] |                         neighbours in a row are rows x pitch apart, at least
+                 |==o 0=====]                 width + sideways bend of both + gap
     |==o 3=====] |                         others overlap sideways: in the plane of tracing every two
-                 |==o 2=====]                 must be clear, one bent and the other not, clamp included
+                 |==o 2=====]                 must be clear, one bent and one unbent, clamps included
     '--stagger---'
 
-Inclined whiskers (beta > 0) lie over one another like roof tiles: l1 are parallel, stagger x sin(beta) apart. Level
-ones (beta = 0) all lie at one height, so that a row begins only behind the tips of the row in front.
+Inclined whiskers (beta > 0) overlap like roof tiles: their l1 are parallel, stagger x sin(beta) apart. Level whiskers
+(beta = 0) are all at one height, so that a row begins only behind the tips of the row in front.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(OneLine, Validated, error=WhiskerError):
-    """Space that a whisker takes.
+    """Space occupied by a whisker.
 
     Attributes:
-        width_mm: across the trace, the widest section.
-        thickness_mm: in the plane of tracing.
+        width_mm: greatest width across the trace.
+        thickness_mm: greatest thickness in the plane of tracing.
         aside_mm: greatest sideways bend in use.
-        shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and bent the most.
+        shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and at the greatest bend.
         clamp_mm: (length ahead of the base, half height).
         mass_g: mass of the whisker and its clamp.
 
@@ -74,11 +74,11 @@ class Body(OneLine, Validated, error=WhiskerError):
 
     @property
     def in_file_mm(self) -> float:
-        """A stagger at which whiskers of any shape stand one behind the other."""
+        """Stagger at which rows are fully behind each other, for any shape of whisker."""
         return self.reach_mm + self.thickness_mm + GAP_MM
 
     def scaled(self, factor: float) -> Body:
-        """The body enlarged by a factor; its clearance stays the same."""
+        """Return the body enlarged by a factor; the clearance GAP_MM does not change."""
         return Body(
             width_mm=factor * self.width_mm,
             thickness_mm=factor * self.thickness_mm,
@@ -90,13 +90,13 @@ class Body(OneLine, Validated, error=WhiskerError):
 
     @cached_property
     def _outlines(self) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
-        """Its shapes and its clamp with a point every thickness, cached for hundreds of distances."""
+        """Shapes and clamp with a point every thickness, cached for hundreds of distances."""
         x, y = self.clamp_mm
         block = np.array([(0.0, -y), (0.0, y), (x, y), (x, -y), (0.0, -y)])
         return tuple(_dense(s, self.thickness_mm) for s in self.shapes_mm), _dense(block, self.thickness_mm)
 
     def clear_mm(self, behind_mm: float) -> float:
-        """Clearance in the plane of tracing to the same whisker behind it, the least of bent and unbent; <= 0: none."""
+        """Least clearance, bent or unbent, in the plane of tracing to the same whisker behind it; <= 0: none."""
         lines, box = self._outlines
         half = 0.5 * self.thickness_mm
         if any(_within(a, self.clamp_mm, -behind_mm) for a in lines):
@@ -128,7 +128,7 @@ def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
 
 
 def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: float) -> bool:
-    """Whether a line runs through the clamp of a whisker that stands at_mm along the trace."""
+    """Whether a line runs through the clamp of a whisker at `at_mm` along the trace."""
     x, y = line[:, 0] - at_mm, line[:, 1]
     return bool(((x > 0.0) & (x < clamp_mm[0]) & (np.abs(y) < clamp_mm[1])).any())
 
@@ -136,10 +136,10 @@ def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: flo
 def bent_the_most(
     whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION, burr: float = 0.1
 ) -> NDArray[np.float64]:
-    """(n, 2) the elastica on land, lifted by the preload and by burrs (`burr` preloads high), from the clamp, mm.
+    """Line of the elastica on land, (n, 2) mm from the clamp, lifted by the preload and by burrs `burr` preloads high.
 
     Raises:
-        WhiskerError: a lift that the whisker cannot have.
+        WhiskerError: an impossible lift.
     """
     try:
         bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + burr), mu=mu).shape_mm
@@ -149,13 +149,12 @@ def bent_the_most(
 
 
 def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION) -> Body:
-    """A whisker as a body: at rest, and bent the most.
+    """Compute the body of a whisker, at rest and at the greatest bend.
 
-    Sideways the tip bends by what the steepest wall along the trace pushes:
-    f_n tan(60 deg) Dzz, f_n = d0 / Dyy (`TipModel`).
+    The steepest wall along the trace bends the tip sideways by f_n tan(60 deg) Dzz, f_n = d0 / Dyy (`TipModel`).
 
     Raises:
-        WhiskerError: a preload not positive, or a lift that the whisker cannot have.
+        WhiskerError: the preload is not positive, or the lift is impossible.
     """
     require_positive(WhiskerError, preload_mm=preload_mm)
     return _body(whisker, preload_mm, bent_the_most(whisker, preload_mm=preload_mm, mu=mu))
@@ -169,15 +168,15 @@ def _body(
     steepest: float = math.sqrt(3.0),
     clamp_thicknesses: float = 4.0,
 ) -> Body:
-    """A whisker as a body.
+    """Compute the body of a whisker.
 
     Args:
-        whisker: at rest.
+        whisker: the whisker.
         preload: d0, mm.
-        bent: its line when bent the most.
+        bent: its line at the greatest bend.
         steepest: tangent of the steepest wall that pushes the tip sideways, 60 degrees.
-        clamp_thicknesses: half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as
-            wide as the whisker.
+        clamp_thicknesses: half the height of the clamp, thicknesses of the whisker; the clamp is as long as high,
+            and as wide as the whisker.
     """
     segments = whisker.segments()
     rest = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
@@ -202,16 +201,16 @@ def _body(
 
 @cache
 def _unit_body() -> Body:
-    # kept, because every reader needs it and the solver takes a quarter of a second to load
+    # from a file, because every reader needs it and the solver takes 0.25 s to load
     bent = np.array(json.loads(DEFAULT_BENT.read_text(encoding="utf-8"))["shape_mm"])
     return _body(default_whisker(1.0), default_preload_mm(1.0), bent)
 
 
 def default_body(character_height_mm: float) -> Body:
-    """The default whisker, with all sizes in proportion to the character height.
+    """Return the body of the default whisker, whose sizes scale with the character height.
 
     Raises:
-        WhiskerError: a height that is not positive.
+        WhiskerError: the height is not positive.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     return _unit_body().scaled(character_height_mm)
@@ -222,15 +221,15 @@ AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
 
 @dataclass(frozen=True)
 class Comb(Validated, error=WhiskerError):
-    """Places of whiskers, in one comb or several, one behind the other.
+    """Positions of whiskers, in one comb or several, one behind the other.
 
     Attributes:
-        n_whiskers: whiskers in one comb.
-        pitch_mm: lateral distance of neighbouring whiskers.
-        rows: staggered rows of one comb: whisker i stands in row i mod rows.
-        stagger_mm: distance of neighbouring rows along the trace.
-        kinds: combs, each of whiskers of one kind; all run on the same lines, and every sample is labelled with the
-            place of its own tip.
+        n_whiskers: number of whiskers in one comb.
+        pitch_mm: lateral distance between neighbouring whiskers.
+        rows: number of staggered rows of one comb: whisker i is in row i mod rows.
+        stagger_mm: distance between neighbouring rows along the trace.
+        kinds: number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
+            with the position of its own tip.
 
     Raises:
         WhiskerError: an invalid number.
@@ -248,16 +247,16 @@ class Comb(Validated, error=WhiskerError):
 
 
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
-    """Least number of rows at which the whiskers of a row do not touch."""
+    """Smallest number of rows at which the whiskers of a row do not touch."""
     return min(n_whiskers, max(1, math.ceil(body.side_room_mm / pitch_mm - 1e-9)))
 
 
 def collisions(body: Body, comb: Comb) -> str:
-    """The first two whiskers that would touch, in words; empty if none do.
+    """Describe the first two whiskers that would touch; empty if none do.
 
     Args:
-        body: space that every whisker takes.
-        comb: where they stand.
+        body: space occupied by every whisker.
+        comb: positions of the whiskers.
     """
     in_row, several = comb.rows * comb.pitch_mm, comb.n_whiskers > comb.rows
     if several and in_row < body.side_room_mm:
@@ -266,7 +265,7 @@ def collisions(body: Body, comb: Comb) -> str:
             f"they need {body.side_room_mm:.3g} mm"
         )
     for apart in range(1, comb.rows * comb.kinds):
-        # rows a whole comb apart run on the same lines
+        # rows that are a whole comb apart run on the same lines
         beside, behind_mm = apart % comb.rows, apart * comb.stagger_mm
         lateral = min(beside, comb.rows - beside if several else beside) * comb.pitch_mm
         if lateral >= body.side_room_mm or behind_mm >= body.in_file_mm:
@@ -275,21 +274,21 @@ def collisions(body: Body, comb: Comb) -> str:
         if air < GAP_MM:
             return (
                 f"rows {behind_mm:.3g} mm one behind the other leave {max(air, 0.0):.2g} mm of air between "
-                f"a bent whisker and one that is not, and need {GAP_MM:g} mm"
+                f"a bent whisker and one that is not; {GAP_MM:g} mm are needed"
             )
     return ""
 
 
 def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
-    """Least distance of neighbouring rows, a whole number of steps, at which none touch; 0 for one row.
+    """Smallest distance between neighbouring rows, in whole steps, at which none touch; 0 for one row.
 
     Args:
-        body: space that every whisker takes.
-        comb: where they stand, whatever its stagger.
-        step_mm: between the distances tried.
+        body: space occupied by every whisker.
+        comb: positions of the whiskers; its stagger is ignored.
+        step_mm: step of the distances tried.
 
     Raises:
-        WhiskerError: whiskers of one row touch already.
+        WhiskerError: whiskers of one row touch.
     """
     if comb.n_whiskers > comb.rows and comb.rows * comb.pitch_mm < body.side_room_mm:
         enough = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)

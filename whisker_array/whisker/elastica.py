@@ -1,19 +1,19 @@
 """The exact bent shape of a planar whisker (the elastica), to judge the linear beam of Assumption 1.
 
-An inextensible Kirchhoff rod, geometrically exact in the plane of tracing, clamped at its base, its corners
-rigid. The surface holds the tip at a given height; the direction of the contact force is given too, its size
-is sought. With p(s) the bent line, psi(s) its rotation out of the unbent shape (psi is continuous at a corner)::
+An inextensible Kirchhoff rod, geometrically exact in the plane of tracing, clamped at its base, with rigid corners. The
+height of the tip and the direction of the contact force are given; the size of the force is unknown. With p(s) the bent
+line and psi(s) its rotation from the unbent shape (psi is continuous at a corner)::
 
     y ^     .--o clamp            EI psi' = (p_tip - p) x f,   f = f_n R(alpha) a        (8)-(10)
       |  ,-'                      p' = (cos, sin)(theta_rest + psi)
       | o    s: clamp to tip      psi = 0 at the clamp,  e_y.(p_tip - p_tip at rest) = lift
       |  \\
-      |   o  ^ f                  linear beam: the arm (p_tip - p) and p' taken at rest, to first order in psi
+      |   o  ^ f                  linear beam: the arm (p_tip - p) and p' at rest, to first order in psi
       +---------------------> x
 
-Made dimensionless with the whole length L, the lift and the linear normal force: the unknowns stay near one
-at any lift, and at lift / L -> 0 the system *is* the linear one. Ball radius and stretching are left out, and
-so they are in the linear beam compared with it (axial=False; the axial term would change its force by 2e-6).
+The equations are made dimensionless by the whole length L, the lift and the linear normal force, so that the unknowns
+stay near one at any lift, and for lift / L -> 0 the system *is* the linear one. Ball radius and stretching are left out
+here and in the linear beam for comparison (axial=False; the axial term would change its force by 2e-6).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from whisker_array.whisker.sections import Taper
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
-"""Limits of a load step: greatest lift in whole lengths, greatest rotation, least share of the first step."""
+"""Limits of a load step: greatest lift in whole lengths, greatest rotation, smallest share of the first step."""
 _TOLERANCE = 1e-7
 """Relative residual of the equations for solve_bvp; force and tip are then exact to 2e-8."""
 _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
-"""Nodes at first in each segment; most nodes in all segments (at least 100 in each); points of the bent line."""
+"""Initial nodes per segment; most nodes in all segments (at least 100 in each); points of the bent line."""
 
 
 class ElasticaError(MarksError):
@@ -47,14 +47,14 @@ class ElasticaError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LargeDeflection(OneLine, Validated, error=ElasticaError):
-    """Exact solution of a whisker whose tip is held up.
+    """Exact solution for a whisker whose tip is held at a height.
 
     Attributes:
         force_n: (3,) float64, contact force on the tip, world axes, N; read-only.
         moment_n_mm: moment about the lateral axis at the sensor, N mm, with the arm from the sensor to the
             *deformed* tip; signs as `enhancement.moment_n_mm` (negative on the land).
-        tip_shift_mm: (3,) float64, from the force-free tip to the deformed one, world axes, mm; read-only.
-            Away from the base is negative x.
+        tip_shift_mm: (3,) float64, from the unloaded tip to the deformed one, world axes, mm; read-only. Away from the
+            base is negative x.
         shape_mm: (n, 2) float64, the bent whisker from clamp to tip, (x, y) from the clamp, mm; read-only.
 
     Raises:
@@ -78,8 +78,8 @@ class LinearError:
     Attributes:
         lift_mm: height of the tip above its free position, mm.
         force: (linear - exact) / exact of the contact force.
-        moment: (linear - exact) / exact of the moment at the sensor. The linear one has the arm to the
-            force-free tip, as (13) has it; the errors of force and arm cancel in part.
+        moment: (linear - exact) / exact of the moment at the sensor. The linear moment has the arm to the
+            unloaded tip, as in (13); the errors of force and arm partly cancel.
         shift_mm: linear minus exact shift of the tip along x, mm.
     """
 
@@ -90,13 +90,13 @@ class LinearError:
 
     @property
     def worst(self) -> float:
-        """The larger of the shares of force and moment, without sign."""
+        """The larger absolute error of force and moment."""
         return max(abs(self.force), abs(self.moment))
 
 
 @dataclass(frozen=True)
 class _Rod:
-    """The n segments at rest and the direction of the load; lines seen from the tip, in whole lengths."""
+    """The n segments at rest and the direction of the load; lines relative to the tip, in whole lengths."""
 
     segments: tuple[Segment, ...]
     length_mm: float
@@ -142,9 +142,9 @@ def _rod(whisker: Whisker, *, mu: float, alpha_rad: float) -> _Rod:
 def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) -> Any:
     """solve_bvp at one lift; bend = lift / L.
 
-    The state, (3 n, nodes): rotations psi / bend, then shifts in x and in y *seen from the shifted tip*, over
-    the lift. The one parameter: force over the linear force. 3 n + 1 conditions: no rotation at the clamp,
-    the clamp one lift below the tip, no shift at the tip, every corner whole.
+    The state (3 n, nodes) is rotations psi / bend, then shifts in x and in y *relative to the shifted tip*, over the
+    lift. The only parameter is the force over the linear force. The 3 n + 1 conditions are: no rotation at the clamp,
+    the clamp shifted one lift down relative to the tip, no shift at the tip, continuity at every corner.
     """
     from scipy.integrate import solve_bvp
 
@@ -177,7 +177,7 @@ def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) ->
         a, b = first.reshape(3, n), last.reshape(3, n)
         return np.concatenate([[a[0, 0], a[2, 0] + 1.0, b[1, -1], b[2, -1]], (a[:, 1:] - b[:, :-1]).ravel()])
 
-    with np.errstate(all="ignore"):  # a failed Newton step overflows; `success` tells
+    with np.errstate(all="ignore"):  # a failed Newton step overflows; `success` shows it
         return solve_bvp(
             slope, ends, mesh, guess, [force], fun_jac=slope_derivatives, tol=_TOLERANCE,
             max_nodes=max(100, _MAX_NODES // n),
@@ -185,10 +185,11 @@ def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) ->
 
 
 def _follow(rod: _Rod, target: float) -> Any:
-    """From the linear beam up to lift / L = target, in load steps.
+    """Solve from the linear beam up to lift / L = target, in load steps.
 
-    The first guess is the unloaded rod: the first Newton step from there is the linear solution. A step holds
-    when it converges near the last one in force (over the linear one) and shape: no snapping to another branch.
+    The first guess is the unloaded rod, from which the first Newton step is the linear solution. A step is accepted
+    if it converges near the last one in force (over the linear force) and shape, so that it does not jump to another
+    branch.
     """
     n = len(rod.segments)
     mesh, guess, force = np.linspace(0.0, 1.0, _FIRST_NODES), np.zeros((3 * n, _FIRST_NODES)), 0.0
@@ -213,7 +214,7 @@ def _follow(rod: _Rod, target: float) -> Any:
 
 
 def _shape(rod: _Rod, found: Any, lift_mm: float) -> Matrix:
-    """(points, 2) the bent line seen from the clamp, mm; corners once."""
+    """The bent line (points, 2) relative to the clamp, mm, with every corner once."""
     n = len(rod.segments)
     t = np.linspace(0.0, 1.0, max(2, math.ceil(_SHAPE_POINTS / n)) + 1)
     shift = found.sol(t).reshape(3, n, -1)[1:]
@@ -225,17 +226,17 @@ def _shape(rod: _Rod, found: Any, lift_mm: float) -> Matrix:
 def large_deflection(
     whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad: float = 0.0
 ) -> LargeDeflection:
-    """The exact force, moment and shape of a whisker whose tip the surface holds up: (11), (13) unlinearised.
+    """Compute the exact force, moment and shape of a whisker on a surface: (11) and (13) without linearisation.
 
     Args:
         whisker: any whisker that lies in the plane of tracing.
-        lift_mm: d0 + h, how far the tip is held above its force-free place, mm, positive.
+        lift_mm: d0 + h, height of the tip above its unloaded position, mm, positive.
         mu: friction coefficient.
         alpha_rad: intersection angle of the surface, rad.
 
     Raises:
-        ElasticaError: lift not positive, out of the whisker's reach or without a solution; a whisker that
-            jams or leaves the plane.
+        ElasticaError: the lift is not positive, out of the whisker's reach or without a solution, or the whisker jams
+            or leaves the plane.
         WhiskerError: alpha or mu out of range.
     """
     return _bend(_rod(whisker, mu=mu, alpha_rad=alpha_rad), lift_mm)
@@ -245,7 +246,7 @@ def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
     require_positive(ElasticaError, lift_mm=lift_mm)
     if not abs(height := lift_mm - float(rod.start[1, 0, 0]) * rod.length_mm) < rod.length_mm:
         raise ElasticaError(
-            (f"the tip cannot be {height:g} mm over the clamp of a whisker {rod.length_mm:g} mm long"),
+            f"the tip cannot be {height:g} mm above the clamp of a whisker {rod.length_mm:g} mm long",
             hint="lower the lift",
         )
     found = _follow(rod, lift_mm / rod.length_mm)
@@ -256,12 +257,13 @@ def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
 
 
 def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad: float = 0.0) -> LinearError:
-    """Compute the errors of the linear beam of (7), (11), (13) at a lift, against `large_deflection`.
+    """Compute the errors of the linear beam of (7), (11), (13) at a lift, relative to `large_deflection`.
 
-    To first order, without friction on the land, an L-shaped whisker with beta = 0 is wrong by 3.375 k lift / l1
-    in force and 1.875 k lift / l1 in moment (its tip arm swings out); a straight one only by (lift / l)^2.
+    To first order, without friction on the land, the error of an L-shaped whisker with beta = 0 is 3.375 k lift / l1 in
+    force and 1.875 k lift / l1 in moment (its tip arm swings out); that of a straight whisker is only of order
+    (lift / l)^2.
 
-    Args and raises as `large_deflection`; ElasticaError too where the exact moment vanishes.
+    Arguments and errors are those of `large_deflection`; also raises ElasticaError where the exact moment vanishes.
     """
     rod = _rod(whisker, mu=mu, alpha_rad=alpha_rad)
     exact = _bend(rod, lift_mm)
@@ -282,7 +284,8 @@ def _over(moment_n_mm: float, exact: LargeDeflection) -> float:
 def enhancement_exact(whisker: Whisker, *, preload_mm: float, alpha_rad: float, mu: float) -> float:
     """F of (15) and (16) with both states exact: moment on the slope over that on the land, same tip height.
 
-    Unlike (16) it depends on the preload; it tends to (16) as the preload vanishes. Raises as `linear_error`.
+    Unlike (16) it depends on the preload; it tends to (16) as the preload vanishes. Errors are those of
+    `linear_error`.
     """
     slope = large_deflection(whisker, lift_mm=preload_mm, mu=mu, alpha_rad=alpha_rad)
     return _over(slope.moment_n_mm, large_deflection(whisker, lift_mm=preload_mm, mu=mu))

@@ -11,23 +11,23 @@
 
 Angles in rad, forces in N, lengths in mm, moments in N mm. F itself has no unit.
 
-    (7)          e_y . D11 f = d0 + h: the surface imposes the tip's height; D11 is `TipModel.compliance_mm_per_n`
+    (7)          e_y . D11 f = d0 + h: the surface sets the tip's height; D11 is `TipModel.compliance_mm_per_n`
     (8) to (10)  f = f_n R a: `rotation`, `contact_direction`, `contact_force`
-    (11)         f_n of a height and a slope: `normal_force_n`
+    (11)         f_n at a height and a slope: `normal_force_n`
     (13), (14)   m = s3 . T1 f: `moment_n_mm`, `land_moment_n_mm`; s3 . T1 is `TipModel.moment_arm_mm`
     (15), (16)   F, the moment on a slope over that on the land: `enhancement_factor`, `moment_ratio` for arrays
     (17), (18)   straight whisker: D11 = l^3 / (3 E I) n n^T, so F = 1
-    (19) to (21) L-shaped whisker: its D11 (the print of (20) is wrong in two terms) and T1
+    (19) to (21) L-shaped whisker: its D11 ((20) is misprinted in two terms) and T1
     (22)         L-shaped whisker, o = (l2 - l3) / l1, c and s of the setting angle:
                  F = [c - (s + o) g(alpha)] / [c - (s + o) g(0)]
                    . [c - (s + 1.5 k) g(0)] / [c - (s + 1.5 k) g(alpha)]
     (23)         g = (tan(alpha) - mu) / (1 + mu tan(alpha)) = tan(alpha - atan(mu)), the lean of the force
     (24)         beta = 0, l3 = l2: F = [1 - 1.5 k g(0)] / [1 - 1.5 k g(alpha)]
-    (25), (26)   the same with h = -g, which is 0/0 in form at alpha = 0
+    (25), (26)   the same with h = -g, which has the form 0/0 at alpha = 0
     (27)         mu = 0: F = 1 / (1 - 1.5 k tan(alpha)), singular at tan(alpha) = 2 / (3 k)
 
 `beam` integrates any chain of segments, so (17) to (27) are not computed here; the tests compare with them
-(`tests/support/paper.py`, where the corrected (20) stands in full).
+(`tests/support/paper.py`, which has the corrected (20) in full).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 def jam_error(error: type[MarksError], alpha_rad: float, mu: float) -> MarksError:
-    """Make the error of a whisker whose contact force cannot lift its tip."""
+    """Return the error for a whisker whose contact force cannot lift its tip."""
     what = (
         f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the tip"
     )
@@ -81,8 +81,7 @@ def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDAr
 def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.0, mu: float) -> float:
     """Eqs. (7) and (11): the normal force at which the tip is at the height of the surface, N.
 
-    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is how far the surface holds the tip above its
-    free path.
+    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is the height of the tip above its unloaded path.
 
     Raises:
         WhiskerError: the whisker jams: no force within the friction cone lifts the tip.
@@ -96,7 +95,7 @@ def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.
 def moment_n_mm(force_n: ArrayLike, tip_model: TipModel) -> float:
     """Eq. (13), with (10) also (14): m = s3 . T1 f, the moment at the sensor about the lateral axis, N mm.
 
-    The tip pushed up behind the base gives a negative moment on the land.
+    The moment on the land is negative, because the tip is behind the base and pushed up.
     """
     return float(tip_model.moment_arm_mm @ np.asarray(force_n, dtype=np.float64))
 
@@ -136,7 +135,7 @@ def _lift_and_turn(
 
 
 def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.float64]:
-    """Eq. (16) for whole arrays: F at the surface slope dh/dx = -tan(alpha) along the trace.
+    """Eq. (16) for arrays: F at the surface slope dh/dx = -tan(alpha) along the trace.
 
     Args:
         slope: dh/dx, any shape, dimensionless; positive where the surface rises ahead of the tip.
@@ -148,7 +147,7 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
         slope is NaN.
 
     Raises:
-        WhiskerError: the whisker jams on the land already, or the land makes no moment.
+        WhiskerError: the whisker jams on the land, or the force on the land makes no moment.
     """
     lift, turn = _lift_and_turn(slope, mu, tip_model)
     land_lift, land_turn = (float(v) for v in _lift_and_turn(0.0, mu, tip_model))
@@ -162,7 +161,7 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
 def is_jammed(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.bool_]:
     """Find where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps.
 
-    Args and shapes as moment_ratio; False where the slope is NaN.
+    Arguments and shapes are those of `moment_ratio`; False where the slope is NaN.
     """
     lift, _ = _lift_and_turn(slope, mu, tip_model)
     return np.asarray(lift <= 0.0)

@@ -2,14 +2,14 @@
 
 ::
 
-      air      lead-in        the stretch that is felt         lead-out
+      air      lead-in        the stretch of interest          lead-out
     (lifted) |----------|===================================|----------|  turnaround: lift, move, set down
               start_mm   along_mm[0]             along_mm[1]
 
-    rows of a comb stand one behind the other (offset_mm): the last row is over a place when the first has long passed
-    it, so the array runs on by the offset of the last row, and all of it moves back so much further
+    rows of a comb are one behind the other (offset_mm): the last row reaches a position long after the first, so the
+    array runs further by the offset of the last row, and moves back by as much
 
-A raster is a sequence of passes (`RasterPlan.passes`); a stage session feels them one by one, in any order.
+A raster is a sequence of passes (`RasterPlan.passes`); a stage session runs them one by one, in any order.
 """
 
 from __future__ import annotations
@@ -27,45 +27,43 @@ from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
 
 RAPID_MM_S = 300.0
-"""Speed of a lifted array over a stagger: an assumption, as the time of a turnaround is."""
+"""Speed of a lifted array over a stagger (assumed, like the time of a turnaround)."""
 SAMPLES_TOLERANCE = 1e-3
 
 
 def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArray[np.intp]:
-    """Number of samples by which each whisker reaches a place later than the foremost row.
+    """Number of samples by which each whisker reaches a position later than the foremost row.
 
     Raises:
-        WhiskerError: rows that stand ahead of the foremost, or between two samples.
+        WhiskerError: a row is ahead of the foremost one, or between two samples.
     """
     behind = np.asarray(tuple(offset_mm), dtype=np.float64) / sample_pitch_mm
     whole = np.rint(behind).astype(np.intp)
     if behind.size and (not np.isfinite(behind).all() or whole.min() < 0):
-        raise WhiskerError(
-            "a row stands ahead of the foremost one", hint="count offsets from the foremost row"
-        )
+        raise WhiskerError("a row is ahead of the foremost one", hint="count offsets from the foremost row")
     if behind.size and np.abs(behind - whole).max() > SAMPLES_TOLERANCE * max(1.0, float(behind.max())):
         raise WhiskerError(
-            f"rows {max(offset_mm):.6g} mm one behind the other do not come to the places of samples "
+            f"rows {max(offset_mm):.6g} mm one behind the other do not reach the positions of samples "
             f"{sample_pitch_mm:.6g} mm apart",
-            hint="the samples' distance must divide the stagger of the rows",
+            hint="the sample pitch must divide the stagger of the rows",
         )
     return whole
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepPlan(OneLine):
-    """Passes in one trace direction that begin and end alike.
+    """Passes in one trace direction that begin and end at the same positions.
 
     Attributes:
-        direction: the way the whiskers are dragged.
-        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); of
-            several rows the whiskers of the first come first.
-        start_mm: plate coordinate along the trace of the first sample that touches.
-        step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
+        direction: direction in which the whiskers are dragged.
+        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); with
+            several kinds, whiskers of the first kind come first.
+        start_mm: plate coordinate along the trace of the first touching sample.
+        step_mm: distance between samples, mm, positive; positions decrease from start_mm if the direction is
             backward.
-        n_samples: samples that touch, lead-in and lead-out included.
-        n_lead: number of these that run in on land before the region, and of as many that run out behind it.
-        pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
+        n_samples: number of touching samples, including lead-in and lead-out.
+        n_lead: number of samples of the lead-in on land before the region, and of the lead-out behind it.
+        pushed: whether the base follows the tip, as when a dragged array returns; otherwise it is ahead.
         offset_mm: distance of each whisker behind the foremost row, along the trace; empty if all are level.
     """
 
@@ -80,12 +78,12 @@ class SweepPlan(OneLine):
 
     @property
     def behind(self) -> NDArray[np.intp]:
-        """(whiskers,) samples by which each whisker reaches a place later than the foremost row."""
+        """(whiskers,) samples by which each whisker reaches a position later than the foremost row."""
         offsets = self.offset_mm or (0.0,) * int(self.line_mm.shape[1])
         return samples_behind(offsets, self.step_mm)
 
     def of(self, whiskers: slice | NDArray[np.intp]) -> SweepPlan:
-        """The passes of some of the whiskers."""
+        """Select some of the whiskers."""
         offsets = np.asarray(self.offset_mm)[whiskers].tolist() if self.offset_mm else ()
         return replace(self, line_mm=self.line_mm[:, whiskers], offset_mm=tuple(offsets))
 
@@ -100,20 +98,20 @@ class Pass(OneLine, Validated, error=WhiskerError):
     """One travel of the array.
 
     Attributes:
-        direction: the way the whiskers are dragged.
+        direction: direction in which the whiskers are dragged.
         line_mm: plate coordinate across the trace of every whisker of the array.
-        along_mm: (least, greatest) plate coordinate along the trace of what is felt, lead-in and -out beside it.
-        sample_pitch_mm: distance of samples along a line.
+        along_mm: (least, greatest) plate coordinate along the trace, without lead-in and lead-out.
+        sample_pitch_mm: distance between samples along a line.
         speed_mm_s: speed of the stage while tracing.
-        lead_mm: run-in and run-out on land.
+        lead_mm: lead-in and lead-out on land.
         air_samples: samples taken with the array lifted before the pass, for the offsets.
-        turnaround_s: time to lift, move and set down for the next one.
-        pushed: the base follows the tip.
-        preload_mm: depth below the land at which the force-free tip runs; default: that of the touch.
-        offset_mm: see `SweepPlan`; of a comb, `WhiskerArray.offset_mm`.
+        turnaround_s: time to lift, move and set down for the next pass.
+        pushed: whether the base follows the tip.
+        preload_mm: depth of the unloaded tip below the land; default: that of the touch.
+        offset_mm: see `SweepPlan`; for a comb, `WhiskerArray.offset_mm`.
 
     Raises:
-        WhiskerError: no whiskers, an empty stretch, an invalid number.
+        WhiskerError: no whiskers, an empty stretch, or an invalid number.
     """
 
     direction: TraceDirection
@@ -142,22 +140,22 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def n_lead(self) -> int:
-        """Samples of the run-in, and of the run-out."""
+        """Number of samples of the lead-in, and of the lead-out."""
         return round(self.lead_mm / self.sample_pitch_mm)
 
     @property
     def n_core(self) -> int:
-        """Samples between run-in and run-out."""
+        """Number of samples between lead-in and lead-out."""
         return math.floor((self.along_mm[1] - self.along_mm[0]) / self.sample_pitch_mm + 1e-6) + 1
 
     @property
     def n_samples(self) -> int:
-        """Samples that touch, of one whisker."""
+        """Number of touching samples of one whisker."""
         return self.n_core + 2 * self.n_lead
 
     @property
     def start_mm(self) -> float:
-        """Plate coordinate along the trace of the first sample that touches."""
+        """Plate coordinate along the trace of the first touching sample."""
         lead = self.n_lead * self.sample_pitch_mm
         if self.direction.backward:
             return self.along_mm[0] + (self.n_core - 1) * self.sample_pitch_mm + lead
@@ -165,22 +163,23 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def sample_rate_hz(self) -> float:
-        """Rate at which the converter must run."""
+        """Sample rate of the converter."""
         return self.speed_mm_s / self.sample_pitch_mm
 
     @property
     def stage_s(self) -> float:
-        """Stage time: air, run-in, stretch, run-out and stagger at tracing speed, and the turnaround after it."""
+        """Stage time: air, lead-in, stretch, lead-out and stagger at tracing speed, and the turnaround
+        afterwards."""
         tracing = (self.n_samples + self.air_samples) / self.sample_rate_hz
         return tracing + self.turnaround_s + self.stagger_mm * (1.0 / self.speed_mm_s + 1.0 / RAPID_MM_S)
 
     @property
     def stagger_mm(self) -> float:
-        """Distance of the last row behind the first, by which the array runs further and moves back."""
+        """Distance of the last row behind the first, by which the array runs and moves back further."""
         return max(self.offset_mm, default=0.0)
 
     def sweep_plan(self) -> SweepPlan:
-        """The pass as a sweep of its own."""
+        """Return the pass as a sweep of one pass."""
         return SweepPlan(
             direction=self.direction,
             line_mm=np.array([self.line_mm], dtype=np.float64),
@@ -193,7 +192,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
         )
 
     def moved(self, x_mm: float, y_mm: float) -> Pass:
-        """The same pass in a shifted frame."""
+        """Return the same pass in a shifted frame."""
         along, across = (x_mm, y_mm) if self.direction.along_x else (y_mm, x_mm)
         return replace(
             self,
@@ -202,7 +201,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
         )
 
     def describe(self) -> str:
-        """The pass in one line of text."""
+        """Describe the pass in one line."""
         harder = "" if self.preload_mm is None else f", preload {self.preload_mm:.2f} mm"
         back = " pushed" if self.pushed else ""
         return (

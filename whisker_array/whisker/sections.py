@@ -30,7 +30,7 @@ UPRIGHT = Range(
     math.nextafter(0.5 * math.pi, 0.0),
     "it must lie between -pi/2 and pi/2 (radians, not degrees)",
 )
-"""Slopes of surfaces and whiskers, rad."""
+"""Range of slopes of surfaces and whiskers, rad."""
 
 
 class WhiskerError(MarksError):
@@ -52,7 +52,7 @@ class Material(Validated, error=WhiskerError):
         WhiskerError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
     """
 
-    # whisker files hold this class as it is; unknown keys are errors
+    # whisker files contain this class; unknown keys are errors
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     name: str
@@ -73,7 +73,7 @@ class Material(Validated, error=WhiskerError):
 
 
 MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3=7.8, yield_mpa=2000.0)
-"""Patented spring steel wire (physics.md: E 190 to 210 GPa, nu 0.29, 7.8 g/cm^3, about 2000 MPa)."""
+"""Patented spring steel wire (docs/pages/physics.md: E 190 to 210 GPa, nu 0.29, 7.8 g/cm^3, about 2000 MPa)."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ World frame of the paper: x tracing direction, y up, z lateral. The base is ahea
         |                  o tip  ---> traced in +x
         +-------------------------------> x
 
-Only this reading agrees with the printed D11 and T1: (18) is the arm to a tip behind and below the base.
+Only this geometry agrees with the printed D11 and T1: (18) is the arm to a tip behind and below the base.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class TipModel(OneLine):
         eigen = np.linalg.eigvalsh(d)
         if not eigen[0] > 1e-14 * abs(eigen[-1]):
             raise WhiskerError(
-                "D11 is not positive definite, as that of every beam is. Keep the axial term of a straight whisker "
+                "D11 is not positive definite, unlike that of every beam. Keep the axial term of a straight whisker "
                 "(axial=True), and use the corrected A11 of physics.md instead of the printed one"
             )
         d.flags.writeable = False
@@ -68,7 +68,7 @@ class TipModel(OneLine):
     def pushed(self) -> TipModel:
         """Return the model of the same whisker pushed backwards.
 
-        The frame follows that direction of travel: x is mirrored, and the moment keeps its sign. In the whisker's own
+        The frame follows the direction of travel: x is mirrored, and the moment keeps its sign. In the whisker's own
         frame friction acts the other way, so mu changes sign.
         """
         mirror = np.array([-1.0, 1.0, 1.0])
@@ -155,7 +155,7 @@ class LShaped(OneLine, Validated, error=WhiskerError):
 def straight_whisker(
     length_mm: float, beta_rad: float, section: SectionLike, material: Material = MUSIC_WIRE
 ) -> LShaped:
-    """Make a straight whisker, the profilometer of Sec. 3.5: F = 1 at any friction.
+    """Make a straight whisker, the profiler of Sec. 3.5: F = 1 at any friction.
 
     Without its axial term (`tip_model(axial=False)`) D11 is singular.
 
@@ -176,13 +176,14 @@ class Chain(OneLine, Validated, error=WhiskerError):
     """A whisker of any shape, made of straight segments between points; many short ones make a curve.
 
     Attributes:
-        points_mm: (n + 1, 3) float64, base to tip, world frame (tip behind the base), mm; read-only.
+        points_mm: (n + 1, 3) float64, base to tip in the world frame (tip behind the base), mm; read-only.
         sections: n sections or Tapers, one for each segment; a single one is used throughout.
         material: material of the whisker.
         l3_mm: distance by which the sensor base is lowered below the first point, mm.
 
     Raises:
-        WhiskerError: fewer than two points, not finite, wrong number of sections, a tip ahead of its base.
+        WhiskerError: fewer than two points, a number that is not finite, a wrong number of sections, or a tip ahead
+            of its base.
     """
 
     points_mm: Matrix
@@ -229,7 +230,7 @@ class Chain(OneLine, Validated, error=WhiskerError):
         """Ratio l2 / l1 of the L-shaped whisker with l3 = l2 that has the same F.
 
         By (16) F depends only on A = -Dyx / Dyy and B = -arm_x / arm_y. For an L-shaped whisker with l3 = l2 they are
-        tan(beta) + 1.5 k / c and tan(beta). If k is negative, the whisker dulls falling edges.
+        tan(beta) + 1.5 k / c and tan(beta). If k is negative, the whisker weakens falling edges.
         """
         model = self.tip_model()
         row, arm = model.compliance_mm_per_n[1], model.moment_arm_mm

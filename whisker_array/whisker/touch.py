@@ -20,7 +20,8 @@ from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
 
 MOST_PRELOAD_MM = 1000.0
-"""Beyond any whisker; simulated contact looks for the tip as far away on the surface as it is preloaded."""
+"""Greatest preload, beyond that of any whisker; simulated contact searches as far along the surface as the
+preload."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,9 +30,9 @@ class Touch(OneLine, Validated, error=WhiskerError):
 
     Attributes:
         tip: compliance and moment arm at the tip.
-        preload_mm: d0, how far below the land the force-free tip runs.
+        preload_mm: d0, depth of the unloaded tip below the land.
         tip_radius_mm: ball radius.
-        friction: nominal Coulomb coefficient, used where no better is known (templates, lag on the land).
+        friction: nominal Coulomb coefficient, used if no better value is known (templates, lag on the land).
         whisker: one line describing the whisker, for people.
     """
 
@@ -48,7 +49,7 @@ class Touch(OneLine, Validated, error=WhiskerError):
         return normal * float(self.tip.moment_arm_mm @ force)
 
     def with_whisker(self, whisker: Whisker) -> Touch:
-        """The same touch with another whisker."""
+        """Return the same touch with another whisker."""
         return replace(self, tip=whisker.tip_model(), whisker=whisker.describe())
 
     def key(self) -> tuple[float, ...]:
@@ -60,7 +61,7 @@ class Touch(OneLine, Validated, error=WhiskerError):
 
 
 def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
-    """The default ribbon whisker, scaled to the character height, with a preload of 0.2 of that height."""
+    """Touch of the default ribbon whisker, scaled to the character height, with a preload of 0.2 of that height."""
     whisker = default_whisker(character_height_mm)
     return Touch(
         tip=whisker.tip_model(),
@@ -72,6 +73,7 @@ def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICT
 
 
 def profiling_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
-    """The default touch with the sensor placed so that the moment is the profile, for the second row of an array."""
+    """Default touch with the sensor placed so that the moment is the profile, for a second comb behind the
+    first."""
     touch = default_touch(character_height_mm, friction=friction)
     return touch.with_whisker(profiling_whisker(character_height_mm))

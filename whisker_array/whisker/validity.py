@@ -16,15 +16,16 @@ from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 DEFLECTION_LIMIT = 0.1
 """Largest tip deflection over l1 under Assumption 1."""
 LINEAR_ERROR_LIMIT = 0.02
-"""Largest share by which the linear beam may miss the exact force or moment. It is what the paper's own limit
-allows its own whisker: a 0.3 mm wire with k = 1/12 bent by 10 % of l1 is wrong by 1.8 % in force. It is also
-below the 3 % by which the gains of real whiskers differ, so the beam is not the worst of the sensor."""
+"""Largest error of the linear beam's force or moment, as a share of the exact one. It matches the paper's own limit:
+for its whisker, a 0.3 mm wire with k = 1/12 bent by 10 % of l1, the force is wrong by 1.8 %. It is also below the 3 %
+by which the gains of real whiskers differ, so the beam is not the largest error of the sensor."""
 PRELOAD_MARGIN = 1.2
 """Least preload over mark depth, so that contact is kept on the groove floor (Assumption 3)."""
 QUASI_STATIC_SHARE = 0.1
-"""Largest signal frequency over the first bending frequency (Assumption 5). A sine is then wrong by 1 %; the edge map
-of a stamped groove of 45 degrees, whose corners hold higher frequencies, by 2 to 3 % and of 60 degrees by 6 to 9 %
-(`whisker_array.simulation.dynamic_speed`). A search cannot simulate each of its whiskers, and this is quick."""
+"""Largest signal frequency over the first bending frequency (Assumption 5). A sine then has an error of 1 %;
+the edge map of a stamped groove, whose corners contain higher frequencies, has one of 2 to 3 % at 45 degrees and of 6
+to 9 % at 60 degrees (`whisker_array.simulation.dynamic_speed`). It is used because a search cannot simulate every
+whisker."""
 
 
 def land_force_n(whisker: Whisker, *, preload_mm: float, mu: float) -> Vector:
@@ -41,11 +42,11 @@ def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LumpedWhisker(OneLine):
-    """A whisker with its mass at joints.
+    """A whisker with its mass lumped at joints.
 
     Attributes:
         joints_mm: (n, 3) ends of the pieces, base to tip, without the base.
-        mass_t: (n,) of the joints, t (N s^2 / mm).
+        mass_t: (n,) mass of the joints, t (N s^2 / mm).
         strain: (6 (n - 1) ..., 3 n) weighted strain of every piece under unit forces on the joints.
     """
 
@@ -62,7 +63,7 @@ class LumpedWhisker(OneLine):
 def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
     """Divide a whisker into pieces with half their mass at either end; the flexibility between joints is exact.
 
-    strain^T strain is the flexibility: two Gauss points a piece, M = r x f linear between its ends.
+    strain^T strain is the flexibility: two Gauss points per piece, because M = r x f is linear along it.
     """
     if parts < 1:
         raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
@@ -82,7 +83,8 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
         mass[s * parts + 1 : (s + 1) * parts + 1] += share
         roots.append(np.linalg.cholesky(segment.section_compliances(gauss) * (length / 2.0)).swapaxes(1, 2))
     moments = np.concatenate(roots)[:, None] @ cross_matrix(joints - points[:, None])
-    beyond = np.arange(n) >= np.arange(2 * n)[:, None] // 2  # a force bends what lies between it and the base
+    # a force bends only the whisker between it and the base
+    beyond = np.arange(n) >= np.arange(2 * n)[:, None] // 2
     strain = np.swapaxes(moments * beyond[..., None, None], 1, 2)
     return LumpedWhisker(joints, mass[1:], strain.reshape(6 * n, 3 * n))
 
@@ -90,15 +92,15 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
 def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, parts: int = 24) -> float:
     """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5.
 
-    Mass is lumped at the joints of `parts` pieces a segment; the flexibility between the joints is exact.
-    Within 0.2 % of 3.516 / (2 pi l^2) sqrt(EI / rho A) for a straight whisker. Rotary inertia is left out.
+    Mass is lumped at the joints of `parts` pieces per segment; the flexibility between the joints is exact. For a
+    straight whisker it is within 0.2 % of 3.516 / (2 pi l^2) sqrt(EI / rho A). Rotary inertia is left out.
 
     Args:
         whisker: the whisker, clamped at its base.
-        tip_held: the tip is held in height by contact, which is 4.4 times faster for a straight whisker (a
-            round one is as slow sideways as it was), as while tracing: contact is kept (Assumption 3), so the modes
-            that can ring are those between two held ends.
-        parts: pieces a segment.
+        tip_held: whether contact holds the tip in height, as while tracing (Assumption 3), so that only modes between
+            two held ends can ring. The frequency is then 4.4 times higher for a straight whisker (except sideways for
+            round wire).
+        parts: number of pieces per segment.
     """
     lumped = lumped_whisker(whisker, parts=parts)
     weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)
