@@ -163,7 +163,7 @@ def test_a_part_whose_file_never_comes_says_what_is_waited_for(
         assert str(maps) in said
         assert "waits_another_s" in said
         page = client.get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
-        assert "There is no height map of P17 in the folder maps; put it there as P17.npz." in page
+        assert "there is no height map of P17 in the folder maps; put it there as P17.npz." in page
         assert "A person gets it if it is not scanned by" in page
         assert client.portal is not None
         client.portal.call(service.intake.touching.look)
