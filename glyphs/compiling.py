@@ -18,8 +18,7 @@ LEAST_S = 1.0
 
 
 class _Watch:
-    """State of the display: callback, whether this part compiled kernels, its seconds, those shown, whether
-    announced."""
+    """State of the display: callback, whether kernels were compiled, seconds, seconds shown, whether announced."""
 
     show: Callable[[str], None] | None = None
     compiled = False
@@ -30,8 +29,7 @@ class _Watch:
 
 @contextmanager
 def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
-    """Within the block, show when compiling starts, its progress, and its time at the end of each part of the
-    work."""
+    """Within the block, show the start of compiling, its progress, and its time at the end of each part."""
     before, _Watch.show = _Watch.show, show
     _Watch.compiled, _Watch.seconds = False, 0.0  # do not count what was compiled before the block
     _Watch.shown_s, _Watch.announced = 0.0, False

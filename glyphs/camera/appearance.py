@@ -75,8 +75,7 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
 
 
 def _exposure(image: NDArray[np.float32], camera: Camera) -> np.float32:
-    """Gain that sets the mean of the picture, without glints, to a medium grey, times the camera's exposure
-    error."""
+    """Gain that sets the mean without glints to a medium grey, times the camera's exposure error."""
     green = image[..., 1]
     middle = max(float(np.minimum(green, np.quantile(green, 0.98)).mean()), 1e-6)
     return np.float32(_MEDIUM_GREY / middle * 2.0**camera.exposure_ev)

@@ -1,5 +1,4 @@
-"""Tell font files from built-in fonts by name. The module that loads fonts is separate, because it is slow to
-import."""
+"""Tell font files from built-in fonts by name, without the module that loads them, which is slow to import."""
 
 from __future__ import annotations
 

@@ -230,8 +230,7 @@ def _turned_axes(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
 
 
 def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random.Generator) -> _Cake:
-    """Add crumbs where the cake is dry, the high ones far apart, and grains of dust everywhere; oily places stay
-    smooth."""
+    """Add crumbs where the cake is dry, the high ones far apart, and grains of dust everywhere."""
     # the mean of a rank's cube is a quarter
     crumbs = np.float32(2.6) * (
         _slow(coat, coat.height_mm * float(rng.uniform(0.06, 0.12)), rng) ** 3 - np.float32(0.25)

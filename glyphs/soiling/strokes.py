@@ -16,8 +16,7 @@ def record_array(**columns: NDArray[Any]) -> Any:
 
 
 def across(width_mm: float, pitch_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Offsets (n,) across a line of a width, mm, symmetric and closer than a sample, and the distance between
-    them."""
+    """Symmetric offsets (n,) across a line of a width, closer than a sample, and their spacing, mm."""
     half = 0.5 * width_mm + 0.5 * pitch_mm
     count = 2 * int(np.ceil(half / (0.6 * pitch_mm))) + 1
     offsets = np.linspace(-half, half, count)

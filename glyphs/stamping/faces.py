@@ -83,8 +83,7 @@ class Die(OneLine, Validated, error=StampError):
 
 
 def default_depth_mm(height_mm: float) -> float:
-    """Usual depth of a mark for a character height: interpolated in the table, proportional to the height outside
-    it.
+    """Usual depth of a mark for a character height: interpolated in the table, proportional outside it.
 
     Raises:
         StampError: the height is not positive.

@@ -10,12 +10,10 @@ from glyphs.stamping.textures import Grinding, Milling, Sand, Turning
 from glyphs.stamping.variation import PlateVariation
 
 _FALL, _MOST_FALL_MM = 0.2, 1.5
-"""Fall of a form from the middle to the ends of a line, as a share of the height (1 mm at 5 mm), and its limit in
-mm."""
+"""Fall of a form from the middle to the ends of a line: share of the height (1 mm at 5 mm), and limit in mm."""
 
 _IRONING = 0.5
-"""Coarse tool marks are pressed flat less than a fine lay, because they are as deep as the corners of some
-marks."""
+"""Coarse tool marks are ironed less than a fine lay, because they are as deep as the corners of some marks."""
 
 PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "machined": lambda *_: PlateVariation(),

@@ -1,5 +1,4 @@
-"""Textures that tools leave on a plate, coarser than the fine lay of `PlateVariation`: heights (rows, cols) over x
-and y.
+"""Textures that tools leave on a plate, coarser than the fine lay of `PlateVariation`.
 
 Depths and feeds are from workshop tables of surface finish (Ra of rough milling and rough turning 3 to 6 um, of
 grinding with a coarse belt 1 to 3, of blasted or sand-cast skins 6 to 25), as in ISO 1302 and its comparator specimens.

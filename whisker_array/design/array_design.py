@@ -31,8 +31,7 @@ from whisker_array.whisker.touch import default_touch
 
 ARRAY_SIZES = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48)
 WIDTHS_THICKNESSES = (15.0, 6.0)
-"""Width over thickness of ribbons: the default, and the narrowest that is still 17 times as stiff sideways as
-upwards."""
+"""Width over thickness of ribbons: the default, and a narrow one, still 17 times as stiff sideways as upwards."""
 BETAS_DEG = (0.0, 15.0, 30.0)
 MOST_BLOCKS = 4
 LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
@@ -135,8 +134,7 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
 
 
 def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:
-    """Pitches to try, in lines: those whose blocks just cover the region along x or y, and the closest side by
-    side."""
+    """Pitches to try, in lines: those whose blocks just cover the region along x or y, and the closest."""
     pitch = request.character_height_mm / lines
     x0, y0, x1, y1 = request.region_mm
     found = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}

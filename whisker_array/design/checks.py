@@ -45,8 +45,7 @@ class Checked(OneLine):
     limits: Mapping[Bound, tuple[float, bool]] = field(repr=False)
 
     def reserve(self) -> dict[Bound, Values]:
-        """ln(limit / value) or ln(value / limit): positive if the limit is kept; linear below a tenth of a lower
-        limit."""
+        """ln(limit / value) or ln(value / limit): positive if the limit is kept, linear far below a lower limit."""
         out = {}
         for bound, value in self.values.items():
             limit, at_most = self.limits[bound]
@@ -151,8 +150,7 @@ def sideways_slide_mm(whisker: LShaped, *, preload_mm: float, wall_rad: float) -
 
 @functools.lru_cache(maxsize=4096)
 def _frequency_number(k: float, beta_rad: float, aspect: float, material: Material) -> float:
-    """First frequency times l1^2 over thickness, mm/s, which depends on shape only. An aspect of 0 is round
-    wire."""
+    """First frequency times l1^2 over thickness, mm/s, which depends on shape only; aspect 0: round wire."""
     section = Rectangle(1.0, aspect) if aspect else Round(1.0)
     model = LShaped(100.0, 100.0 * k, None, beta_rad, section, material)
     return 1e4 * first_bending_frequency_hz(model, tip_held=True, parts=_FREQUENCY_PARTS)

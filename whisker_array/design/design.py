@@ -219,8 +219,7 @@ def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
 
 
 def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
-    """Repeat the search with the linear beam's first-order error scaled to the exact one, until the limit is just
-    kept."""
+    """Repeat the search with the linear beam's error scaled to the exact one, until the limit is just kept."""
     limit = problem.limits.linear_error
     kept: tuple[Problem, Candidate] | None = None
     for _ in range(_ELASTICA_ROUNDS):

@@ -120,8 +120,7 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def tip_radius_mm(self) -> float:
-        """Radius of the largest ball (against wear) that shows the steepest slope on half of its wall and fits a
-        stroke.
+        """Radius of the largest ball (against wear) that shows the steepest slope on half a wall and fits a stroke.
 
         At the foot of the wall the ball rounds off r sin(alpha) of the slope, at most half the wall's extent. Its
         diameter is at most half of the narrowest stroke, h/14.

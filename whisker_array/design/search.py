@@ -25,8 +25,7 @@ from whisker_array.whisker.validity import QUASI_STATIC_SHARE
 SectionKind = Literal["ribbon", "round"]
 
 HELD = 1e-3
-"""Distance that the search keeps from every limit (in logarithm), so that a design rounded to five digits keeps it
-too."""
+"""Logarithmic distance that the search keeps from every limit, so that a rounded design keeps it, too."""
 _NEARLY = 5e-4
 _STEP = 1e-5
 _MAX_ITERATIONS = 50

@@ -54,9 +54,8 @@ class Tuned(OneLine):
         kind: kind of sensitivity.
         alpha_rad: the inclination.
         design: the whisker and its use.
-        selectivity: least change of F when the wall is ten degrees gentler or steeper (a threshold and
-                        a null
-            at the end of the range: gentler only), over all frictions, in land moments.
+        selectivity: least change of F over all frictions if the wall is ten degrees gentler or steeper (only gentler
+            for a threshold, or a null at the end of the range), in land moments.
         table_deg: inclinations of the table.
         table_mu: least, middle and greatest friction.
         table: F, (inclinations, frictions); NaN where the whisker jams.

@@ -51,8 +51,7 @@ def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
 
 
 def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
-    """Moments (passes, whiskers, samples) with a known gain applied, and the offsets (passes, whiskers) to
-    subtract."""
+    """Moments (passes, whiskers, samples) with a known gain applied, and the offsets (passes, whiskers) in them."""
     raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
     air = sweep.air_n_mm
     if scan.calibration is not None:

@@ -163,8 +163,7 @@ def sharpness(
 
 
 def gains(shares: list[SweepShares]) -> Floats:
-    """(whiskers,) gain relative to the other whiskers on the same lines, for any form of the plate; NaN if
-    unknown."""
+    """(whiskers,) gain relative to the others on the same lines, for any form of the plate; NaN if unknown."""
     logs = np.full((len(shares), shares[0].share.shape[1]), np.nan)
     for log, f in zip(logs, shares, strict=True):
         lines, whisker, _ = f.lines
@@ -272,8 +271,7 @@ def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Fl
 
 
 def spikes(f: SweepShares, *, least: float) -> Mask:
-    """Mask (passes, whiskers, samples) of single samples that stand out, unlike their neighbours and the passes
-    beside.
+    """Mask (passes, whiskers, samples) of single samples that stand out from their neighbours and passes beside.
 
     Args:
         f: shares of one direction.

@@ -88,8 +88,7 @@ def quadratic(c: Floats, u: Floats, v: Floats) -> Floats:
 
 @kernel(allow=ANY_ORDER)
 def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: ignore[no-untyped-def]
-    """Fit a straight line near 1 to each row by three rounds of Tukey's biweight; rows with too few samples give
-    1."""
+    """Fit a line near 1 to each row by three rounds of Tukey's biweight; rows with too few samples give 1."""
     inv_cut = 1.0 / cut
     for i in range(ratio.shape[0]):
         o, s = 1.0, 0.0

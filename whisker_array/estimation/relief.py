@@ -78,7 +78,7 @@ class Relief(OneLine, Validated, error=MapError):
 
     @property
     def steepness(self) -> NDArray[np.float32]:
-        """(rows, cols) (rows, cols) |grad h| from its known components; zero if none is known."""
+        """(rows, cols) |grad h| from its known components; zero if none is known."""
         parts = [s for s in (self.slope_x, self.slope_y) if s is not None]
         if not parts:
             return np.zeros(self.height_mm.shape, dtype=np.float32)

@@ -78,7 +78,7 @@ class Bench(OneLine):
     Attributes:
         values: value of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
-        memory: (2, whiskers) creep within seconds and lag, as shares of a load (`remembered`).
+        memory: (2, whiskers) creep within seconds and lag, as shares of a load (`gauge_memory.gauges`).
         screw: (2, 1 + 2 leads) errors of the stage's screws along x and y: a share of the travel, and amplitudes of
             waves with periods `LEADS_MM`, mm (`screw_basis`).
 
@@ -108,8 +108,7 @@ class Bench(OneLine):
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then `OF_GAUGE`, each for all whiskers, then those of the
-        screws."""
+        """All numbers in the order of `Unknown`, then of `OF_GAUGE` for all whiskers, then of the screws."""
         values = [self.values[name] for name in Unknown]
         return np.concatenate([values, self.gain, self.memory.ravel(), self.screw.ravel()])
 

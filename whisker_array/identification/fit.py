@@ -284,8 +284,7 @@ def _solve(
     before: NDArray[np.float64],
     free: NDArray[np.bool_],
 ) -> tuple[Fitted, NDArray[np.float64]]:
-    """Solve least squares on a plane; return the step (n,) from its middle, which is `away` from the nominal
-    parameters."""
+    """Solve least squares on a plane; return the step (n,) from its middle, which is `away` from nominal."""
     step = np.zeros(before.size)
     for wider in FEWER:
         left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))

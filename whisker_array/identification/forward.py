@@ -81,8 +81,7 @@ class Forward:
     def predict(
         self, bench: Bench, *, tip: TipModel | None = None
     ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Predict, for every trace, gain times moment (samples,) and the contributions of unit creep and lag (2,
-        samples).
+        """Predict gain times moment (samples,) and the effects of unit creep and lag (2, samples) of every trace.
 
         All are in N mm. Where a tip jams, the moment is limited to that at which a jam begins.
 

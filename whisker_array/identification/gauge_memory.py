@@ -52,11 +52,10 @@ class GaugeEffects(OneLine):
 
 
 def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:
-    """Make gauges with (2, whiskers) shares of creep and lag; after the largest load the zero is off by the share of
-    lag.
+    """Make gauges with (2, whiskers) shares of creep and lag.
 
-    Negative shares count as 0. There is no creep over a minute or more, which a recording of two minutes cannot
-    separate from drift.
+    After the largest load the zero is off by the share of lag. Negative shares count as 0. There is no creep over a
+    minute or more, which a recording of two minutes cannot separate from drift.
     """
     creep, lag = np.maximum(memory, 0.0)
     widths = np.array(PLAYS)

@@ -17,8 +17,7 @@ from whisker_array.whisker.passes import SweepPlan
 
 MOST_TRACES = 96
 JAM_LANDS = 1.7
-"""Greatest moment used, in land moments; a higher one occurs just before a tip jams, depending on the time of the
-sample."""
+"""Greatest moment used, in land moments; higher ones occur only in samples just before a tip jams."""
 _BESIDE = 3
 
 
@@ -100,8 +99,7 @@ def _walls_n_mm(trace: Trace) -> float:
 
 
 def mask_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
-    """Set the moments of a line to NaN at and beside samples above `share` of the limit at which a tip is about to
-    jam."""
+    """Set the moments of a line to NaN at and beside samples above `share` of JAM_LANDS."""
     land = np.nanmedian(moment_n_mm)
     near = np.abs(moment_n_mm) > share * JAM_LANDS * np.abs(land)
     if not near.any():

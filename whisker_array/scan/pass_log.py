@@ -70,5 +70,5 @@ class PassLog(OneLine, Validated, error=WhiskerError):
 
     @property
     def stage_s(self) -> float:
-        """Stage seconds spent: travel, run-in and turnaround of every pass."""
+        """Stage time of all passes, s."""
         return math.fsum(p.order.stage_s for p in self.passes)

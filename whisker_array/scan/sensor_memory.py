@@ -46,8 +46,7 @@ HOLD_S = 11.0
 """Time, s, for which the load is held and then removed in the tests behind the figures below."""
 CYCLES = 10
 CREEP = (0.009, 0.027)
-"""Growth of the reading of a held load within `HOLD_S`, share of the largest load: least and most of recorded
-whiskers."""
+"""Growth of a held load's reading in `HOLD_S`, share of the largest load: least and most of recorded whiskers."""
 ZERO_SHIFT = (0.016, 0.027)
 """Reading right after the first unloading, share of the largest load: least and most."""
 SHIFT_AFTER_CYCLES = 0.035

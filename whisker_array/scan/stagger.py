@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 def to_instants(
     by_position: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None
 ) -> NDArray[Any]:
-    """Convert samples by position to samples by time; a row repeats its first sample before and its last sample
-    after its own stretch.
+    """Convert samples by position to samples by time, and fill the times outside the stretch of a row.
 
     Args:
         by_position: (passes, whiskers, samples).

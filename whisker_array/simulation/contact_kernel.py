@@ -20,8 +20,7 @@ MAX_ITERATIONS = 80
 TOLERANCE_STEPS = 5e-4
 """The Newton iteration stops when the tip moves less than this fraction of a sample step."""
 JAM_FORCE = 10.0
-"""Ratio of force to that of lifting the tip straight up above which the tip is jammed; 60 degree walls need up to
-5."""
+"""Force over that of lifting the tip straight up, from which the tip is jammed; 60 degree walls need up to 5."""
 ABREAST = 8
 """Number of lines traced together, enough to keep a processor busy."""
 SMOOTHING_STEPS = 1e-3
@@ -49,8 +48,7 @@ def _look_up_posed(fields, x, z, inv_pitch, pose):  # type: ignore[no-untyped-de
 
 @inline_kernel
 def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
-    """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and the track's share of the
-    slopes.
+    """Height and slopes of the track between bottom (h, p, q) and top, thickness, weight of the track's slopes.
 
     `last` is the load of the last sample: slopes that changed with the present load would make the tip oscillate.
     """

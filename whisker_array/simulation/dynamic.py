@@ -32,8 +32,7 @@ _JAMMED = np.uint8(SampleFlag.JAMMED)
 CONTACT_DAMPING = 0.1
 """Share of critical damping of the tip on its contact (assumed)."""
 STEPS_A_PERIOD = 16.0
-"""Time steps in the shortest period, that of the tip on its contact; twice as many change the moment by less than 0.1 %
-of the land moment."""
+"""Time steps in the shortest period, that of the tip on its contact; twice as many change the moment by < 0.1 %."""
 
 
 def shortest_period_s(modes: WhiskerModes, *, contact_mm_per_n: float, friction: float) -> float:

@@ -68,8 +68,7 @@ class SpeedCost(OneLine):
 
 @dataclass(frozen=True, eq=False)
 class _Stage:
-    """One whisker over one groove: its traces by speed, the moment at the slowest speed, and the start of the
-    ringing."""
+    """One whisker over one groove: its traces by speed, the moment at the slowest, and the start of the ringing."""
 
     trace: Callable[..., Traces]
     slow_n_mm: NDArray[np.float64]

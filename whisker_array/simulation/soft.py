@@ -34,8 +34,7 @@ _ROUNDS = 6
 
 
 def indenting_radius_mm(tip_radius_mm: float, *, pitch_mm: float) -> float:
-    """Radius of the ball that sinks in: the tip's radius, but at least half a sample, below which the grid resolves
-    none."""
+    """Radius of the ball that sinks in: the tip's radius, but at least half a sample, the finest resolved."""
     return max(tip_radius_mm, 0.5 * pitch_mm)
 
 

@@ -131,8 +131,7 @@ def _dilated_fields(
 def fields_of(
     z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float
 ) -> NDArray[np.float32]:
-    """Fields (rows, cols, 4): heights, their slopes along columns and rows, and the map or (1, 1) value
-    `beside`."""
+    """Fields (rows, cols, 4): heights, their slopes along columns and rows, and `beside`."""
     z, fields = np.asarray(z_mm, dtype=np.float32), np.empty((*z_mm.shape, 4), dtype=np.float32)
     fields[..., 0], fields[..., 3] = z, beside
     half = np.float32(0.5 / pitch_mm)
@@ -204,8 +203,7 @@ def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, h
 def sample_lines(
     surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Height, friction and dropout at every sample of parallel lines, each (lines, samples), by bilinear
-    interpolation."""
+    """Height, friction and dropout at every sample of parallel lines, (lines, samples) each: bilinear."""
     height, mu = np.empty((2, lines_mm.size, n_samples), dtype=np.float32)
     missing = np.empty(height.shape, dtype=np.bool_)
     fields, dropout = read_only(surface.fields), read_only(surface.dropout)

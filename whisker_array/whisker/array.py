@@ -201,8 +201,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
 
 def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int = 1) -> WhiskerArray:
-    """Default whiskers in one row, as close as their ribbons allow in steps of half a height: one character height
-    apart.
+    """Default whiskers in one row, one character height apart, the closest for their ribbons in half heights.
 
     For the default plan this is the quickest comb: at half a height whiskers are in two rows a whole whisker apart,
     which lengthens every pass. A second kind is behind the first.

@@ -127,8 +127,7 @@ class Segment(OneLine):
 
 
 def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
-    """Quadratures over [0, 1], coarse to fine: points and weights. For a constant section there is one, which is
-    exact."""
+    """Quadratures over [0, 1], coarse to fine: points and weights; a single exact one for a constant section."""
     if not isinstance(segment.section, Taper):
         yield np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
         return

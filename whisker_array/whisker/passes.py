@@ -168,8 +168,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def stage_s(self) -> float:
-        """Stage time: air, lead-in, stretch, lead-out and stagger at tracing speed, and the turnaround
-        afterwards."""
+        """Stage time: air, lead-in, stretch, lead-out and stagger at tracing speed, then the turnaround."""
         tracing = (self.n_samples + self.air_samples) / self.sample_rate_hz
         return tracing + self.turnaround_s + self.stagger_mm * (1.0 / self.speed_mm_s + 1.0 / RAPID_MM_S)
 

@@ -20,8 +20,7 @@ from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
 
 MOST_PRELOAD_MM = 1000.0
-"""Greatest preload, beyond that of any whisker; simulated contact searches as far along the surface as the
-preload."""
+"""Greatest preload, beyond that of any whisker; simulated contact searches the surface as far as the preload."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +72,6 @@ def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICT
 
 
 def profiling_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
-    """Default touch with the sensor placed so that the moment is the profile, for a second comb behind the
-    first."""
+    """Default touch with the sensor placed so that the moment is the profile, for a second comb."""
     touch = default_touch(character_height_mm, friction=friction)
     return touch.with_whisker(profiling_whisker(character_height_mm))

@@ -84,8 +84,7 @@ def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:
 
 
 def prints(mould: Mould, amount: float) -> Field:
-    """Added height, mm, of grain prints: crests between bowls, deeper where it was hot; knobs for missing
-    grains."""
+    """Added height, mm, of grain prints: crests between bowls, deeper where hot, and knobs for missing grains."""
     wet = np.clip(1.0 + np.float32(0.45) * mould.warmth, 0.25, 1.8)
     bowls = mould.around * (np.float32(0.4) + mould.rank)
     knobs = np.maximum(1.0 - mould.around, 0.0) * (mould.rank > 0.93)

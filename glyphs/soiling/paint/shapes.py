@@ -182,8 +182,7 @@ def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
 
 
 def chip_off(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Share left, 0 to 1, of the first coat and of the later ones. Chips have sharp facets; paint in grooves
-    stays."""
+    """Share left, 0 to 1, of the first coat and of later ones: chips have sharp facets, grooves stay."""
     left = np.ones((2, *coat.shape), dtype=np.float32)
     hollow = coat.hollow_mm()
     depth = max(float(np.percentile(hollow[::3, ::3], 98.0)), 1e-3)

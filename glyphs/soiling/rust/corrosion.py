@@ -174,8 +174,7 @@ def _scale(
 
 
 def _pack_hollows(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
-    """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, in places above the
-    brim."""
+    """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, partly above the brim."""
     hollow = np.maximum(coat.brim_mm - top, 0.0)
     return np.asarray(hollow * np.minimum(0.95 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
 

@@ -1,2 +1,1 @@
-"""Beside a weld: heat scale in plates, welded-on spatter, grinder swathes across the mark, arc strikes, heat
-tint."""
+"""Traces of a weld nearby: scale in plates, welded-on spatter, grinder swathes, arc strikes, heat tint."""

@@ -64,8 +64,8 @@ def add_spatter(
 
     Args:
         coat: the plate before the weld.
-            z: its present top.
-            seam: the seam that the drops come from.
+        z: its present top.
+        seam: the seam that the drops come from.
         amount: 0 to 1.
         share: share of the plate that drops cover at amount 1 if all of it is at the seam.
         rng: random generator of the drops.

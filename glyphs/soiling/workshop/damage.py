@@ -64,8 +64,7 @@ def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator, most_pitted
 
 
 def add_scratches(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2: float = 0.35) -> Coat:
-    """Add narrow grooves, 5 to 40 um deep, half of them along a common direction; `most_a_mm2` per mm2 at amount
-    1."""
+    """Add narrow grooves, 5 to 40 um deep, half of them in a common direction; `most_a_mm2` of them per mm2."""
     most = max(1, round(most_a_mm2 * coat.area_mm2))
     # draw all and use the first few, so that a larger amount adds scratches to the same ones
     common = rng.uniform(0.0, np.pi)
