@@ -1,4 +1,4 @@
-"""A real bench: a stage that is moved by G-code, and a converter that samples the whiskers.
+"""A real bench: a stage that G-code moves, and a converter that samples the whiskers.
 
 bench.toml --read_bench--> Bench --open--> BenchSession --feel(pass)--> Sweep      (the protocol of `StageSession`)
                              |

@@ -1,13 +1,13 @@
-"""An open bench, and the part on it, felt pass by pass or over a whole region.
+"""Open a bench, and scan the part on it pass by pass or over a whole region.
 
     with Bench(read_bench(path)) as bench:
         bench.home()
         session = bench.session("plate 7")
         session.feel(pass) -> Sweep
 
-* Sampled positions come from the converter's own clock: the stage sets an output while it drags, and how it speeds up
-  is known; no host's clock is in between.
-* However the block ends, the last that is done is to lift: at rest, or after an emergency stop where a pass was cut.
+* Positions of samples come from the converter's own clock: the stage sets an output while it drags the tips, and its
+  acceleration is known. The host's clock is not involved.
+* However the block ends, the tips are lifted last: at rest, or after an emergency stop if a pass was interrupted.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Bench:
 
         Raises:
             MissingExtraError: a library is not installed.
-            StageError: a port cannot be opened, or what hangs on it does not answer.
+            StageError: a port cannot be opened, or the device on it does not answer.
         """
         self.settings = settings
         self._in_pass = False
@@ -72,7 +72,7 @@ class Bench:
         """Lift, find the ends of the axes, and lift to the travel height.
 
         Raises:
-            StageError: it cannot.
+            StageError: homing failed.
         """
         self.stage.home()
         check_limits(self.stage.place_mm(), self.settings.stage)
@@ -92,10 +92,10 @@ class Bench:
         return BenchSession(self, self.settings.fitting(part_id))
 
     def run(self, moves: Moves) -> Record:
-        """Feel one pass; the tips end lifted.
+        """Run one pass; the tips end lifted.
 
         Raises:
-            StageError: it could not be felt; the stage is stopped and lifted as far as it lets.
+            StageError: the pass failed; the stage is stopped and, as far as possible, lifted.
         """
         self.stage.travel(moves)
         self.daq.start()
@@ -113,7 +113,7 @@ class Bench:
     def close(self) -> None:
         """Lift, and close both ports; closing again does nothing."""
         try:
-            if self._in_pass:  # cut short by an interrupt
+            if self._in_pass:  # ended by an interrupt
                 self._stop()
             elif not self.stage.lost:
                 with contextlib.suppress(StageError):
@@ -128,11 +128,11 @@ class Bench:
             self.stage.stop()
 
     def calibrate(self, order: Pass) -> Calibration:
-        """Gains, V per N mm as if `volt_per_n_mm` were 1, and offsets in V, from a pass over bare land.
+        """Measure gains in V per N mm, independent of `volt_per_n_mm`, and offsets in V, in a pass over bare land.
 
         Raises:
             StageError: as in `run`.
-            SensorError: too few samples, or a whisker that does not feel the land.
+            SensorError: there are too few samples, or a whisker does not touch the land.
         """
         touch = self.settings.touch()
         moves = moves_of(order, self.settings, preload_mm=touch.preload_mm)
@@ -147,21 +147,21 @@ class BenchSession:
     """A `StageSession` over a bench.
 
     Attributes:
-        fitting: whiskers and field; with known gains, samples come with them taken out.
+        fitting: whiskers and field; if gains are known, samples are corrected for them.
     """
 
     def __init__(self, bench: Bench, fitting: Fitting) -> None:
-        """Take the bench; see `Bench.session`."""
+        """Use an open bench; see `Bench.session`."""
         self._bench: Bench | None = bench
         n = fitting.array.n_whiskers
         known = Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None
         self.fitting: Fitting = replace(fitting, calibration=known)
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass. Samples are stored by line, whichever whisker ran on it.
+        """Run one pass. Samples are stored by line, whichever whisker ran on it.
 
         Raises:
-            StageError: it could not be felt.
+            StageError: the pass failed.
         """
         if self._bench is None:
             raise StageError("the part is no longer on the stage", "open a new session for every part")
@@ -171,7 +171,7 @@ class BenchSession:
         gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]
         outside = beyond(order, settings.plate.field_mm)
         flags = clipped * np.uint8(SampleFlag.OUT_OF_RANGE) | outside * np.uint8(SampleFlag.OUTSIDE)
-        # the offset too, so that a whisker's is not another's when the comb has turned
+        # also subtract the offset: when the comb has turned, another whisker runs on the line
         zero = air.mean(axis=1, keepdims=True) if air.size else 0.0
         return Sweep(
             plan=order.sweep_plan(),
@@ -189,11 +189,11 @@ class BenchSession:
 
 
 def _open_daq(settings: DaqSettings, *, whiskers: int) -> Daq:
-    """The converter of a bench.
+    """Open the converter of a bench.
 
     Raises:
         MissingExtraError: its library is not installed.
-        StageError: it cannot be opened, or has another number of channels than there are whiskers.
+        StageError: it cannot be opened, or its number of channels is not that of the whiskers.
     """
     daq: Daq = LineDaq(settings) if settings.kind == "line" else NiDaq(settings)
     if daq.whiskers != whiskers:
@@ -208,7 +208,7 @@ def _open_daq(settings: DaqSettings, *, whiskers: int) -> Daq:
 def raster_passes(
     fitting: Fitting, region_mm: tuple[float, float, float, float], directions: Iterable[TraceDirection]
 ) -> tuple[Pass, ...]:
-    """Passes of the default raster for the character height, with the mounted comb.
+    """Plan the passes of the default raster for the character height, with the mounted comb.
 
     Args:
         fitting: fitting of the bench.

@@ -1,9 +1,9 @@
-"""Controller of a G-code stage: the core; each firmware's dialect is data (`firmwares`).
+"""Controller of a G-code stage, common to all firmwares, whose dialects are data (`firmwares`).
 
 * Before homing only upward moves are made.
 * The lines that lower, drag and lift the tips are sent in one write: if the host dies in between, the firmware already
   has the command to lift.
-* After a reset, an alarm, an error or a silence the controller is `lost`: it is stopped, lifted as far as possible, and
+* After a reset, an alarm, an error or a timeout the controller is `lost`: it is stopped, lifted as far as possible, and
   needs homing.
 """
 
@@ -22,11 +22,11 @@ from pipeline.bench.serial_port import SerialPort
 from pipeline.bench.settings import StageSettings
 from whisker_array.scan.stage_error import StageError
 
-# silence before a controller is asked for its state
+# seconds without an answer before a controller is asked for its state
 LOOK_S = 0.25
 _TURN_DEG_S = 60.0
 _PLACE_TOLERANCE_MM = 0.05
-_HOME_HINT = "see that nothing stands in the way, then: tactile-marks bench home BENCH.toml"
+_HOME_HINT = "check that nothing is in the way, then: tactile-marks bench home BENCH.toml"
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Dialect:
     Attributes:
         name: name for messages.
         absolute: prefix of a move in machine coordinates.
-        settle: lines that are answered when all moves have ended.
+        settle: lines that are acknowledged when all moves have ended.
         touching, not_touching: lines that set and clear the spare output, at rest.
-        dwell: line that waits, of seconds `s`.
-        home: lines that find the ends of all axes, each sent when the last is done.
-        lifts_to_home: the firmware lifts z before it homes the other axes.
-        place: answer with machine x, y, z in its groups.
-        bad: answers that end a run, and their message with the answer's groups; the first that matches counts.
+        dwell: line that waits for `s` seconds (`ms` milliseconds).
+        home: lines that find the ends of all axes, each sent when the one before is done.
+        lifts_to_home: whether the firmware lifts z before it homes the other axes.
+        place: pattern of an answer, with machine x, y, z in its groups.
+        bad: patterns of answers that end a run, with the message; the first that matches counts.
     """
 
     name: str
@@ -58,9 +58,9 @@ class Dialect:
 
 
 class Sender:
-    """Lines on their way to a firmware, which acknowledges each by `ok`, in order.
+    """Send lines to a firmware, which acknowledges each with `ok`, in order.
 
-    Lines go as far as the firmware has room. After it has asked for a line again they go one at a time.
+    Lines are sent as far as the firmware has room. After it has requested a line again, they are sent one at a time.
 
     Attributes:
         wait_s: longest wait for the next answer.
@@ -75,14 +75,14 @@ class Sender:
         query: bytes = b"",
         most_resends: int = 24,
     ) -> None:
-        """Take the lines.
+        """Prepare the lines.
 
         Args:
-            lines: with their ends.
-            first: number of the first, in what is asked for again.
-            room_bytes: bytes that may be in flight.
-            query: asks the firmware for its state, in a silence.
-            most_resends: greatest number of resends that are answered.
+            lines: lines with their line ends.
+            first: number of the first line in resend requests.
+            room_bytes: most bytes that may be in flight.
+            query: bytes that ask the firmware for its state, sent if it does not answer.
+            most_resends: most resend requests that are served.
         """
         self._lines, self._first, self._room_bytes, self._query = lines, first, room_bytes, query
         self._sent = self._acknowledged = self._refused = 0
@@ -97,7 +97,7 @@ class Sender:
         """Return the bytes to write now; `silent`: the last wait brought no answer."""
         begin = self._sent
         if self._again:
-            # those behind the spoilt line have been refused as well by now
+            # the lines after the damaged one have been refused as well by now
             self._sent += silent and self._acknowledged == begin
         while not self._again and self._sent < len(self._lines):
             if sum(map(len, self._lines[self._acknowledged : self._sent + 1])) > self._room_bytes:
@@ -106,10 +106,10 @@ class Sender:
         return (self._query if silent else b"") + b"".join(self._lines[begin : self._sent])
 
     def acknowledges(self, answer: str) -> bool:
-        """Process an answer; False if it acknowledges nothing.
+        """Process an answer; return whether it was an acknowledgement or a resend request.
 
         Raises:
-            ValueError: a line is asked for again that cannot be sent.
+            ValueError: it requests a line that cannot be sent again.
         """
         if answer.startswith("ok"):
             # each refused line has an `ok` of its own
@@ -119,7 +119,7 @@ class Sender:
             self._sent, self._again, self.wait_s = int(found[1]) - self._first, True, 0.1
             self._refused, self._resends_left = self._refused + 1, self._resends_left - 1
             if self._resends_left < 0 or not self._acknowledged <= self._sent <= len(self._lines):
-                raise ValueError(f"wants line {found[1]} again")
+                raise ValueError(f"requests line {found[1]} again")
         else:
             return False
         return True
@@ -129,7 +129,7 @@ class Controller(ABC):
     """A stage's controller.
 
     Attributes:
-        lost: its place is not known; only homing helps.
+        lost: whether its position is unknown, so that it needs homing.
     """
 
     dialect: ClassVar[Dialect]
@@ -149,12 +149,12 @@ class Controller(ABC):
         """Wait until the controller's moves have ended, and return its greeting.
 
         Raises:
-            StageError: it does not answer as this firmware does.
+            StageError: it does not answer like this firmware.
         """
 
     @abstractmethod
     def sender(self, lines: Sequence[str]) -> Sender:
-        """Put lines on their way."""
+        """Make the sender of these lines."""
 
     @abstractmethod
     def ask_place(self) -> None:
@@ -176,7 +176,7 @@ class Controller(ABC):
         """Lift, and find the ends of all axes.
 
         Raises:
-            StageError: it cannot.
+            StageError: homing failed.
         """
         if self.lost:
             self.connect()
@@ -191,29 +191,29 @@ class Controller(ABC):
         """Machine x, y, z at rest.
 
         Raises:
-            StageError: it does not say.
+            StageError: it does not report its position.
         """
         self._place = None
         self.ask_place()
         if self._place is None:
-            raise self.failed("the stage does not say where it stands")
+            raise self.failed("the stage does not report its position")
         return self._place
 
     def run(self, lines: Sequence[str], *, seconds: float) -> None:
         """Send lines, and wait until all are acknowledged; a line that waits for moves is acknowledged at their end.
 
         Args:
-            lines: without their ends; they travel together as far as the firmware has room.
-            seconds: time that their moves take.
+            lines: lines without line ends; they are sent together as far as the firmware has room.
+            seconds: duration of their moves.
 
         Raises:
-            StageError: an error, an alarm, a reset, a silence, or moves that take too long.
+            StageError: an error, alarm, reset or timeout, or moves that take too long.
         """
         self.port.quiet(for_s=0.0)
         self.exchange(lines, seconds=seconds, silent_s=self.settings.answer_s)
 
     def exchange(self, lines: Sequence[str], *, seconds: float, silent_s: float) -> None:
-        """`run`, with a longest silence and without dropping late answers first."""
+        """Like `run`, with a given timeout for answers, and without dropping late answers first."""
         sender, silent = self.sender(lines), False
         heard = time.monotonic()
         until = heard + 2.0 * seconds + self.settings.answer_s
@@ -236,7 +236,7 @@ class Controller(ABC):
                 raise self.failed(f"the stage's controller {error}") from error
 
     def take_in(self, answer: str) -> None:
-        """Process an answer that is no acknowledgement.
+        """Process an answer that is not an acknowledgement.
 
         Raises:
             StageError: it ends the run.
@@ -268,7 +268,7 @@ class Controller(ABC):
         """Make one pass from its start: wait for the air samples, lower, drag, lift.
 
         Raises:
-            StageError: as in `run`, or it does not stand where it should afterwards.
+            StageError: as in `run`, or the stage does not end where it should.
         """
         s, dialect = self.settings, self.dialect
         self._check_place_known()
@@ -289,13 +289,13 @@ class Controller(ABC):
         stands = self.place_mm()
         if math.dist(stands, end) > _PLACE_TOLERANCE_MM:
             at, wanted = (f"({', '.join(f'{v:.2f}' for v in place)}) mm" for place in (stands, end))
-            raise self.failed(f"the stage stands at {at} and not at {wanted}")
+            raise self.failed(f"the stage is at {at} and not at {wanted}")
 
     def lift(self) -> None:
         """Lift at rest to the travel height, or up by the same distance if the position is unknown.
 
         Raises:
-            StageError: it cannot.
+            StageError: it could not be lifted.
         """
         s = self.settings
         if self.lost:
@@ -316,7 +316,7 @@ class Controller(ABC):
     def unknown(self) -> StageError:
         """Make the error for a controller that runs another firmware."""
         return self.failed(
-            f"the stage's controller does not answer as {self.dialect.name} does",
+            f"the stage's controller does not answer like {self.dialect.name}",
             "see firmware, port and baud of [stage]",
         )
 
@@ -327,4 +327,4 @@ class Controller(ABC):
 
     def _check_place_known(self) -> None:
         if self.lost:
-            raise StageError("the stage does not know where it stands", _HOME_HINT)
+            raise StageError("the stage does not know its position", _HOME_HINT)

@@ -8,7 +8,7 @@ GRBL: character counting, status reports, feed hold and soft reset::
       !   feed hold;  0x18  soft reset --> Grbl 1.1h ['$' for help]
           <-- ALARM:N                                          locked until $X or $H
 
-Marlin: numbered lines with a checksum, `busy` while it works, and lines that it wants again::
+Marlin: numbered lines with a checksum, `busy` while it works, and resend requests::
 
     host  N7 G1X10.000F3000*81 --> firmware
           <-- ok                                    one per line, in order
@@ -19,9 +19,9 @@ Marlin: numbered lines with a checksum, `busy` while it works, and lines that it
       M114 <-- X:10.00 Y:0.00 Z:5.00 E:0.00 Count X:800 Y:0 Z:2000
       M410 quick stop;  M112 --> Error:Printer halted. kill() called!
 
-The coolant output of GRBL (M8, M9) and the fan output of Marlin (M106, M107) are the spare output that tells the
-converter of touch: GRBL sets it when the moves before it have ended. Quick stop and M112 are heard at once only by a
-Marlin with EMERGENCY_PARSER.
+The coolant output of GRBL (M8, M9) and the fan output of Marlin (M106, M107) are the spare output that signals touch to
+the converter; GRBL sets it when the moves before it have ended. Only a Marlin with EMERGENCY_PARSER obeys quick stop
+and M112 at once.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from operator import xor
 from pipeline.bench.controller import LOOK_S, Controller, Dialect, Sender
 from whisker_array.scan.stage_error import StageError
 
-# that may be in flight
+# bytes that may be in flight
 _ROOM_BYTES = 127
 _ALARMS = {
     "1": "a limit switch was hit",
@@ -47,7 +47,7 @@ _ALARMS = {
 }
 _MOVING = ("Run", "Jog", "Home")
 _GREETING = re.compile("Grbl.*")
-# sets the count of lines; the line numbered 0
+# restarts the line numbers, as line 0
 _COUNT_ANEW = "M110N0"
 
 
@@ -76,18 +76,18 @@ class Grbl(Controller):
         """Wait until its moves have ended, then reset it.
 
         Raises:
-            StageError: silent, or no GRBL.
+            StageError: it does not answer like GRBL.
         """
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
-        # a dead host's last pass ends with its lift; a board that boots is silent at first
+        # the last pass of a dead host ends with its lift; a booting board does not answer at first
         while (state := self._state(wait_s=LOOK_S)) in (None, *_MOVING) and time.monotonic() <= until:
             if state is not None:
                 until = time.monotonic() + self.settings.answer_s
         return self._reset()
 
     def sender(self, lines: Sequence[str]) -> Sender:
-        """Count the characters in flight."""
+        """Make a sender that limits the characters in flight."""
         return Sender([f"{line}\n".encode() for line in lines], room_bytes=_ROOM_BYTES, query=b"?")
 
     def ask_place(self) -> None:
@@ -103,7 +103,7 @@ class Grbl(Controller):
         self.lost = True
         self.port.write(b"!")
         until = time.monotonic() + self.settings.answer_s
-        # a reset before it stands would lose steps
+        # a reset before the axes stop would lose steps
         while time.monotonic() < until and self._state(wait_s=LOOK_S) in (None, *_MOVING):
             pass
         self._reset()
@@ -159,7 +159,7 @@ class Marlin(Controller):
         """Wait for the board to boot, start numbering, and ask for its name.
 
         Raises:
-            StageError: silent, or no Marlin.
+            StageError: it does not answer like Marlin.
         """
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
@@ -176,7 +176,7 @@ class Marlin(Controller):
         raise self.unknown()
 
     def sender(self, lines: Sequence[str]) -> Sender:
-        """Continue the numbering of lines."""
+        """Make a sender that continues the line numbers."""
         first = 0 if lines[0] == _COUNT_ANEW else self._number + 1
         self._number = first + len(lines) - 1
         bodies = [f"N{number} {line}" for number, line in enumerate(lines, start=first)]
@@ -201,7 +201,7 @@ class Marlin(Controller):
             self._name = answer.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]
 
     def stop(self) -> None:
-        """Quick stop, lift; without an answer M112, which leaves the tips where they are.
+        """Quick stop and lift; without an answer M112, which leaves the tips where they are.
 
         Raises:
             StageError: it was halted, or does not answer.

@@ -1,10 +1,10 @@
-"""A microcontroller as a converter, by lines over a serial port (docs/pages/reference/daq-line-protocol.md).
+"""A microcontroller as converter, with text lines over a serial port (docs/pages/reference/daq-line-protocol.md).
 
 host                daq
 id              --> tactile-daq 1 8 16 10.0 NAME       version, channels, bits, volts to either side, name
 rate 2000       --> ok 2000.00                         the rate that it can keep
 start           --> ok
-                --> 0 1 -12 7 ... 31 4AF2              number, sync, counts, CRC-16 of what stands before it
+                --> 0 1 -12 7 ... 31 4AF2              number, sync, counts, CRC-16 of the line before it
 stop            --> ok 5123                            samples sent
 """
 
@@ -45,8 +45,8 @@ class LineDaq:
         self._thread = threading.Thread(target=self._pump, name="converter", daemon=True)
         self._thread.start()
         try:
-            self._port.write(b"stop\n")  # a dead host's may still run
-            # a board that boots when its port is opened says hello by itself, or answers late
+            self._port.write(b"stop\n")  # the sampling of a dead host may still run
+            # a board that boots when its port is opened sends its greeting unasked, or answers late
             _, version, channels, bits, volts, *name = self._hello()
             self.whiskers, self._full = int(channels), 2 ** (int(bits) - 1)
             self._range_v, self._name = float(volts), " ".join(name)
@@ -68,11 +68,11 @@ class LineDaq:
             raise
 
     def describe(self) -> str:
-        """Its name and size."""
+        """Name, channels and range of the converter."""
         return f"{self._name}, {self.whiskers} channels, {2 * self._full} counts over +-{self._range_v:g} V"
 
     def start(self) -> None:
-        """Begin.
+        """Start sampling.
 
         Raises:
             StageError: it does not answer.
@@ -83,7 +83,7 @@ class LineDaq:
         """Stop, and check that no sample is missing or damaged.
 
         Raises:
-            StageError: it was reset, is silent, or samples are lost or spoilt.
+            StageError: it was reset, does not answer, or samples are lost or damaged.
         """
         self._port.write(b"stop\n")
         lines = []
@@ -123,16 +123,16 @@ class LineDaq:
                 while not (line := self._take(asked - time.monotonic())).startswith(_HELLO):
                     pass
                 time.sleep(0.05)
-                while not self._lines.empty():  # hello again, from an earlier question
+                while not self._lines.empty():  # answers to earlier questions
                     self._take(0.0)
                 return line.split()
         raise StageError("the converter does not answer", _CABLE_HINT)
 
     def _ask(self, question: str) -> str:
-        """Answer to a question.
+        """Ask a question, and return the answer.
 
         Raises:
-            StageError: silence, or a refusal.
+            StageError: it does not answer, or refuses.
         """
         self._port.write(f"{question}\n".encode())
         until = time.monotonic() + self._settings.answer_s
@@ -150,7 +150,7 @@ class LineDaq:
     def _take(self, wait_s: float) -> str:
         line = self._lines.get(timeout=max(0.0, wait_s))
         if isinstance(line, StageError):
-            self._lines.put(line)  # the port stays gone
+            self._lines.put(line)  # the next caller gets the error, too
             raise line
         return line
 

@@ -8,7 +8,7 @@
         +---> x        x, y here                                         down                         up
 
 The comb turns with the trace: at 0 and 270 degrees its first whisker has the least coordinate across, at 90 and 180 the
-greatest; `Moves.whisker` tells which one felt which line.
+greatest; `Moves.whisker` has the whisker of each line.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Moves:
         touch_z_mm, lift_z_mm: machine z.
         turn_deg: angle of the turning axis.
         ramp: speed ramp of the move that touches.
-        first_mm: distance from the start of that move to the pass's first sample.
+        first_mm: distance from the start of that move to the first sample of the pass.
         whisker: the whisker that runs on each line of the pass.
         speed_mm_s: speed while touching.
         air_s: time lifted, for the air samples.
@@ -105,10 +105,10 @@ def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
     Args:
         order: the pass, in the plate's frame.
         bench: the bench.
-        preload_mm: preload if the pass gives none.
+        preload_mm: preload if the pass has none of its own.
 
     Raises:
-        StageError: a pass that this comb or stage cannot run, or one beyond a limit.
+        StageError: this comb or stage cannot run the pass, or it exceeds a limit.
     """
     stage = bench.stage
     turn = (int(order.direction) + (180 if order.pushed else 0)) % 360
@@ -120,11 +120,11 @@ def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
     preload = order.preload_mm if order.preload_mm is not None else preload_mm
     if preload > stage.most_preload_mm:
         raise StageError(
-            f"a preload of {preload:.2f} mm is more than the most, {stage.most_preload_mm:.2f} mm",
+            f"a preload of {preload:.2f} mm is over the limit of {stage.most_preload_mm:.2f} mm",
             "see most_preload_mm of [stage]",
         )
     whisker, across = _comb(order, bench, turn)
-    # a converter that is too slow for the pass has it run slower
+    # run the pass slower if the converter is too slow for it
     speed = min(order.speed_mm_s, bench.daq.rate_hz * order.sample_pitch_mm)
     up = bench.run_up_mm(speed) + order.sample_pitch_mm
     sign = -1.0 if order.direction.backward else 1.0
@@ -165,7 +165,9 @@ def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...]
             and not any(order.offset_mm)
         ):
             return tuple(int(w) for w in whisker), middle
-    raise StageError(f"a pass for another comb than {n} whiskers {pitch:g} mm apart", "plan it for this comb")
+    raise StageError(
+        f"the pass needs another comb than {n} whiskers {pitch:g} mm apart", "plan it for this comb"
+    )
 
 
 def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tuple[float, float]:
@@ -180,11 +182,11 @@ def check_limits(place_mm: Sequence[float], stage: StageSettings) -> None:
     """Refuse a position beyond the stage's travel.
 
     Raises:
-        StageError: it is.
+        StageError: the position lies beyond it.
     """
     for name, value, (low, high) in zip(_AXES, place_mm, stage.travel_mm, strict=True):
         if not low <= value <= high:
             raise StageError(
                 f"{name} {value:.2f} mm lies beyond the stage's travel, {low:g} to {high:g} mm",
-                "feel a smaller region, or see origin_mm and travel_mm of [stage]",
+                "scan a smaller region, or see origin_mm and travel_mm of [stage]",
             )

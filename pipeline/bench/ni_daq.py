@@ -1,6 +1,6 @@
-"""A card of National Instruments as a converter, through their own library nidaqmx and the NI-DAQmx driver.
+"""A National Instruments card as converter, through the library nidaqmx and the NI-DAQmx driver.
 
-The stage's spare output is wired to an analogue input beside the whiskers', so that one task samples all by one clock.
+The stage's spare output is wired to an analogue input beside the whiskers', so one task samples all with one clock.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pipeline.bench.settings import DaqSettings
 from whisker_array.scan.stage_error import StageError
 
 _BUFFER_S = 60.0
-"""Size of the driver's buffer, s: a pass takes less."""
+"""Size of the driver's buffer, s, more than any pass takes."""
 _SYNC_V = 1.5
 """Voltage above which the output is set: half of 3.3 V, and well below 5 V."""
 _CLIPPED = 0.999
@@ -31,13 +31,13 @@ class NiDaq:
 
         Raises:
             MissingExtraError: nidaqmx is not installed.
-            StageError: the driver or the card is not there, or refuses.
+            StageError: the driver or the card is missing, or refuses.
         """
         try:
             import nidaqmx
             from nidaqmx.constants import AcquisitionType
         except ModuleNotFoundError as error:
-            raise MissingExtraError("a card of NI", "nidaqmx", "nidaqmx") from error
+            raise MissingExtraError("an NI card", "nidaqmx", "nidaqmx") from error
         self._settings = settings
         self._errors: tuple[type[Exception], ...] = (nidaqmx.errors.Error,)
         self._task: Any = None
@@ -59,19 +59,19 @@ class NiDaq:
         return f"{self._settings.channels} by NI-DAQmx, {self.whiskers} channels at {self._rate_hz:g} Hz"
 
     def start(self) -> None:
-        """Begin.
+        """Start sampling.
 
         Raises:
-            StageError: the driver's.
+            StageError: the driver reports an error.
         """
         with self._refusals_reported():
             self._task.start()
 
     def stop(self) -> Record:
-        """End.
+        """Stop sampling and return all samples.
 
         Raises:
-            StageError: the driver's; it tells of samples that were overwritten.
+            StageError: the driver reports an error, such as overwritten samples.
         """
         from nidaqmx.constants import READ_ALL_AVAILABLE
 

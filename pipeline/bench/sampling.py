@@ -1,11 +1,11 @@
-"""The samples of a pass in a converter's record, each with its position.
+"""Find the samples of a pass in a converter's record, and their positions.
 
 sync   ____|^^^^^^|________|^^^^^^^^^^^^^^^^^|____      high: the stage's spare output
              air     lower      the pass       lift
 
-The stage sets an output while it drags, and the converter samples that output too, so both share one clock. The speed
-profile of the stage is known (`Ramp`). A pass that took longer or shorter than planned is refused: its positions are
-not known.
+The stage sets an output while it drags the tips, and the converter samples that output, too, so both share one clock.
+The speed profile of the stage is known (`Ramp`). A pass that took more or less time than planned is refused: its
+positions are unknown.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.passes import Pass
 
 _LATE_S = 0.03
-"""Tolerance of the time the output is set beyond the duration of the move: firmware planning and a sample or two."""
+"""Tolerance, s, between the time that the output is set and the duration of the move: firmware planning and samples."""
 _LONGER = 0.02
 """Further tolerance, as a share of the duration of the move."""
 
@@ -91,10 +91,10 @@ def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[
 def samples(
     record: Record, order: Pass, moves: Moves
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """(lines, samples) volts lifted and touching, and where touching ones are clipped; line by line of the order.
+    """(lines, samples) volts in the air, volts on the part, and mask of clipped ones, in the order of the pass's lines.
 
     Raises:
-        StageError: the stage's output does not tell the pass.
+        StageError: the pass cannot be found by the stage's output.
     """
     stretches, wanted = record.stretches(), 2 if moves.air_s > 0.0 else 1
     if len(stretches) != wanted:
@@ -128,7 +128,7 @@ def samples(
 def _averaged(
     x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
 ) -> NDArray[np.float64]:
-    """(channels, at) means of (samples, channels) over a width about each time, against aliasing."""
+    """(channels, at) means of (samples, channels) over a width around each point, against aliasing."""
     whole = cumulative_trapezoid(rows, x, axis=0, initial=0.0)
     low, high = (np.array([np.interp(at + s * width, x, c) for c in whole.T]) for s in (-0.5, 0.5))
     return np.asarray((high - low) / width)

@@ -27,17 +27,17 @@ class StageSettings(Strict):
         baud: baud rate of a serial port.
         origin_mm: machine x, y at which the turning axis (the middle of the comb, without one) is over the plate's
             (0, 0), its upper left corner.
-        flip_x, flip_y: the machine's axis runs against the plate's, whose y points down.
-        flip_turn: the turning axis turns the other way than from the plate's x to its y.
-        turn_axis: letter of the axis that turns the comb; without one only passes along +x can be felt.
+        flip_x, flip_y: whether the machine's axis runs against the plate's, whose y points down.
+        flip_turn: whether the turning axis turns against the direction from the plate's x to its y.
+        turn_axis: letter of the axis that turns the comb; without one only passes along +x are possible.
         tip_mm: offset from the turning axis to the middle tip, along the trace and across, at 0 degrees.
-        land_z_mm: machine z at which tips without load just reach the land; greater z is higher.
-        lift_mm: height above the land at which the tips are carried.
-        travel_mm: least and greatest x, y, z: no move goes beyond.
+        land_z_mm: machine z at which unloaded tips just reach the land; greater z is higher.
+        lift_mm: height above the land at which the tips travel.
+        travel_mm: least and greatest x, y, z of all moves.
         most_preload_mm: largest preload.
         acceleration_mm_s2: acceleration of x and y, as set in the firmware.
-        rapid_mm_s, lower_mm_s: speeds of moves without touch, and down to the land.
-        answer_s: longest silence of the controller.
+        rapid_mm_s, lower_mm_s: speed of moves without touch, and of the move down to the land.
+        answer_s: longest wait for an answer of the controller.
         home_s: longest time of homing.
     """
 
@@ -65,7 +65,7 @@ class StageSettings(Strict):
         low, high = self.travel_mm[2]
         if not low < self.land_z_mm - self.most_preload_mm < self.land_z_mm + self.lift_mm <= high:
             raise ValueError(
-                "land_z_mm less most_preload_mm and land_z_mm + lift_mm must lie within travel_mm's z"
+                "land_z_mm - most_preload_mm and land_z_mm + lift_mm must lie within travel_mm's z"
             )
         return self
 
@@ -109,10 +109,10 @@ class DaqSettings(Strict):
         channels: channels of "nidaqmx", such as Dev1/ai0:7.
         sync_channel: analogue input of "nidaqmx" that is wired to the stage's spare output.
         rate_hz: samples a second.
-        range_v: range to either side.
-        volt_per_n_mm: one number, or one a whisker: what `bench calibrate` prints.
-        gains_known: the numbers are from `bench calibrate`, not from a data sheet.
-        answer_s: longest silence.
+        range_v: range to either side, V.
+        volt_per_n_mm: one number, or one for each whisker, as `bench calibrate` prints them.
+        gains_known: whether the numbers are from `bench calibrate`, not from a data sheet.
+        answer_s: longest wait for an answer.
     """
 
     kind: Literal["line", "nidaqmx"]
@@ -163,7 +163,7 @@ class BenchSettings(Strict):
         """The mounted whiskers.
 
         Raises:
-            FileError: their file cannot be used.
+            FileError: the whisker's file cannot be used.
         """
         if self.comb.whisker is not None:
             return read_whisker_file(self.comb.whisker).touch
@@ -185,10 +185,10 @@ class BenchSettings(Strict):
 
 
 def read_bench(path: Path) -> BenchSettings:
-    """Read bench.toml; a whisker's file is looked for beside it.
+    """Read bench.toml; the path of a whisker's file is relative to it.
 
     Raises:
-        FileError: no file, no TOML, unknown or missing keys, invalid numbers.
+        FileError: the file is missing or not TOML, or has unknown, missing or invalid keys.
     """
     settings = read_toml(path, BenchSettings)
     if settings.comb.whisker is None:

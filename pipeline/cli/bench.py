@@ -91,7 +91,7 @@ def calibrate(bench: Path) -> None:
     if wide > y1 - y0:
         raise CommandError(
             f"the comb is {wide:.1f} mm wide, the field {y1 - y0:.1f} mm high",
-            hint="lay a wider bare plate under it and say so in field_mm",
+            hint="use a wider bare plate, and set field_mm to it",
         )
     first = 0.5 * (y0 + y1 - wide)
     order = Pass(

@@ -210,7 +210,7 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
     """Print the choices as a table and the quickest one in words; no line is wider than 80 characters."""
     x0, y0, x1, y1 = request.region_mm
     print(
-        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,\n"
+        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm scanned,\n"
         f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):\n"
     )
     headings = ("whiskers", "rows", "stagger mm", "pitch mm", "ribbon mm", "beta deg", "lines", "ways", "passes",

@@ -116,7 +116,7 @@ def run(
     from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.cli.shared import print_document
-    from pipeline.reading.certificate import checked
+    from pipeline.reading.certificate import valid_certificate
     from pipeline.reading.perturbation import PERTURBATIONS
     from recognition.language.orientation import Orientation
     from recognition.senses.settings import ReaderSettings
@@ -126,7 +126,7 @@ def run(
         inputs, truth, design, parts, tuple(give or ()),
         {"soil": soil, "severity": dirt, "font": font, "format": format, "height_mm": height_mm, "seed": seed},
     )  # fmt: skip
-    vouching = checked(certificate) if certificate is not None else None
+    vouching = valid_certificate(certificate) if certificate is not None else None
     # parts of a design are upright; the orientation of other parts is unknown
     lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
     try:
@@ -212,7 +212,7 @@ def export(
     cluster: str | None = None,
     check: Flag = False,
 ) -> None:
-    """Write an exam's parts, photographs, felt views and truth. An interrupted export continues with the same command.
+    """Write an exam's parts, photographs, views of touch and truth; the same command continues an interrupted export.
 
     Parameters
     ----------

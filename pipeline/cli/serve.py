@@ -198,7 +198,7 @@ def check_tls(settings: ServiceSettings) -> None:
             raise UsageError(f"serve: {path} is not a file", "name a PEM file")
     if cert is None:
         if key is not None:
-            raise UsageError("serve: tls.key without tls.certificate", "give both")
+            raise UsageError("serve: tls.key is set without tls.certificate", "give both")
         return
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(cert, key, password=_no_password)

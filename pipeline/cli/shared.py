@@ -69,7 +69,7 @@ def _console() -> Console:
 
 
 def write_picture(figure: Figure, path: Path) -> None:
-    """Write a picture and say so.
+    """Write a picture, and print its path.
 
     Raises:
         FileError: it cannot be written.

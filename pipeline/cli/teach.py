@@ -49,20 +49,20 @@ def enroll(
     font
         Name for this die, such as press-7; use it again to learn more of the same die.
     truth
-        CSV with the columns part and text: what a person read on each part.
+        CSV with the columns part and text: the serial that a person read on each part.
     from_store
-        Take the reviewed parts of the service's store instead.
+        Use the reviewed parts of the service's store instead.
     since
-        Only parts reviewed in this many days up to now.
+        Only parts reviewed within this many days.
     picture
         Picture of the exemplars, .png, .svg or .pdf. [default: the database's name and .png]
     check
-        Read each half of the parts with what the other half taught, and say whether it helps.
+        Read each half of the parts with the shapes learned from the other half, and report whether that helps.
     """
     if from_store == bool(inputs):
         raise UsageError("enroll: name parts with --truth, or give --from-store")
     if inputs and truth is None:
-        raise UsageError("enroll: give --truth, a table of what stands on the parts")
+        raise UsageError("enroll: give --truth, a table of the parts' serials")
     if not from_store and (at.store is not None or since is not None):
         raise UsageError("enroll: --store and --since go with --from-store")
     from pipeline.common.output_paths import PICTURES, check_writable
@@ -130,7 +130,7 @@ def _of_store(
 ) -> tuple[list[PartFiles], int]:
     """List the reviewed parts of a store, oldest first, and count those left out.
 
-    Files of evidence are named by their hash; links to them, in a folder of their own, have the suffixes of their kind.
+    Evidence files are named by their hash, without suffix; links to them, in a folder of their own, have the suffix.
     """
     from pipeline.common.records import EvidenceKind, PartState, ReviewAction
     from pipeline.formats.part_files import PartFiles

@@ -44,35 +44,35 @@ def scan(
     Parameters
     ----------
     height_map
-        .npz, .x3p, .sdf, .sur ... Friction and soft dirt count where an .npz holds them, as `synth --dirt` writes
-        it. A .toml is a test piece (`identify`).
+        .npz, .x3p, .sdf, .sur ... Friction and soft dirt are simulated if an .npz holds them, as from `synth --dirt`.
+        A .toml is a test piece (`identify`).
     out
         Recording to write, .h5.
     height_mm
         Character height in mm, which sets the scale of array and raster (default: measured, which takes as long as
-        to read the part).
+        reading the part).
     fidelity
-        How touch is simulated.
+        Simulation of touch.
     noise
-        Sensors as real ones are: gains, offsets, noise, drift, creep, hysteresis, 16 bits, and a stage with play and
-        errors of its place. Without it all are ideal.
+        Realistic sensors: gains, offsets, noise, drift, creep, hysteresis, 16 bits; and a stage with play and position
+        errors. Without it all are ideal.
     seed
-        Of all that: the same seed gives the same scan.
+        Random seed of the noise: the same seed gives the same scan.
     whisker
-        Whisker to scan with, as `design --out` writes it (default: one for the character height).
+        Whisker file to scan with, as from `design --out` (default: a whisker for the character height).
     friction
         True friction of the part, 0 to 1 (default: the file's, or the whisker's nominal one).
     profilers
         Add a second row of whiskers that measures the profile; it separates slopes from heights.
     two_way
-        Scan every pass again on its return, pushed backwards; it measures friction.
+        Scan every pass again on the way back, with the whiskers pushed; this measures friction.
     active
         Choose pass after pass while reading, and stop when the serial is sure or more touch would not help, in place of
-        the whole plan; the passes felt are recorded together.
+        the whole plan; the passes are recorded together.
     budget_s
         Most stage seconds with --active.
     format
-        What the serial looks like, with --active, such as AA999999; as read --format takes it.
+        Format of the serial, with --active, such as AA999999; see read --format.
     """
     from pipeline.formats.grid import PartMap
     from pipeline.formats.touch_file import read_part_map
@@ -132,7 +132,7 @@ def check_recording(path: Path) -> None:
     """Check that a recording can have this name and be written.
 
     Raises:
-        UsageError: another suffix.
+        UsageError: the suffix is wrong.
         FileError: it cannot be written.
     """
     if path.suffix.lower() not in SCAN_SUFFIXES:
@@ -146,7 +146,7 @@ def scan_actively(
     """Record the passes that a reader chooses, and print why it stopped.
 
     Raises:
-        CommandError: nothing could be felt.
+        CommandError: no pass could be scanned.
     """
     from recognition.active.replay import read_kept
     from recognition.reader import Reader
@@ -155,7 +155,7 @@ def scan_actively(
     found = read_kept(Reader(format=format).touch, session, budget_s=budget_s)
     session.close()
     if found.scan is None:
-        raise CommandError(f"scan: nothing was felt: {found.problem}", hint="check the stage")
+        raise CommandError(f"scan: no pass could be scanned: {found.problem}", hint="check the stage")
     for one in found.passes:
         print(
             f"{one.stage_s:6.1f} s  {one.order.describe()}{f'  {one.text} {one.confidence:.2f}' if one.text else ''}"
@@ -177,7 +177,7 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
         Write the calibration into the recording itself.
     """
     if in_place and out is not None:
-        raise UsageError("calibrate: --out and --in-place", "give one of them")
+        raise UsageError("calibrate: --out and --in-place exclude each other", "give one of them")
     if not in_place and out is None:
         out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
     from glyphs.errors import FileError
@@ -216,18 +216,18 @@ def identify(
     Parameters
     ----------
     recording
-        The scan, .h5, of four directions and back at best; `scan PIECE.toml` makes one to try it.
+        The scan, .h5, best in four directions and back; `scan PIECE.toml` makes one to try.
     piece
-        TOML of a test piece, or the height map of any other, with its corner where the scan's frame begins.
+        TOML file of a test piece, or the height map of any other, with its corner at the origin of the scan's frame.
     whisker
-        The whisker as drawn, a file that `design` writes. Without it lengths, angle and stiffness are not looked for.
+        The whisker as drawn, a file from `design`. Without it lengths, angle and stiffness are not identified.
     out
-        Whisker file to write, with what was found in place of what was drawn; needs --whisker.
+        Whisker file to write, with the identified values in place of the drawn ones; needs --whisker.
     figure
-        Picture (.svg, .png) of what was felt, what the bench found predicts, and what is left over.
+        Picture (.svg, .png) of the measured signals, those that the identified bench predicts, and the residuals.
     """
     if out is not None and whisker is None:
-        raise UsageError("--out writes a whisker, and none was given", "add --whisker")
+        raise UsageError("identify: --out needs the whisker as drawn", "add --whisker")
     from pipeline.reading.identified import identify_recording, table_of, write_found
     from pipeline.workers.options import in_a_worker
 
@@ -254,7 +254,7 @@ def import_traces(
     files
         .csv, .txt, .tsv or .tdms (with the extra tdms), in the order in which they were recorded.
     traces
-        What stands in them, .toml: columns, units, where the whiskers are.
+        Description of the files, .toml: columns, units, positions of the whiskers.
     out
         Recording to write, .h5.
     """
@@ -287,12 +287,12 @@ def import_traces(
 def figures(
     *, out: Path = Path("figures-out"), mu: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.2
 ) -> None:
-    """Draw Figs. 4, 6 and 7 of the paper, with the step F of simulated traces beside eq. (16).
+    """Draw Figs. 4, 6 and 7 of the paper, with the step F from simulated traces and from eq. (16).
 
     Parameters
     ----------
     out
-        Folder for the pictures and figures.csv; made if it is not there.
+        Folder for the pictures and figures.csv; made if missing.
     mu
         Friction coefficient in Figs. 6 and 7; Fig. 4 has the paper's range of them.
     """
@@ -315,21 +315,21 @@ def describe_plan(plan: RasterPlan) -> str:
 
 
 def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:
-    """Compare the linear beam (Assumption 1) with the exact bent shape on level surface.
+    """Compare the linear beam (Assumption 1) with the exact bent shape on a level surface.
 
-    Solves a boundary value problem, some 10 ms.
+    It solves a boundary value problem, which takes some 10 ms.
 
     Args:
         whisker: a whisker that lies in the plane of tracing.
-        lift_mm: height by which the surface lifts the tip, mm: preload and height of marks above the land.
+        lift_mm: height by which the surface lifts the tip, mm: preload plus height of marks above the land.
         mu: friction coefficient.
 
     Returns:
-        A sentence; empty where force and moment are right within `LINEAR_ERROR_LIMIT` and the tip bends by no more
-        than `DEFLECTION_LIMIT` of l1.
+        A warning; empty if force and moment are within `LINEAR_ERROR_LIMIT` and the tip bends by no more than
+        `DEFLECTION_LIMIT` of l1.
 
     Raises:
-        WhiskerError: friction negative or not finite.
+        WhiskerError: the friction is negative or not finite.
     """
     from whisker_array.whisker.elastica import ElasticaError, linear_error
     from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio

@@ -16,15 +16,15 @@ _AGAIN_S = 0.05
 def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
     """Hold a lock file while the block runs; it is created if missing, and left in place.
 
-    Threads exclude each other like processes, because each call opens the file anew. A system with neither fcntl nor
-    msvcrt runs one process only, and nothing is locked there.
+    Threads exclude each other like processes, because each call opens the file. A system with neither fcntl nor msvcrt
+    runs one process only, and nothing is locked there.
 
     Args:
         path: path of the lock file, which stays empty.
         wait: whether to wait until another holder releases it.
 
     Yields:
-        Whether it is held; always with `wait`.
+        Whether the lock is held; always true with `wait`.
 
     Raises:
         OSError: the file cannot be made, or the file system has no locks.

@@ -80,7 +80,7 @@ SIGMAS = 2.0
 """Standard deviations by which a change must exceed its limit; a smaller excess may be chance."""
 
 
-def wear(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:
+def wear_messages(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:
     """Changes beyond their limits, each with a remedy; empty if there are none."""
     found = []
     for name, limit in _LIMITS.items():

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.common.texts import harmless
+from pipeline.common.texts import escape_formula
 
 PICTURES = (".png", ".svg", ".pdf")
 """Suffixes of pictures that can be drawn."""
@@ -86,4 +86,4 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
     ):
         writer = csv.writer(stream)
         for row in rows:
-            writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in row])
+            writer.writerow([escape_formula(cell) if isinstance(cell, str) else cell for cell in row])

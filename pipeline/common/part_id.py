@@ -25,7 +25,7 @@ def new_part_id() -> str:
     global _last
     drawn = (time.time_ns() // 1_000_000) << _RANDOM_BITS | secrets.randbits(_RANDOM_BITS)
     with _lock:
-        # also where the clock was set back
+        # also if the clock was set back
         same_millisecond = drawn >> _RANDOM_BITS <= _last >> _RANDOM_BITS
         _last = _last + 1 if same_millisecond else drawn
         number = _last

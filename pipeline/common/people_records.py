@@ -28,7 +28,7 @@ class Person:
         """Key of this person's claims; empty without token and seat."""
         return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
 
-    def said(self, review: ReviewRecord) -> bool:
+    def wrote(self, review: ReviewRecord) -> bool:
         """Whether a review is this person's."""
         return self.token == review.token and bool(self.token or self.name == review.who)
 

@@ -39,10 +39,10 @@ class CharacterRecord:
     Attributes:
         candidates: best first.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown.
-        state: read, confused, not read or mismatch; empty where it was not judged.
-        grade: grade of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
+        state: read, confused, not read or mismatch; empty if it was not judged.
+        grade: grade of the mark, A to F, or "?" if too little was scanned; empty if it was not graded.
         box_px: the same in pixels, for a photograph whose scale is unknown; else None.
-        state_chars: with "confused" the two characters; with "mismatch" the one that stands there and the one expected.
+        state_chars: if confused, the two characters; if mismatched, the one that is there and the one expected.
         action: action for the mark; empty if none is needed, or it was not graded.
         depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
         depth_mean_mm: mean depth, likewise.
@@ -185,7 +185,7 @@ class ReadingRecord:
 
     Attributes:
         source: vision, tactile or fused; empty with an error.
-        text: the serial; empty where nothing was found.
+        text: the serial; empty if nothing was found.
         decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
         characters: its characters in order.
@@ -193,16 +193,16 @@ class ReadingRecord:
         font: font whose templates fit best.
         height_mm: character height; None if it or the photograph's scale is unknown.
         rotation_deg: rotation of the line, from +x towards +y.
-        verdict: confirmed, refuted or undecided; empty where no text was expected.
+        verdict: confirmed, refuted or undecided; empty if no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
         seconds: time taken to read it, loading included.
         at: time of the reading; the store sets its own.
         part: name of the part.
-        error: why there is no reading; empty where there is one.
+        error: why there is no reading; empty if there is one.
         height_px: character height in pixels of a photograph whose scale is unknown; else None.
         raised: raised marks.
         expected: text that the part should read; empty if none is known.
-        verify_probability: probability that the part has the expected text; None where no text was expected.
+        verify_probability: probability that the part has the expected text; None if no text was expected.
         rivals: other possible serials, the most probable first.
         lines: the part's other lines: those that the settings name first, then the rest.
         codes: Data Matrix and QR codes in its photographs.
@@ -212,7 +212,7 @@ class ReadingRecord:
         photos: number of photographs read; 0 for touch alone.
         passes: passes of active touch in order, in the frame of the boxes.
         stage_s: stage seconds of these passes; None without active touch.
-        stopped: why touch stopped: sure, no gain, budget, all felt, nothing found, stage failed.
+        stopped: why touch stopped: sure, no gain, budget, all felt, nothing found or stage failed.
         faults: faults of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
     """

@@ -73,8 +73,8 @@ class EvidenceRecord:
 
     Attributes:
         kind: kind of file.
-        sha256: SHA-256 of its content, hexadecimal; it is kept under that name.
-        n_bytes: its length.
+        sha256: SHA-256 of its content, hexadecimal; the file is stored under that name.
+        n_bytes: size of the file.
         name: the sender's name for it; never used as a path.
         media_type: media type for the browser.
         meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.

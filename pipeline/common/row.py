@@ -37,12 +37,12 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
 
     Columns:
         part: name of the part.
-        text: text that was read; empty when nothing was.
+        text: text that was read; empty if nothing was.
         decision: accept, review or reject; empty with an error.
         confidence: confidence that the whole text is right, 0 to 1.
         source: tactile, vision or fused.
         seconds: time spent, loading included.
-        error: why there is no reading; empty when there is one.
+        error: why there is no reading; empty if there is one.
         font: font whose templates fit best.
         height_mm: character height found; None if unknown in mm.
         rotation_deg: rotation of the line, from +x towards +y.
@@ -54,8 +54,8 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         depth_mean_mm: mean depth of the characters; None if unknown.
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where unknown.
         expected: the text that the part should read; empty if none is known.
-        verdict: confirmed, refuted or undecided; empty where no text was expected.
-        verify_probability: probability that the part has the expected text; None where no text was expected.
+        verdict: confirmed, refuted or undecided; empty if no text was expected.
+        verify_probability: probability that the part has the expected text; None if no text was expected.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
         rivals: other possible serials with their probabilities, as "KB74 0.021, KB71 0.013".
         grade: mark quality, A to F, of the worst character; empty if none was graded.
@@ -142,7 +142,7 @@ def states_text(places: Sequence[CharacterRecord]) -> str:
 
 
 def state_text(state: str, chars: Sequence[str]) -> str:
-    """State of a place: "read", "not read", "confused 8/B", or "mismatch 8/B" where 8 stands in place of a B."""
+    """State of a place: "read", "not read", "confused 8/B", or "mismatch 8/B" if there is an 8 in place of a B."""
     return f"{state} {'/'.join(c or '-' for c in chars)}".strip()
 
 

@@ -298,7 +298,7 @@ class MapSettings(Settings):
     """Unit of the numbers in height files, whatever the file states. Default: the unit that the file states, and mm
     where it states none."""
     pitch_mm: float | None = Field(default=None, gt=0.0, le=10.0, allow_inf_nan=False)
-    """Distance of neighbouring samples in mm, for height files that do not state it (.npy, matrices of text, height
+    """Distance of neighbouring samples in mm, for height files that do not state it (.npy, text matrices, height
     images) or state it wrongly."""
     height_image: bool = False
     """Read .png and .tif as heights, one number a pixel, and not as photographs; see --unit and --pitch-mm."""

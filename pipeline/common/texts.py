@@ -44,13 +44,13 @@ def first_of(names: Sequence[str]) -> str:
     return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
-def harmless(text: str) -> str:
+def escape_formula(text: str) -> str:
     """A text for a cell, marked with an apostrophe if a spreadsheet would take it for a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
-def original(cell: str) -> str:
-    """Recover the text from a cell that `harmless` has made."""
+def unescape_formula(cell: str) -> str:
+    """Recover the text from a cell that `escape_formula` has made."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 

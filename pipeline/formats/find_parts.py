@@ -1,6 +1,6 @@
 """Find the parts of a run from file names, without opening files: files of one stem in one folder are one part.
 
-    part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, felt and photographed under two lights
+    part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, scanned and photographed under two lights
 
 files, folders, globs --.
 URLs of any of these ---+--FoundFiles--> PartFiles, names made unique

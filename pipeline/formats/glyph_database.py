@@ -45,7 +45,7 @@ _NUMBERS = ("<f4", "<f8")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exemplar(OneLine):
-    """One felt character, enrolled by hand.
+    """One character measured by touch, and enrolled.
 
     Attributes:
         char: the character.
@@ -56,7 +56,7 @@ class Exemplar(OneLine):
         enrolled_at: ISO 8601 time, given by the caller.
         height_mm: character height; 0 where unknown.
         rotation_deg: rotation of its line in the plate frame.
-        raised: whether the mark stands out.
+        raised: whether the mark is raised.
         part: name of the part.
         place: place of the character in the part's text, from 1; 0 where unknown.
         evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.

@@ -255,8 +255,8 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
 def _squared(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
     """Heights on a square grid, and its pitch.
 
-    The coarser axis is resampled linearly to the finer pitch; where one pitch is more than four times the
-    other, the finer axis is resampled to the coarser pitch instead. A sample interpolated with a dropout is a dropout.
+    The coarser axis is resampled linearly to the finer pitch; if one pitch is more than four times the other, the finer
+    axis is resampled to the coarser pitch instead. A sample interpolated with a dropout is a dropout.
     """
     finer, coarser = sorted((x_mm, y_mm))
     if coarser / finer - 1.0 <= SAME_PITCH:

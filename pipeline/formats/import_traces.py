@@ -147,7 +147,7 @@ def _pass(
         )
     direction = TraceDirection((90 if axis else 0) + (180 if went[axis] < 0.0 else 0))
     u = between_polls(np.sign(went[axis]) * at[rows, axis])
-    # the stage stands before it starts and after it has stopped, and its scale flickers by a count
+    # the stage is at rest before and after the pass, and its scale flickers by a count
     ahead = np.r_[True, u[1:] > np.maximum.accumulate(u)[:-1]]
     lag = max(1, u.size // 10)
     step = float(np.median(u[lag:] - u[:-lag])) / lag
@@ -162,8 +162,8 @@ def _pass(
 def between_polls(u: Floats) -> Floats:
     """Interpolate positions between polls, for a stage that is polled more slowly than the signals.
 
-    Until the next poll, several samples have one position. Where a position holds for much longer than usual, the stage
-    stands, and nothing is changed.
+    Until the next poll, several samples have one position. If a position holds for much longer than usual, the stage
+    has stopped, and nothing is changed.
 
     Args:
         u: (samples,) mm along the travel.

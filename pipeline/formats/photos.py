@@ -127,8 +127,8 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     Pictures of 16 bit are stretched between percentiles, so that neither a 12 bit camera nor a single glint leaves
     the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
     frame. Transparent pixels are laid on white, or on black if the rest is bright. The photograph's notes say so.
-    The pixel size is taken from the file where it states one in metres or inches that is not a usual default (72 or
-    96 dpi).
+    The pixel size is that of the file, if it states one in metres or inches other than the usual defaults (72 or 96
+    dpi).
 
     Args:
         path: the file.

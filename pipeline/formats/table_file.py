@@ -16,7 +16,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
 
-from pipeline.common.texts import original
+from pipeline.common.texts import unescape_formula
 from pipeline.errors import DataError
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
@@ -101,7 +101,7 @@ def _text_of(written: str) -> str:
     """The text of a cell, without blanks and invisible signs around it; ="000123" gives 000123."""
     cell = written.strip().strip(_INVISIBLE).strip()
     kept = _KEPT_AS_TEXT.fullmatch(cell)
-    return original(cell if kept is None else kept[1])
+    return unescape_formula(cell if kept is None else kept[1])
 
 
 def check_serial(line: int, text: str) -> str:

@@ -168,7 +168,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 
 
 def part_name(cell: str) -> str:
-    """The part named in a cell: a file name or path of any system stands for the part with its stem."""
+    """The part that a cell names, directly or by a file name or path of any system."""
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
     return path.stem if file_kind(path.suffix) else cell
 

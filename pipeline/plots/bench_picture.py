@@ -1,4 +1,4 @@
-"""Pictures of a bench: the path of a dry run from above, and felt and predicted signals over a test piece."""
+"""Pictures of a bench: the path of a dry run from above, and measured and predicted signals over a test piece."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _COLOURS = {0: BLUE, 90: VERMILION, 180: GREEN, 270: PURPLE}
 
 @styled
 def moves_figure(moves: Sequence[Moves], bench: BenchSettings) -> Figure:
-    """Draw all moves within the stage's travel, and near by."""
+    """Draw all moves, within the stage's travel and enlarged."""
     figure = Figure(figsize=(9.0, 4.4), dpi=150)
     whole, near = figure.subplots(1, 2, width_ratios=(1.0, 1.4))
     for axes in (whole, near):
         _from_above(axes, moves, bench)
     (x0, x1), (y0, y1), _ = bench.stage.travel_mm
     whole.set(title="within its travel (dashed)", xlim=(x0 - 5.0, x1 + 5.0), ylim=(y0 - 5.0, y1 + 5.0))
-    near.set(title=f"{len(moves)} passes: way of the turning axis")
+    near.set(title=f"{len(moves)} passes: path of the turning axis")
     figure.legend(*near.get_legend_handles_labels(), loc="outside upper center", ncols=6)
     return figure
 
@@ -53,7 +53,7 @@ def _from_above(axes: Axes, moves: Sequence[Moves], bench: BenchSettings) -> Non
 
 @styled
 def identified_figure(found: Identified, *, most_lines: int = 4) -> Figure:
-    """Draw a line of the recording for each direction, up to `most_lines`, and the histogram of all residuals."""
+    """Draw one line of the recording for each direction, at most `most_lines`, and the histogram of all residuals."""
     pairs = list(zip(found.traces, found.predicted, strict=True))
     by_way: dict[tuple[int, bool], tuple[Trace, NDArray[np.float64]]] = {}
     for pair in pairs:
@@ -63,12 +63,12 @@ def identified_figure(found: Identified, *, most_lines: int = 4) -> Figure:
     *panels, histogram = figure.subplots(len(shown) + 1, 1)
     for axes, ((degrees, pushed), (trace, predicted)) in zip(panels, shown, strict=True):
         place = trace.plan.position_mm()
-        axes.plot(place, trace.measured_n_mm, color=BLUE, linewidth=1.4, label="felt")
+        axes.plot(place, trace.measured_n_mm, color=BLUE, linewidth=1.4, label="measured")
         axes.plot(place, predicted, color=VERMILION, linewidth=1.0, linestyle="--", label="predicted")
         axes.plot(place, trace.measured_n_mm - predicted, color="0.33", linewidth=0.8, label="residual")
         axes.axhline(0.0, color="0.8", linewidth=0.6)
         axes.set_title(f"{degrees}°{', pushed' if pushed else ''}, whisker {trace.whisker}")
-        axes.set(xlabel="place along the trace, mm", ylabel="signal, N mm")
+        axes.set(xlabel="position along the trace, mm", ylabel="signal, N mm")
     panels[0].legend(loc="upper right", ncols=3)
     left = np.concatenate([t.measured_n_mm - p for t, p in pairs])
     left = left[np.isfinite(left)] / found.scatter_n_mm

@@ -11,12 +11,12 @@ _ORANGE_BGR, _WHITE_BGR = (46, 87, 228), (255, 255, 255)
 
 
 def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord) -> bytes:
-    """Draw each character's box and the character read there; a PNG.
+    """Draw each character's box and the character read there, as PNG.
 
     Args:
         path: path of a picture made by the service.
         meta: x0_mm, y0_mm of the middle of its pixel (0, 0), and mm_per_pixel.
-        reading: its boxes are in the picture's frame.
+        reading: reading with boxes in the picture's frame.
     """
     import numpy as np
 

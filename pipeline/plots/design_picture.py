@@ -1,6 +1,7 @@
-"""Designs as pictures; `whisker_drawing` draws the whisker.
+"""Draw designs as charts; `whisker_drawing` draws the whisker itself.
 
-A whisker: F over the wall's inclination, and the trade-offs. Arrays: stage seconds against the number of whiskers.
+For a whisker: F against the wall's inclination, and the trade-offs. For arrays: stage seconds against the number of
+whiskers.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _CURVES = ("#9ec5e8", "#4a86c5", "#173f6b")
 
 @styled
 def design_figure(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> Figure:
-    """Draw F, and up to two trade-offs."""
+    """Draw F against the wall's inclination, and the trade-offs."""
     panels = 1 + len(trades)
     figure = Figure(figsize=(max(6.5, 4.5 * panels), 4.0))
     first, *others = figure.subplots(1, panels, squeeze=False)[0]
@@ -48,7 +49,7 @@ def _factor_panel(axes: Axes, design: Design, tuned: Tuned | None) -> None:
         for span in ((low, high), (-high, -low)):
             axes.axvspan(*span, color="0.93", zorder=0)
         axes.text(
-            0.5 * (low + high), 0.98, "walls asked for", transform=axes.get_xaxis_transform(), ha="center", va="top",
+            0.5 * (low + high), 0.98, "requested walls", transform=axes.get_xaxis_transform(), ha="center", va="top",
             color="0.4",
         )  # fmt: skip
         at = factors(design.whisker, alpha_rad=np.array([worst.alpha_rad]), mu=np.array([worst.mu]))
@@ -84,7 +85,7 @@ def _trade_panel(axes: Axes, trade: TradeOff) -> None:
 
 @styled
 def array_figure(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> Figure:
-    """Draw stage seconds of the arrays. Narrow, to be read on a phone."""
+    """Draw stage seconds of the arrays, in a narrow chart for phones."""
     figure = Figure(figsize=(5.2, 3.6), dpi=150)
     axes = figure.subplots()
     whiskers, seconds = [c.plan.array.n_whiskers for c in choices], [c.stage_s for c in choices]

@@ -27,11 +27,11 @@ def sheet_figure(fonts: Sequence[Font], *, height_mm: float = 5.0) -> Figure:
     """Draw the sheet.
 
     Args:
-        fonts: at least one.
+        fonts: fonts to draw, at least one.
         height_mm: character height, which sets the width of strokes.
 
     Raises:
-        ValueError: no font given.
+        ValueError: there is no font.
     """
     if not fonts:
         raise ValueError("a specimen sheet needs at least one font")
@@ -77,9 +77,9 @@ def exemplars_figure(
 
     Args:
         font: the learned font.
-        exemplars: those of the font that have a relief, in order of enrolment.
+        exemplars: exemplars of the font, in order of enrolment.
         set_aside: those of them that are not used; they are drawn first.
-        most_columns: exemplars of a character that are drawn.
+        most_columns: most exemplars of a character to draw.
     """
     rows: dict[str, list[Exemplar]] = {}
     for one in exemplars:

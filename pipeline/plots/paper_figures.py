@@ -1,4 +1,4 @@
-"""Figs. 4, 6 and 7 of the paper from simulated traces, and the steps that they show as a table."""
+"""Draw Figs. 4, 6 and 7 of the paper from simulated traces, and write the steps in them as a table."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _LINES: dict[Fidelity, dict[str, Any]] = {
     Fidelity.CONTACT: {"color": VERMILION, "linewidth": 1.4},
 }
 Drawn = tuple[Figure, list[tuple[str, Step]]]
-"""A figure, and the steps that it shows with the number of their panel."""
+"""A figure, and its steps with the numbers of their panels."""
 
 
 def draw_figures(folder: Path, *, mu: float) -> list[Path]:
-    """Draw the figures into a folder, made if need be, and write their steps beside them as figures.csv.
+    """Draw the figures into a folder, made if missing, and write their steps beside them as figures.csv.
 
     Args:
         folder: output folder.
         mu: friction in Figs. 6 and 7; Fig. 4 has the paper's range of them.
 
     Returns:
-        The files.
+        The files written.
 
     Raises:
         FileError: the folder cannot be made or written.
@@ -65,7 +65,7 @@ def draw_figures(folder: Path, *, mu: float) -> list[Path]:
 
 @styled
 def factor_figure() -> Drawn:
-    """Draw Fig. 4: F over the intersection angle by eq. (16), and on it the steps read off simulated traces.
+    """Draw Fig. 4: F against the intersection angle by eq. (16), and the steps read off simulated traces.
 
     Raises:
         StepError: a step cannot be read off.
@@ -169,7 +169,7 @@ def _draw_traces(
 
 
 def _trace_panel(axes: Axes, steps: Sequence[Step], view_mm: tuple[float, float]) -> None:
-    """Draw each trace, and the line on its slope from the foot back to where the height is that of the land."""
+    """Draw each trace, and the line fitted to its slope, from the foot back to the height of the land."""
     axes.axhline(1.0, color="0.55", linewidth=0.8, linestyle=":")
     note(axes, "land level", (view_mm[1], 1.0), (-4, 3), color="0.4", ha="right")
     numbers = [("eq. (16)", steps[0].predicted, "black")]

@@ -1,4 +1,4 @@
-"""The style of all pictures, pictures as files, and the overview of a demonstration."""
+"""Style of all pictures, writing of picture files, and the overview of the demo."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from recognition.decision.picture import edge_panel, height_panel
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
-# colours of Okabe and Ito: apart for every eye, and in grey
+# colours of Okabe and Ito: distinct for colour-blind readers, and in grey
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 STEEL, PALE, LAND = "#3b5b7a", "#a5b5c7", "#d9d4c7"
 
@@ -37,22 +37,22 @@ styled = rc_context(
         "legend.frameon": False,
     }
 )
-"""Decorator of drawing functions: the common style."""
+"""Decorator that gives drawing functions the common style."""
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any) -> None:
-    """Write text beside a place of the data, `offset` points right of it and above it."""
+    """Write text beside a data point, `offset` points to the right and above."""
     axes.annotate(text, at, xytext=offset, textcoords="offset points", **style)
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write the figure; the file appears whole or not at all. The same figure makes the same file.
+    """Write a figure; the file appears whole or not at all. The same figure gives the same file.
 
     Raises:
         FileError: it cannot be written.
     """
     check_writable(path, PICTURES)
-    # without a salt the names inside an SVG are random
+    # without a fixed salt the names inside an SVG are random
     with rc_context({"svg.hashsalt": path.stem}), replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix[1:].lower())
 
@@ -84,7 +84,7 @@ class SheetPart:
 
 @styled
 def overview_figure(parts: Sequence[SheetPart]) -> Figure:
-    """Draw a sheet of parts: relief with the text stamped, edge map with the text read."""
+    """Draw a sheet of parts: height map with the stamped text, edge map with the text read."""
     figure = Figure(figsize=(12.0, 0.4 + 2.3 * len(parts)))
     for (left, right), part in zip(figure.subplots(len(parts), 2, squeeze=False), parts, strict=True):
         reading = part.reading

@@ -1,14 +1,14 @@
 r"""The paper's experiment: one whisker traces a test piece, and the step F is measured on the trace.
 
-On the slope m / m_land = F (1 + h/d0), a straight line in the height h. A trace is drawn over the *commanded*
-place, though, and in contact the tip is ahead of that or behind by what the whisker yields along x, which changes
-with the force: the edge is left, and the foot reached, at shifted places. So the heights on the line are taken from
-the trace as well, at two places that need no knowledge of the whisker::
+On the slope m / m_land = F (1 + h/d0), a straight line in the height h. But a trace is drawn against the *commanded*
+position, and in contact the whisker yields along x by an amount that depends on the force: the tip leaves the edge and
+reaches the foot at shifted positions. The heights on the line are therefore taken from the trace itself, at two
+positions that need no knowledge of the whisker::
 
     m/m_land
-             F +         the line ends on the floor at its foot, h = -depth, and would come to no
-               |\        moment at all where the surface no longer holds the tip up, h = -d0.
-    1 ---------+ \       In between h is linear; carried back to h = 0 the line reads F:
+             F +         the line ends on the floor at its foot, h = -depth. Extended, it reaches
+               |\        moment 0 where the surface would no longer lift the tip, h = -d0.
+    1 ---------+ \       In between h is linear; extended back to h = 0 the line gives F:
                   \
                    \ foot      F = line(foot) / (1 - depth/d0)
                    |____________
@@ -36,25 +36,25 @@ from whisker_array.whisker.sections import Round
 from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
 
-# the paper's bench, mm: length and wire of the whisker, d0, ball of the tip, depth of the test pieces
+# the paper's bench, mm: whisker length and wire diameter, d0, tip radius, depth of the test pieces
 L1_MM = 30.0
 WIRE_MM = 0.3
 PRELOAD_MM = 1.0
 TIP_RADIUS_MM = 0.03
 DEPTH_MM = 0.5
-# fine: slopes are central differences, which blur the foot by a sample to either side, and a sample of a 60 degree
-# slope is 0.35 % of what is left of the lift
+# fine, because slopes are central differences, which blur the foot by a sample to either side; on a 60 degree slope one
+# sample is 0.35 % of the remaining lift
 SAMPLE_MM = 0.001
 _LAND_MM = 0.6
 _VIEW_MM = 1.3
-# rms by which line, ramp and floor may miss the trace, of the land's moment, over twice the scatter
+# largest rms residual of line, ramp and floor beyond twice the scatter, as a share of the land's moment
 _MOST_MISFIT = 5e-3
-# least steepness of the ramp at the foot over the line's: 8 for the paper's longer arms, 200 for the shortest
+# least ratio of the ramp's steepness at the foot to the line's: 8 for the paper's longer arms, 200 for the shortest
 _STEEPER = 3.0
 
 
 class StepError(MarksError):
-    """A trace from which no step can be read."""
+    """No step can be read off a trace."""
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,10 @@ class StepReading:
     Attributes:
         factor: F, the step at the edge over the land level.
         land_n_mm: moment on the land, N mm.
-        line: moment over the land's on the slope as (rise per mm, value at x = 0).
+        line: line on the slope, of the moment over the land's: (rise per mm, value at x = 0).
         edge_mm: commanded position where the line reaches h = 0.
         foot_mm: commanded position where the slope ends on the floor.
-        peak: the highest moment over the land's.
+        peak: the highest moment, over the land's.
     """
 
     factor: float
@@ -122,7 +122,7 @@ class Step:
         mu: friction coefficient.
         fidelity: fidelity of the simulated touch.
         wedge: the test piece.
-        place_mm: (samples,) commanded place of the tip, mm after the edge.
+        place_mm: (samples,) commanded position of the tip, mm after the edge.
         moment_n_mm: (samples,) moment, N mm.
         predicted: F of eq. (16).
         reading: the step read off.
@@ -139,7 +139,7 @@ class Step:
     reading: StepReading
 
     def row(self) -> dict[str, Any]:
-        """Line of figures.csv: the step by eq. (16) and as read off, and the highest moment, over the land's."""
+        """Row of figures.csv: the step by eq. (16) and as read off, and the highest moment over the land's."""
         return {
             "k": self.k,
             "alpha_deg": self.alpha_deg,
@@ -155,7 +155,7 @@ class Step:
 def paper_whisker(k: float) -> LShaped:
     """Music wire, l1 = 30 mm, beta = 0, l3 = l2 = k l1; straight at k = 0.
 
-    The test piece is alike across the trace, so that a wire as soft sideways as upwards does no harm.
+    The test piece does not vary across the trace, so it does not matter that a wire is as soft sideways as upwards.
     """
     if k == 0.0:
         return straight_whisker(L1_MM, 0.0, Round(WIRE_MM))
@@ -202,27 +202,27 @@ def read_step(
     """Measure F on a trace over a test piece, without knowing the whisker, its friction or its fidelity.
 
     Args:
-        place_mm: (samples,) commanded place, evenly spaced, mm after the edge.
+        place_mm: (samples,) commanded positions, evenly spaced, mm after the edge.
         moment_n_mm: (samples,) moment, N mm.
         wedge: the test piece.
-        preload_mm: d0, more than the test piece is deep.
-        blur_mm: distance by which a corner is felt early: one sample where slopes are central differences.
+        preload_mm: d0, which must exceed the depth of the test piece.
+        blur_mm: distance by which a corner shows early: one sample if slopes are central differences.
 
     Raises:
-        StepError: the trace does not fall along the slope to level out on the floor.
+        StepError: the trace does not fall along the slope and level out on the floor.
     """
     left = 1.0 - wedge.depth_mm / preload_mm
     on_land = (place_mm > -0.8 * wedge.land_mm) & (place_mm < -0.2 * wedge.land_mm)
-    # clear of the ball's rounding at the edge, and of a foot that is felt early: in contact by 1.5 k tan(alpha)
-    # of the run, 0.3 of it for the paper's longest arm
+    # away from the ball's rounding at the edge, and from the foot, which shows early: in contact by 1.5 k tan(alpha) of
+    # the run, which is 0.3 of it for the paper's longest arm
     on_slope = (place_mm > 0.2 * wedge.run_mm) & (place_mm < 0.6 * wedge.run_mm)
     land = float(moment_n_mm[on_land].mean())
     ratio = moment_n_mm / land
     rise, start = (float(v) for v in np.polyfit(place_mm[on_slope], ratio[on_slope], 1))
     scatter = float(np.sqrt(np.mean((ratio[on_slope] - (start + rise * place_mm[on_slope])) ** 2)))
     unread = StepError(
-        f"the moment does not fall along the slope to level out at {left:g} of the land's",
-        hint="check preload, depth and the place of the edge",
+        f"the moment does not fall along the slope and level out at {left:g} of the land's",
+        hint="check preload, depth and the position of the edge",
     )
     if -rise * wedge.run_mm < 0.2 * (1.0 - left):
         raise unread
@@ -230,7 +230,7 @@ def read_step(
     foot, misfit = _find_foot(place_mm[rest], ratio[rest], (rise, start), floor=left)
     if misfit > 2.0 * scatter + _MOST_MISFIT:
         raise unread
-    # nothing blurs a foot without a step, a straight whisker's: there the line just crosses the floor's level
+    # a straight whisker has no step at the foot that could be blurred: the line just crosses the floor's level
     crossing = (left - start) / rise
     foot = crossing if abs(foot - crossing) <= 2.0 * blur_mm else foot + blur_mm
     no_lift = -start / rise
@@ -247,11 +247,11 @@ def read_step(
 def _find_foot(
     x: NDArray[np.float64], ratio: NDArray[np.float64], line: tuple[float, float], *, floor: float
 ) -> tuple[float, float]:
-    """End of the line, fitted by least squares, and the residual rms.
+    """Fit the end of the line by least squares; return it and the residual rms.
 
-    In contact the tip waits in the corner while the base walks on, until friction points as on the floor: the
-    moment changes from the line to the floor along a short ramp, whose width is fitted as well. The ramp is much
-    steeper than the line; otherwise the two could not be separated.
+    In contact the tip waits in the corner while the base moves on, until friction acts as on the floor: the moment
+    changes from the line to the floor along a short ramp, whose width is fitted as well. The ramp is much steeper than
+    the line; otherwise the two could not be separated.
     """
     from scipy.optimize import minimize
 
@@ -259,7 +259,7 @@ def _find_foot(
     slope = start + rise * x
 
     def squares(fitted: NDArray[np.float64]) -> float:
-        foot, width = fitted  # the ramp's, of the widest
+        foot, width = fitted  # width of the ramp, as a share of the widest
         corner = start + rise * foot
         widest = abs(corner - floor) / (_STEEPER * abs(rise))
         share = np.clip((x - foot) / max(width * widest, 1e-9), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""A workshop drawing of the whisker: side view and section to scale, with dimensions, as DXF or SVG.
+"""Draw the whisker for a workshop: side view and section to scale, with dimensions, as DXF or SVG.
 
         |<----------- l1 c ----------->|
                                ,-'---- o clamp   --- ---
@@ -35,7 +35,7 @@ def check_drawing(path: Path) -> None:
     """Refuse, before the work starts, a drawing that could not be written.
 
     Raises:
-        FileError: unknown suffix, or a place that cannot be written.
+        FileError: the suffix is unknown, or the file cannot be written.
         ModuleNotFoundError: ezdxf is not installed (extra `drawing`).
     """
     import_module("ezdxf")
@@ -61,7 +61,7 @@ def save_drawing(whisker: WhiskerFile, path: Path) -> None:
 def whisker_drawing(whisker: WhiskerFile) -> Drawing:
     """Draw in millimetres, land at y = 0, the force-free tip at x = 0.
 
-    The clamp stands where the stage holds it on the land: the free tip would run the preload below it.
+    The clamp is at its height during a scan: there the free tip would be the preload below the land.
     """
     from ezdxf import units
     from ezdxf.filemanagement import new
@@ -69,7 +69,7 @@ def whisker_drawing(whisker: WhiskerFile) -> Drawing:
     shape, touch = whisker.whisker, whisker.touch
     l1, l2, l3 = shape.l1_mm, shape.l2_mm, shape.lowered_mm
     run, rise = l1 * math.cos(shape.beta_rad), l1 * math.sin(shape.beta_rad)
-    size = 0.04 * l1  # of text: the arm of an L is as short as a tenth of l1
+    size = 0.04 * l1  # text height: the arm of an L may be as short as a tenth of l1
     drawing = new("R2010", setup=["linetypes", "styles"], units=units.MM)
     drawing.dimstyles.new(
         "mm",
@@ -103,7 +103,7 @@ def whisker_drawing(whisker: WhiskerFile) -> Drawing:
     ):
         if low[1] == high[1]:
             continue
-        # words level above or below it: the least of these heights is shorter than its words
+        # horizontal labels above or below: the shortest of these dimensions is shorter than its label
         words = (x, high[1] + 1.2 * size) if name.startswith("l") else (x, low[1] - 1.8 * size)
         space.add_linear_dim(
             (x, 0.0), low, high, angle=90.0, text=f"{name} <>", location=words, text_rotation=0.0, dimstyle="mm",
@@ -143,7 +143,7 @@ def _side_view(
 
 
 def _section_view(space: Modelspace, shape: LShaped, at: Point, *, size: float) -> float:
-    """Draw the section enlarged, to the right of a point, with its dimensions; x where the next thing may stand."""
+    """Draw the enlarged section with its dimensions to the right of a point; return x to the right of the drawing."""
     section = shape.section
     dimensions: dict[str, Any] = {"dimstyle": "mm", "override": {"dimlfac": 1.0 / _SECTION_SCALE}}
     if isinstance(section, Rectangle):

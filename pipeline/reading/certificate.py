@@ -163,7 +163,7 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
     """
     if settings.certificate is None:
         return None
-    made = checked(settings.certificate)
+    made = valid_certificate(settings.certificate)
     differ = differences(made.settings, settings_described(settings))
     if differ:
         raise SettingsError(
@@ -173,7 +173,7 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
     return made
 
 
-def checked(path: Path) -> Certificate:
+def valid_certificate(path: Path) -> Certificate:
     """Load a certificate, and check it against this program.
 
     Raises:
@@ -200,7 +200,7 @@ def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
     """
     if settings.certificate is None:
         return None
-    made = checked(settings.certificate)
+    made = valid_certificate(settings.certificate)
     same = not differences(made.settings, settings_described(settings))
     return made.acceptance if same else replace(made.acceptance, sources=())
 

@@ -102,9 +102,9 @@ class EnrolReport:
         if self.set_aside:
             lines.append(f"set aside, unlike others of the same character: {_by_character(self.set_aside)}")
         if self.never_felt:
-            guess = "a guess: what templates alone read of one goes to review"
+            guess = "guesses: templates alone send such a character to review"
             doubt = "of the same shapes" if self.trusted else guess
-            lines.append(f"never felt, after {self.like}: {self.never_felt} ({doubt})")
+            lines.append(f"never scanned, taken from {self.like}: {self.never_felt} ({doubt})")
         return "\n".join(lines)
 
 

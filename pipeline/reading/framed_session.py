@@ -36,10 +36,10 @@ class FramedSession:
         self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass.
+        """Run one pass.
 
         Raises:
-            StageError: it could not be felt.
+            StageError: the pass failed.
         """
         moved = order.moved(self._x_mm, self._y_mm)
         return replace(self._session.feel(moved), plan=order.sweep_plan())

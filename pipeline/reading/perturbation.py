@@ -79,7 +79,7 @@ PERTURBATIONS = (
     Perturbation("order", reordered=True),
 )
 """Perturbations of `benchmark --perturb`."""
-ANEW = Perturbation("anew", shift=1.0, noise=True, light=0.06, scale=0.01, drawn=True)
+REMOUNTED = Perturbation("remounted", shift=1.0, noise=True, light=0.06, scale=0.01, drawn=True)
 """A part put on the stage again: `study --repeats`."""
 
 
@@ -139,7 +139,7 @@ class Retake:
             right, down = self._shift_mm(bench.whole.line_pitch_mm)
             plan = replace(bench.whole, region_mm=(x0 + right, y0 + down, x1, y1))
             felt = bench.scan(plan, noise_seed=self.seed)
-            return reordered(felt) if self.how.reordered else felt
+            return reverse_order(felt) if self.how.reordered else felt
 
         return scan
 
@@ -147,7 +147,7 @@ class Retake:
         """Perturb a recording: noisier, larger or smaller, reordered; its lines stay in place."""
         sweeps = tuple(self._recorded(k, s) for k, s in enumerate(scan.sweeps))
         again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown, log=None)
-        return reordered(again) if self.how.reordered else again
+        return reverse_order(again) if self.how.reordered else again
 
     def _recorded(self, number: int, sweep: Sweep) -> Sweep:
         plan, moment = sweep.plan, sweep.moment_n_mm
@@ -179,7 +179,7 @@ class Retake:
         return float(right), float(down)
 
 
-def reordered(scan: Scan) -> Scan:
+def reverse_order(scan: Scan) -> Scan:
     """The scan with its directions, and the passes of each, in reverse order."""
     return replace(
         scan,

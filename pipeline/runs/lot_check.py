@@ -24,12 +24,12 @@ class LotCheck:
     order: ProductionOrder
     bearers: dict[str, str] = field(default_factory=dict)
 
-    def known(self, record: ReadingRecord) -> None:
+    def remember(self, record: ReadingRecord) -> None:
         """Add a record from an earlier part of the run."""
         if record.decision == "accept":
             self.bearers.setdefault(without_blanks(record.text), record.part)
 
-    def checked(self, record: ReadingRecord) -> ReadingRecord:
+    def check(self, record: ReadingRecord) -> ReadingRecord:
         """Return the record, with the decision "review" if its serial fails a check."""
         if record.decision != "accept":
             return record

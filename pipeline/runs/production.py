@@ -23,9 +23,9 @@ from pipeline.reading.expected import load_expected
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import print_table
-from pipeline.runs.run import Run, opened
+from pipeline.runs.run import Run, open_run
 from pipeline.runs.run_journal import unfinished
-from pipeline.runs.second_pass import learns
+from pipeline.runs.second_pass import runs_second_pass
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, check_order
 from pipeline.runs.workbook import check_number
@@ -108,7 +108,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     resumes = options.out is not None and unfinished(Path(options.out)).exists()
     if not resumes:  # a resumed run checks below, if parts are left
         _check(order, executor)
-    learning = learns(options, settings, parts)
+    learning = runs_second_pass(options, settings, parts)
     description = {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*inputs, *options.manifest],
@@ -127,7 +127,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         if scores is not None:
             scores.add(record)
 
-    with opened(options, description, learns=learning) as run, run.progress as progress:
+    with open_run(options, description, second_pass=learning) as run, run.progress as progress:
         done = len(run.journal.names)
         if resumes and done < len(parts):
             _check(order, executor)

@@ -82,7 +82,7 @@ class Run:
         failed: dict[str, str] = {}
         for record in self.journal.records():
             if self.lot is not None:
-                self.lot.known(record)
+                self.lot.remember(record)
             if record.error:
                 failed[record.part] = record.error
         try:
@@ -116,10 +116,10 @@ class Run:
         self.finished = True
 
     def _checked(self, record: ReadingRecord) -> ReadingRecord:
-        return record if self.lot is None else self.lot.checked(record)
+        return record if self.lot is None else self.lot.check(record)
 
     def _record(self, part: PartFiles, read: ReadPart) -> ReadingRecord:
-        """The record of a part, checked against the lot, kept in the store and compared with the certificate."""
+        """Make the record of a part: check it against the lot, store it, and compare it with the certificate."""
         record = self._checked(read.record)
         if self.store is not None:
             try:
@@ -139,13 +139,13 @@ class Run:
 
 
 @contextmanager
-def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = False) -> Iterator[Run]:
+def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: bool = False) -> Iterator[Run]:
     """Open a new run with its table, or resume an interrupted one.
 
     Args:
         options: output files and other options.
         description: settings on which the answers depend, in plain JSON values.
-        learns: whether to run a second pass.
+        second_pass: whether to run a second pass.
 
     Raises:
         FileError: the table belongs to another run, is being written, or cannot be written.
@@ -172,7 +172,7 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
                 journal.keep_private()
                 store = RunStore(options.store, key, evidence=options.evidence)
                 run.store = inner.enter_context(closing(store))
-            if learns:
+            if second_pass:
                 # an earlier run's database is set aside like its table
                 database = table.with_suffix(".die.glyphs")
                 if not journal.resumed:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pipeline.runs.run_journal import RunJournal
 
 
-def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
+def runs_second_pass(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
     """Whether to run a second pass (default: if possible and the lot is large enough).
 
     Raises:

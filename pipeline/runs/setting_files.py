@@ -1,6 +1,6 @@
 """Send files named in settings with a run's order to machines that may not have them.
 
-files that settings name --files_to_send--> contents --order--> worker --settled--> settings of copies
+files that settings name --files_to_send--> contents --order--> worker --with_local_files--> settings of copies
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in named}
 
 
-def settled(settings: ReadSettings, sent: Mapping[str, bytes] | None) -> ReadSettings:
-    """The settings with the names of this machine's copies; unchanged if nothing was sent."""
+def with_local_files(settings: ReadSettings, sent: Mapping[str, bytes] | None) -> ReadSettings:
+    """The settings with the paths of this machine's copies; unchanged if nothing was sent."""
     if not sent:
         return settings
     own = {name: _copy(Path(name).name, content) for name, content in sent.items()}

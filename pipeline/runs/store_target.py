@@ -35,7 +35,7 @@ class RunStore:
 
         Args:
             url: URL of the store.
-            run: identity of the run: a hash of all that its readings depend on.
+            run: identity of the run: a hash of everything that its readings depend on.
             evidence: the service's folder of files; without it no pictures are kept.
 
         Raises:

@@ -30,7 +30,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from glyphs.atomic import replacing
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.row import row_of
-from pipeline.common.texts import harmless
+from pipeline.common.texts import escape_formula
 
 CSV_COLUMNS = tuple(row_of(ReadingRecord.failed("", "")))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
@@ -121,7 +121,7 @@ def _fitting(value: Any, part: str) -> Any:
 def csv_line(cells: Iterable[Any]) -> bytes:
     """A line of a CSV table, whose texts no spreadsheet takes for formulas."""
     line = io.StringIO()
-    csv.writer(line).writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
+    csv.writer(line).writerow([escape_formula(cell) if isinstance(cell, str) else cell for cell in cells])
     return line.getvalue().encode()
 
 

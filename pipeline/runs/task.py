@@ -18,7 +18,7 @@ from pipeline.common.version import file_sha256, program_version
 from pipeline.errors import describe_fault
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.triage import ReadPart
-from pipeline.runs.setting_files import settled
+from pipeline.runs.setting_files import with_local_files
 
 if TYPE_CHECKING:
     from recognition.reader import Reader
@@ -34,7 +34,7 @@ class RunOrder:
         pictures: whether to make pictures of the parts to review.
         digests: whether to hash the contents of the parts' files.
         measures: whether to return measures of the parts.
-        sent: contents of files that the settings name, for workers on machines of their own; see
+        sent: contents of files that the settings name, for workers on other machines; see
             `pipeline.runs.setting_files`.
     """
 
@@ -56,7 +56,7 @@ def check_order(order: RunOrder, _: None) -> None:
     """
     from pipeline.reading.readers import reader_of
 
-    reader_of(settled(order.settings, order.sent))
+    reader_of(with_local_files(order.settings, order.sent))
 
 
 def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
@@ -122,7 +122,7 @@ def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
     from pipeline.reading.readers import reader_of
 
     try:
-        return reader_of(settings_of(settled(order.settings, order.sent), listed))
+        return reader_of(settings_of(with_local_files(order.settings, order.sent), listed))
     except MarksError as error:
         own = listed.format or listed.font
         hint = "correct its format or font in the manifest" if own else "correct the settings"

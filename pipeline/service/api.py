@@ -32,7 +32,7 @@ from pipeline.common.records import (
     Statistics,
 )
 from pipeline.common.settings import ReadSettings
-from pipeline.common.texts import harmless
+from pipeline.common.texts import escape_formula
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.jobs import JobAnswer, written_job
@@ -390,7 +390,7 @@ def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterat
         text = io.StringIO(newline="")
         csv.writer(text).writerows(rows)
         yield text.getvalue()
-        rows = [[harmless(_cell(part, path)) for path in COLUMNS.values()] for part in page]
+        rows = [[escape_formula(_cell(part, path)) for path in COLUMNS.values()] for part in page]
         page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE) if page else ()
 
 

@@ -9,7 +9,7 @@ import asyncio
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from pipeline.common.golden_record import GoldenRecord, wear
+from pipeline.common.golden_record import GoldenRecord, wear_messages
 from pipeline.reading.golden import measure_sent
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
@@ -62,7 +62,7 @@ class GoldenPart:
     def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:
         """Measures of wear that exceed their limit in the newest scan, compared with the reference."""
         reference = next((scan for scan in scans if scan.reference), None)
-        return wear(scans[0], reference) if reference is not None else ()
+        return wear_messages(scans[0], reference) if reference is not None else ()
 
     def faults(self) -> dict[str, str | None]:
         """Alerts by name: the problem; empty if all is well, None if unknown."""

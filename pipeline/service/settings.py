@@ -134,7 +134,7 @@ class ReviewSettings(Settings):
         if story.awaits_audit:
             return ReviewMode.AUDIT
         others = self.second_reader and story.part.state is PartState.REVIEW and bool(story.opinions)
-        return ReviewMode.SECOND if others and not any(map(person.said, story.opinions)) else ReviewMode.OPEN
+        return ReviewMode.SECOND if others and not any(map(person.wrote, story.opinions)) else ReviewMode.OPEN
 
     def shown(self, story: PartStory, person: Person) -> tuple[ReviewRecord, ...]:
         """Reviews of a part that a person may see: a second reader sees no opinion before reading the part."""

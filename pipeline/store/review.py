@@ -164,7 +164,7 @@ def review(
         return write_part(tx, part, [(AUDITED, to_json(said))], figures={"audit": found, **_NOT_CLAIMED})
     agrees = readers == 1 or (part.state is PartState.REVIEWED and after == part.text)
     if not agrees and after not in {
-        one.after for one in _opinions(events_of(tx, part_id)) if not person.said(one)
+        one.after for one in _opinions(events_of(tx, part_id)) if not person.wrote(one)
     }:
         part = replace(part, state=PartState.REVIEW, touch=None)
         return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
@@ -193,7 +193,7 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
     said = part.review
     if part.state is not PartState.REVIEWED or said is None:
         raise ConflictError(f"part {part_id} is not reviewed", hint="there is nothing to undo")
-    if not person.said(said):
+    if not person.wrote(said):
         hint = "who reviewed it can undo it; or review it anew"
         raise ConflictError(f"part {part_id} was reviewed by {said.who}", hint=hint)
     figures = {"audit": sa.case((parts.c.audit.is_not(None), _DISPUTED))}

@@ -24,7 +24,7 @@ from pipeline.common.version import program_version
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.options import RunOptions
-from pipeline.runs.run import opened
+from pipeline.runs.run import open_run
 from pipeline.runs.task import RunOrder
 from pipeline.workers.pool import WorkPool
 
@@ -53,7 +53,7 @@ def main() -> int:
         parts = [PartFiles(f"part-{i:06d}", f"{folder}/part-{i:06d}.npz") for i in range(asked.parts)]
         with (
             WorkPool(asked.workers) as pool,
-            opened(RunOptions(out=str(table)), {"noop": asked.parts}) as run,
+            open_run(RunOptions(out=str(table)), {"noop": asked.parts}) as run,
         ):
             pool.submit(bool).result()  # a worker is there
             began_s = time.perf_counter()

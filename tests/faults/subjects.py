@@ -29,7 +29,7 @@ from pipeline.reading.part_pictures import Picture
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal
 from pipeline.runs.options import RunOptions
-from pipeline.runs.run import opened
+from pipeline.runs.run import open_run
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
@@ -242,7 +242,7 @@ def _read(_: RunOrder, listed: PartFiles) -> ReadPart:
 def _run_into_store(root: Path) -> None:
     os.chdir(root)
     options = RunOptions(out=_url(root), evidence=root / "evidence")
-    with opened(options, RUN) as run:
+    with open_run(options, RUN) as run:
         parts = [PartFiles(name, height_map=f"{name}.npz") for name in NAMES]
 
         class NoReader(Executor):

@@ -1,7 +1,7 @@
-"""Two benchmarks of the same parts compared, reading by reading.
+"""Compare two benchmarks of the same parts, reading by reading.
 
-trials A --+--same part, reader and given--> pairs --+--> comparisons, over all and by factor
-trials B --+                                         +--> flips: what became another answer or decision
+trials A --+--same part, reader, facts--> pairs --+--> comparisons, over all and by factor
+trials B --+                                      +--> flips: readings whose answer or decision changed
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _NOT_OF_PARTS = ("name", "given", "kept_out_soils", "cross")
 
 
 class NotComparableError(MarksError):
-    """Two benchmarks that did not read the same parts."""
+    """The two benchmarks did not read the same parts."""
 
 
 class Flip(Enum):
-    """Kinds of change of a reading, the gravest first."""
+    """Kinds of change of a reading, the most serious first."""
 
     ACCEPTED_WRONG = "newly accepted wrong"
     LOST = "right before, wrong now"
@@ -43,7 +43,7 @@ class Change:
     """One reading that changed.
 
     Attributes:
-        flip: how.
+        flip: kind of change.
         before: the reading in A.
         after: the reading in B.
     """
@@ -54,18 +54,18 @@ class Change:
 
     @property
     def reader(self) -> str:
-        """The mode and the facts given to it."""
+        """The mode, and the facts that it knew."""
         return GroupKey(self.after.mode, ((GIVEN_FACTOR, self.after.given),)).reader
 
 
 @dataclass(frozen=True)
 class Row:
-    """Readings of B compared with those of A, in pairs.
+    """Paired comparison of the readings of B with those of A.
 
     Attributes:
         factor: factor of the level; empty over all.
         level: level of the factor.
-        compared: B first, A second.
+        compared: the comparison, B first.
     """
 
     factor: str
@@ -78,9 +78,9 @@ class Changes:
     """Differences between two benchmarks.
 
     Attributes:
-        overall: a row a reader and what it was given.
-        by_factor: a row a reader, given and level of every factor that has several.
-        flips: the gravest first.
+        overall: a row for each reader with its facts.
+        by_factor: a row for each reader with its facts and each level of a factor with several levels.
+        flips: changed readings, the most serious first.
         parts: number of parts read in both.
         left_out: readers that only one of the benchmarks has.
     """
@@ -113,7 +113,7 @@ def changes(
         descriptions: descriptions of A and B.
 
     Raises:
-        NotComparableError: not the same parts, or no reader in both.
+        NotComparableError: the parts differ, or no reader is in both.
     """
     if descriptions is not None:
         _check_made_alike(*(d["parts"] for d in descriptions))
@@ -123,7 +123,7 @@ def changes(
     shared = [key for key in new if key in old]
     if not shared:
         raise NotComparableError(
-            "no reader is in both benchmarks with the same things given",
+            "no reader is in both benchmarks with the same facts",
             hint=f"A has {_readers(old)}. B has {_readers(new)}",
         )
     pairs = {(t.part, t.mode, t.given): t for t in before}
@@ -144,7 +144,7 @@ def changes(
 
 
 def flip_of(before: Trial, after: Trial) -> Flip | None:
-    """Classify the change of a reading; None if it is as good as before."""
+    """Classify the change of a reading; None if it neither gained nor lost."""
     wrong_now, wrong_then = after.accepted and not after.right, before.accepted and not before.right
     if wrong_now and not wrong_then:
         return Flip.ACCEPTED_WRONG

@@ -1,7 +1,7 @@
-"""Readings of the same parts in pairs: reader against reader, one reader given more or less, a part perturbed or not.
+"""Paired readings of the same parts: by two readers, by one reader with more or fewer facts, perturbed or not.
 
 part --read by one reader, and by another--> comparison: McNemar's test of serials, permutation test of characters
-     --read as it is, and perturbed--------> stability: flips; a fault where both are accepted and differ
+     --read unperturbed, and perturbed-----> stability: flips; a fault if both are accepted and differ
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class Comparison:
         first: one group of readings.
         second: the group it is compared with.
         parts: number of parts.
-        serials: whole serials compared.
-        characters: characters compared.
+        serials: comparison of whole serials.
+        characters: comparison of characters.
     """
 
     first: GroupKey
@@ -46,7 +46,7 @@ class Comparison:
 
     @property
     def severity(self) -> float | None:
-        """Severity of the dirt; None over all."""
+        """Severity of the dirt; None for all severities together."""
         return self.first.severity
 
 
@@ -56,7 +56,7 @@ def compare(
     """Compare two groups of readings of the same parts, each part once in each.
 
     Raises:
-        ValueError: not the same parts.
+        ValueError: the parts are not the same.
     """
     others = {t.part: t for t in second_trials}
     if set(others) != {t.part for t in first_trials} or not len(others) == len(first_trials) == len(
@@ -78,10 +78,10 @@ def compare(
 
 
 def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comparison]:
-    """At the same levels: fused against the better single sense, a sense against each of its experts, a mode without a
-    rule against the whole mode, touch and fused against every other reader.
+    """Compare, at the same levels: fused with the better single sense, a sense with each of its experts, a mode without
+    a rule with the full mode, touch and fused with every other reader.
 
-    Where neither is there, the first reader against the others.
+    Without touch and fused, compare the first reader with the others.
     """
     for levels in dict.fromkeys(key.levels for key in groups):
         here = {key.mode: key for key in groups if key.levels == levels}
@@ -90,7 +90,7 @@ def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comp
 
 
 def _rivals(readings: Mapping[str, Sequence[Trial]]) -> Iterator[tuple[str, str]]:
-    """Modes to be compared, the first with the second."""
+    """Yield pairs of modes to compare."""
     singles = [mode for mode in SINGLE_MODES if mode in readings]
     less = {mode: mode.partition(WITHOUT)[0] for mode in readings if WITHOUT in mode}
     others = [mode for mode in readings if mode not in (*SINGLE_MODES, *EXPERTS, FUSED, *less)]
@@ -107,15 +107,15 @@ def _rivals(readings: Mapping[str, Sequence[Trial]]) -> Iterator[tuple[str, str]
 
 
 def between_givens(trials: Sequence[Trial]) -> Iterator[Comparison]:
-    """Compare every reader with itself with fewer facts, to show the benefit of knowledge."""
+    """Compare every reader with itself when it knows fewer facts, to show the benefit of knowledge."""
     groups = group_trials(trials, (GIVEN_FACTOR,))
     for more in groups:
         for less in groups:
-            if less.mode == more.mode and _things(less) < _things(more):
+            if less.mode == more.mode and _facts(less) < _facts(more):
                 yield compare(more, groups[more], less, groups[less])
 
 
-def _things(key: GroupKey) -> frozenset[str]:
+def _facts(key: GroupKey) -> frozenset[str]:
     return frozenset(str(key.level(GIVEN_FACTOR)).split(",")) & frozenset(GIVEN)
 
 
@@ -129,11 +129,11 @@ class Fault:
     """An accepted serial that became another accepted serial.
 
     Attributes:
-        part: its name.
-        perturbation: perturbation that changed it.
+        part: name of the part.
+        perturbation: perturbation that changed the reading.
         truth: text that was stamped.
-        before: accepted as it is.
-        after: accepted under the perturbation.
+        before: serial accepted without the perturbation.
+        after: serial accepted with it.
     """
 
     part: str
@@ -148,12 +148,12 @@ class Stability:
     """Flips of the parts of one reader under one perturbation.
 
     Attributes:
-        key: the reader, and what it was given where that differs.
-        perturbation: its name; empty: under any of them, a part counted once.
-        verdicts: parts with another decision, an error being one.
-        texts: parts with another text.
-        accepted_texts: parts accepted unperturbed that were read with another text.
-        faults: accepted both times, with another text.
+        key: the reader, with its facts if these differ between trials.
+        perturbation: name of the perturbation; empty: any of them, each part counted once.
+        verdicts: share of parts with another decision, where an error counts as a decision.
+        texts: share of parts with another text.
+        accepted_texts: share of the parts accepted unperturbed that were read with another text.
+        faults: parts accepted both times, with different texts.
     """
 
     key: GroupKey

@@ -4,9 +4,9 @@ Calibration: of all readings with confidence p, a share p should be right.
 
 Risk-coverage curve: the share of wrong serials among the most certain ones, as more are accepted::
 
-    risk |            .--  all are let through: the share of wrong serials
+    risk |            .--  all are accepted: the share of wrong serials
          |        .--'
-         |______-'         a good confidence keeps the risk at nought until only the wrong are left
+         |______-'         a good confidence keeps the risk at 0 until only wrong ones are left
          +--------------
            coverage   1
 """
@@ -26,11 +26,11 @@ BINS = 10
 
 @dataclass(frozen=True)
 class ReliabilityBin:
-    """Readings of about one confidence.
+    """Readings with about the same confidence.
 
     Attributes:
         confidence: mean of the reported confidences.
-        right: share that was right.
+        right: share of right readings.
     """
 
     confidence: float
@@ -42,8 +42,8 @@ class Reliability:
     """A reliability diagram.
 
     Attributes:
-        bins: those that hold anything, by confidence.
-        error: expected calibration error: mean over all of |share right - mean confidence| of its bin.
+        bins: bins that are not empty, by confidence.
+        error: expected calibration error: mean over all readings of |share right - mean confidence| of their bin.
     """
 
     bins: tuple[ReliabilityBin, ...]
@@ -51,10 +51,10 @@ class Reliability:
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: int = BINS) -> Reliability:
-    """The diagram over bins of equal width, each open below (except the first) and closed above.
+    """Compute the diagram with bins of equal width, each open below (except the first) and closed above.
 
     Raises:
-        ValueError: lengths that differ or confidences out of 0 to 1.
+        ValueError: the lengths differ, or a confidence is not between 0 and 1.
     """
     said, was = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
     if said.shape != was.shape:
@@ -81,8 +81,8 @@ class RiskCoverage:
 
     Attributes:
         coverage: (n,) 1/n, 2/n ... 1.
-        risk: (n,) share of wrong serials among the most certain ones; among equally certain ones, as expected of a
-            random order.
+        risk: (n,) share of wrong serials among the most certain ones; equally certain ones are in expected random
+            order.
         area: AURC, the mean of the risk.
         least_area: AURC of a confidence that puts every wrong serial last.
     """
@@ -102,7 +102,7 @@ def risk_coverage(confidences: Sequence[float], right: Sequence[bool]) -> RiskCo
     """Compute the curve over readings, the most certain first.
 
     Raises:
-        ValueError: lengths that differ.
+        ValueError: the lengths differ.
     """
     said, wrong = np.asarray(confidences, dtype=np.float64), ~np.asarray(right, dtype=bool)
     if said.shape != wrong.shape:

@@ -1,7 +1,7 @@
-"""Intervals and paired tests: bootstrap by part, as trials of a part belong together, and exact bounds of rare errors.
+"""Intervals and paired tests: bootstrap by part, since trials of a part are dependent, and exact bounds of rare errors.
 
-Clopper and Pearson 1934: the upper bound of k of n is the share at which k or fewer come by chance in 1 of 20. Nothing
-wrong among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1,000" takes 2,995 parts without one.
+Clopper and Pearson 1934: the upper bound for k of n is the share at which k or fewer occur by chance in 1 of 20 cases.
+No error among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1,000" takes 2,995 parts without one.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from recognition.decision.certification import share_bounds
 
 RESAMPLES = 2000
 _SEED = 20240229
-# patterns of signs: those of 14 parts that differ and of the nought beside them, else so many are drawn
+# number of sign patterns: all those of up to 14 differing parts and the added zero, else as many random ones
 _FLIPS = 2**15
 _FLIPS_SEED = 20240301
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval from resampling whole parts.
+    """An estimate with its 95 % interval from resampling whole parts.
 
     Attributes:
         value: measured value.
@@ -44,11 +44,11 @@ class Estimate:
 
     @classmethod
     def of(cls, value: float, again: NDArray[np.float64]) -> Estimate:
-        """A number with the percentiles over all draws.
+        """Make an estimate from its value and the percentiles over all draws.
 
         Args:
             value: measured value.
-            again: (draws,) NaN where a draw says nothing; the value alone where none says anything.
+            again: (draws,) values of the draws, NaN if undefined; if all are NaN, the interval is the value.
         """
         known = again[np.isfinite(again)]
         tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
@@ -66,10 +66,10 @@ def draw_parts(parts: int) -> NDArray[np.float64]:
 
 
 def exact_share(count: int, total: int) -> Share:
-    """A share with Clopper and Pearson's one-sided 95 % bounds, each by itself.
+    """A share with Clopper and Pearson's one-sided 95 % bounds.
 
     Raises:
-        ValueError: more than all, or fewer than none.
+        ValueError: the count is below 0 or above the total.
     """
     return Share(count, total, *share_bounds(count, total, confidence=CONFIDENCE_LEVEL))
 
@@ -77,11 +77,11 @@ def exact_share(count: int, total: int) -> Share:
 def bootstrap_share(right: Sequence[int], total: Sequence[int]) -> Estimate:
     """A share of characters with its 95 % interval, by resampling whole parts (percentile bootstrap).
 
-    Characters of one part share its dirt, so that they are not independent. Where every part is alike nothing
-    varies and the interval has no width; Wilson's then tells more.
+    Characters of one part share its dirt, so they are not independent. If all parts have the same share, the interval
+    has no width, and Wilson's is more informative.
 
     Args:
-        right: (parts,) characters right, or the difference of two readers'.
+        right: (parts,) characters right, or the difference between two readers.
         total: (parts,) characters.
     """
     k, n = np.asarray(right, dtype=np.float64), np.asarray(total, dtype=np.float64)
@@ -98,9 +98,9 @@ class SerialTest:
     """McNemar's exact test on the parts that one mode read and the other did not.
 
     Attributes:
-        only_first: right by the first alone.
-        only_second: right by the second alone.
-        p_differ: chance of so uneven a split, or a more uneven one, were both alike (two-sided).
+        only_first: number of parts that only the first read right.
+        only_second: number of parts that only the second read right.
+        p_differ: two-sided probability of a split at least as uneven, if both are equally good.
     """
 
     only_first: int
@@ -112,7 +112,7 @@ def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
     """Compare two modes on the same parts, serial by serial.
 
     Raises:
-        ValueError: lengths that differ.
+        ValueError: the lengths differ.
     """
     from scipy.stats import binomtest
 
@@ -124,11 +124,11 @@ def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
 
 @dataclass(frozen=True)
 class CharacterTest:
-    """Characters right of two modes, compared part by part.
+    """Comparison of the characters right of two modes, part by part.
 
     Attributes:
         difference: share right of the first minus that of the second, by resampling whole parts.
-        p_differ: chance of so large a difference either way, were the modes exchangeable on every part.
+        p_differ: two-sided probability of a difference at least as large, if the modes are exchangeable on every part.
     """
 
     difference: Estimate
@@ -144,20 +144,20 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
         total: (parts,) characters.
 
     Raises:
-        ValueError: lengths that differ.
+        ValueError: the lengths differ.
     """
     from scipy.stats import permutation_test
 
-    less = [a - b for a, b, _ in zip(first, second, total, strict=True)]
-    differing = [d for d in less if d]
+    gained = [a - b for a, b, _ in zip(first, second, total, strict=True)]
+    differing = [d for d in gained if d]
     if not differing:
         return CharacterTest(Estimate(0.0, 0.0, 0.0), 1.0)
     found = permutation_test(
-        (np.array([*differing, 0.0]),),  # the test takes at least two values, and a nought has no sign
+        (np.array([*differing, 0.0]),),  # the test needs at least two values, and a zero changes nothing
         lambda x, axis: x.sum(axis=axis),
         permutation_type="samples",
         vectorized=True,
         n_resamples=_FLIPS,
         random_state=np.random.default_rng(_FLIPS_SEED),
     )
-    return CharacterTest(bootstrap_share(less, total), float(found.pvalue))
+    return CharacterTest(bootstrap_share(gained, total), float(found.pvalue))

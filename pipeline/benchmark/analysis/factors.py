@@ -1,8 +1,8 @@
 """Effect of each level of a factor: its share of characters right minus the mean of the other levels.
 
-A part may be read several times, with other things given; its readings hang together, so that whole parts are drawn
-again (cluster bootstrap), never single readings. A thing given is compared on the same parts and beside the same
-other facts: two facts that were always given together are not confused with each other.
+A part may be read several times, with different facts given. Its readings are dependent, so whole parts are resampled
+(cluster bootstrap), never single readings. A fact is compared on the same parts, with the same other facts: the effects
+of two facts that were always given together cannot be separated, and are left out.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
 from pipeline.benchmark.trials.journal import Trial
 
 ENOUGH_PARTS = 20
-"""Least parts of a level for a reliable bootstrap interval; with fewer it is too narrow."""
+"""Least number of parts of a level for a reliable bootstrap interval; with fewer it is too narrow."""
 _KNOWLEDGE = tuple(f"{name}_given" for name in GIVEN)
 
 
@@ -28,11 +28,11 @@ class LevelEffect:
     """Effect of one level.
 
     Attributes:
-        level: which.
+        level: the level.
         parts: number of parts.
-        characters: share right.
-        serials: share right.
-        difference: characters right, minus the mean of the other levels.
+        characters: share of characters right.
+        serials: share of serials right.
+        difference: share of characters right minus the mean of the other levels.
     """
 
     level: Level
@@ -47,9 +47,9 @@ class FactorEffect:
     """Effect of one factor on one mode.
 
     Attributes:
-        factor: which.
+        factor: name of the factor.
         mode: mode that read.
-        levels: the costliest first.
+        levels: its levels, the costliest first.
     """
 
     factor: str
@@ -68,7 +68,7 @@ class FactorEffect:
 
 
 def factor_name(factor: str) -> str:
-    """Write a factor."""
+    """Name of a factor for people."""
     named = {"severity": "dirt", **{name: name.replace("_given", " given?") for name in _KNOWLEDGE}}
     return named.get(
         factor, factor.removesuffix("_mm").removesuffix("_deg").replace("_", " ") + _unit(factor)
@@ -91,7 +91,7 @@ def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
 
 
 def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
-    """Effect on one mode; None if the factor has one level, or was never given without another."""
+    """Effect on one mode; None if only one level can be compared."""
     members = list(_matched(trials, factor)) if factor in _KNOWLEDGE else trials
     levels = ordered_levels(level_of(t, factor) for t in members)
     if len(levels) < 2:
@@ -113,7 +113,7 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
             parts=int((counts[:, k, 3] > 0).sum()),
             characters=Estimate.of(_shares(measured, 0)[0, k], _shares(again, 0)[:, k]),
             serials=Estimate.of(_shares(measured, 2)[0, k], _shares(again, 2)[:, k]),
-            difference=Estimate.of(_less_others(measured, k)[0], _less_others(again, k)),
+            difference=Estimate.of(_minus_others(measured, k)[0], _minus_others(again, k)),
         )
         for k, level in enumerate(levels)
     ]
@@ -135,13 +135,13 @@ def _matched(trials: Sequence[Trial], factor: str) -> Iterator[Trial]:
 
 
 def _shares(counts: NDArray[np.float64], column: int) -> NDArray[np.float64]:
-    """(draws, levels) share; NaN where no part of the level was drawn."""
+    """(draws, levels) share; NaN if no part of the level was drawn."""
     total = counts[..., column + 1]
     return np.where(total > 0.0, counts[..., column] / np.maximum(total, 1.0), np.nan)
 
 
-def _less_others(counts: NDArray[np.float64], k: int) -> NDArray[np.float64]:
-    """(draws,) share of characters of a level minus the mean of the others; NaN where one was not drawn."""
+def _minus_others(counts: NDArray[np.float64], k: int) -> NDArray[np.float64]:
+    """(draws,) share of characters of a level minus the mean of the others; NaN if a level was not drawn."""
     shares = _shares(counts, 0)
     difference: NDArray[np.float64] = shares[:, k] - np.delete(shares, k, axis=1).mean(axis=1)
     return difference

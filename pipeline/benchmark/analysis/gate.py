@@ -3,10 +3,10 @@
     marks-exam-1-48            --read--> trials --count--> counts, against designs/EDITION.floors.json
     marks-exam-2-80, the first
 
-- A floor is a count of these parts, so nothing of chance is in it: the same program gives the same counts. On
-  another processor sums may be rounded otherwise; `SLACK` and `CAMERA_SLACK` are what that may cost.
+- A floor is a count on these parts, without any randomness: the same program gives the same counts. On another
+  processor sums may be rounded differently; `SLACK` and `CAMERA_SLACK` allow for that.
 - Characters, serials and accepted may not fall below their floor by more; accepted-wrong may not rise at all.
-- `tighten` only ever raises them. Floors are raised in a commit that changes nothing else; a test reads the history.
+- `tighten` never loosens a floor. Floors change in a commit that changes nothing else; a test checks the history.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.output_paths import write_json
 
 EDITIONS = {"marks-exam-1-48": 48, "marks-exam-2-80": 16}
-"""Number of parts of each edition that are read, limited by the time of a check."""
+"""Number of parts of each edition that are read, so that a check does not take too long."""
 MODES = ("tactile", "tactile templates", "rapidocr relief", "vision", "fused")
-"""Modes that have a floor: every sense, the templates of touch alone, and the peer to beat, on the felt relief."""
+"""Modes that have a floor: every sense, the templates of touch alone, and the strongest peer, on the felt relief."""
 NOT_JUDGED = frozenset({("marks-exam-1-48", "vision")})
-"""Read and shown, but not compared with its floor, which came from a reader tuned on these very parts: 373
-characters and 43 serials; one tuned on others reads 359 and 39."""
+"""Read and shown, but not compared with the floor, which came from a reader tuned on these very parts: 373 characters
+and 43 serials; one tuned on other parts reads 359 and 39."""
 SLACK = {"characters": 3, "serials": 1, "accepted": 1}
-"""Parts or characters by which another processor's rounding may fall below a floor."""
+"""Characters or parts by which a count may fall below its floor, due to another processor's rounding."""
 CAMERA_SLACK = {"characters": 8, "serials": 2, "accepted": 2}
-"""The same for the camera, whose doubtful lines depend on rounding: one program read 111
-characters and 10 serials of the second exam's 16 parts on one processor, 105 and 8 on another."""
+"""The same for the camera, whose doubtful lines depend on rounding: the same program read 111 characters and 10 serials
+of the second exam's 16 parts on one processor, and 105 and 8 on another."""
 
 
 class Counts(NamedTuple):
     """Results of one mode on the edition.
 
     Attributes:
-        characters: right.
-        serials: right as a whole.
-        accepted: serials vouched for.
+        characters: number of characters right.
+        serials: number of serials right.
+        accepted: number of serials accepted.
         accepted_wrong: number of these that are wrong.
     """
 
@@ -73,7 +73,7 @@ def floors_file(edition: str) -> Path:
 
 
 def load_floors(path: Path) -> Floors:
-    """Load the stored floors; none where there is no file yet."""
+    """Load the stored floors; empty if there is no file yet."""
     if not path.exists():
         return {}
     return {mode: Counts(**counts) for mode, counts in json.loads(path.read_text("utf-8")).items()}

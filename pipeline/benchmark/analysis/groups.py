@@ -1,9 +1,9 @@
-"""Trials in groups, and the figures of a group: shares, edits, confused characters, times.
+"""Group trials, and compute the figures of a group: shares, edits, confused characters, times.
 
-A group is of one mode and of any levels of any factors: of a cell of the design, of one severity, of nothing more.
-Where parts were read several times with other things given, what was given is always one of the factors, so that
-no group holds a part twice and Wilson's intervals are right. What is right is judged whatever was decided: a serial
-that was rejected may be right.
+A group has one mode, and one level of each of some factors: a cell of the design, one severity, or no factor at all. If
+parts were read several times with different facts, these facts are always one of the factors, so that no group holds a
+part twice and Wilson's intervals are valid. Whether a text is right does not depend on the decision: a rejected serial
+may be right.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from pipeline.common.shares import Share, share
 from pipeline.common.texts import align
 
 GIVEN_FACTOR = "given"
-"""All facts given to a reader, as one factor."""
+"""The set of facts given to a reader, as one factor."""
 FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
 """Outcomes of a part: accepted (right or wrong), review, reject, or an error."""
 TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
-"""Times of a trial: the program's; the parts of it for reading and for the simulated scan; and the real array's."""
+"""Times of a trial: of the program; of these for reading and for the simulated scan; and of the real array."""
 
 
 def edits(trial: Trial) -> int:
-    """Characters wrong, missing and too many."""
+    """Number of characters wrong, missing and too many."""
     return sum(not pair.right for pair in align(trial.truth, trial.text))
 
 
@@ -40,7 +40,7 @@ def characters_right(trial: Trial) -> int:
 
 
 def confusion(trials: Iterable[Trial]) -> Counter[tuple[str, str]]:
-    """Number of (stamped, read) pairs of characters; EXTRA stands for no stamped one, MISSING for no read one."""
+    """Count (stamped, read) pairs of characters; EXTRA if nothing was stamped, MISSING if nothing was read."""
     return Counter((p.true, p.read) for trial in trials for p in align(trial.truth, trial.text))
 
 
@@ -56,25 +56,25 @@ class GroupKey:
 
     Attributes:
         mode: mode that read.
-        levels: (factor, level) that they have in common.
+        levels: (factor, level) that the trials have in common.
     """
 
     mode: str
     levels: tuple[tuple[str, Level], ...] = ()
 
     def level(self, factor: str) -> Level:
-        """Level of a factor; None if the group is over all levels, or it is not known."""
+        """Level of a factor; None if it is unknown, or the group has all levels."""
         return dict(self.levels).get(factor)
 
     @property
     def severity(self) -> float | None:
-        """Severity of the dirt; None over all, or if not known."""
+        """Severity of the dirt; None if it is unknown, or the group has all severities."""
         level = self.level("severity")
         return None if level is None else float(level)
 
     @property
     def reader(self) -> str:
-        """The mode, and the facts given to it if these differ between groups."""
+        """The mode, and the facts that it knew if these differ between groups."""
         given = self.level(GIVEN_FACTOR)
         return self.mode if given is None else f"{self.mode}, given {str(given).replace(',', ', ')}"
 
@@ -85,7 +85,7 @@ def level_of(trial: Trial, factor: str) -> Level:
 
 
 def group_trials(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupKey, list[Trial]]:
-    """Trials by mode and the levels of some factors, in the order that they come in."""
+    """Group trials by mode and the levels of some factors, in order of appearance."""
     found: dict[GroupKey, list[Trial]] = {}
     for trial in trials:
         key = GroupKey(trial.mode, tuple((factor, level_of(trial, factor)) for factor in factors))
@@ -98,20 +98,20 @@ class Group:
     """The figures of a group.
 
     Attributes:
-        key: which.
-        serials: whole serials right.
-        characters: characters right (stamped less edits).
-        character_error_rate: edits for each character stamped (CER); above 1 where more is read than stands there.
-        characters_by_part: 95 % interval of their share, whole parts drawn again.
-        split: number of parts by what became of them, see `FATES`.
-        accepted: parts vouched for.
-        wrong_of_accepted: wrong readings among those accepted; with exact one-sided bounds.
+        key: mode and levels of the group.
+        serials: share of serials right.
+        characters: share of characters right (stamped minus edits).
+        character_error_rate: edits per stamped character (CER); above 1 if far more is read than was stamped.
+        characters_by_part: share of characters right, with a 95 % interval from resampling whole parts.
+        split: number of parts by outcome, see `FATES`.
+        accepted: share of parts accepted.
+        wrong_of_accepted: share of wrong readings among those accepted, with exact one-sided bounds.
         risk: risk against coverage.
         serial_reliability: calibration of the confidence in whole serials.
         character_reliability: calibration of the confidence in single characters.
         confused: number of (true, read) characters.
         seconds: (median, 95th percentile) of the times in `TIMES`.
-        stage_s: mean time of the real array.
+        stage_s: mean scan time of the real array.
     """
 
     key: GroupKey
@@ -166,7 +166,7 @@ def _fate(trial: Trial) -> str:
 
 
 def levels_in(trials: Iterable[Trial]) -> dict[str, tuple[Level, ...]]:
-    """The levels of every factor, in order; unknown ones last."""
+    """The levels of every factor, in order, unknown ones last."""
     rows = list(trials)
     names = dict.fromkeys(name for trial in rows for name in trial.levels)
     return {name: ordered_levels(level_of(t, name) for t in rows) for name in names}

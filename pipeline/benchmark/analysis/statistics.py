@@ -46,14 +46,14 @@ class Statistics:
 
     Attributes:
         levels: levels of every factor that occur in the trials.
-        given: the sets of facts that readers were told.
+        given: the sets of facts that readers were given.
         crossed: factors that make up the cells.
-        cells: one group for each combination of mode, crossed factors and facts told.
+        cells: one group for each combination of mode, crossed factors and given facts.
         by_severity: one group for each severity and mode.
         by_mode: one group for each mode.
         effects: cost of each factor's levels, for every mode.
         comparisons: readers compared on the same parts: over all parts, then at every severity.
-        knowledge: each reader compared with itself when it was told less.
+        knowledge: each reader compared with itself when it knew fewer facts.
         stability: changes of the result on perturbed parts.
     """
 
@@ -70,7 +70,7 @@ class Statistics:
 
 
 def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = ("severity",)) -> Statistics:
-    """Compute the statistics of one or more trials.
+    """Compute the statistics of trials.
 
     Args:
         all_trials: trials of all parts and modes.

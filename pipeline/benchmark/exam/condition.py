@@ -1,7 +1,7 @@
 """Conditions of a trial: factors of a part, and facts given to the reader.
 
 part      soil  severity  font  format  height_mm  die  plate  ...        what was made
-given     font_given  height_given  format_given                          what the reader knew of it
+given     font_given  height_given  format_given                          what the reader knew about it
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ PERTURBED = "perturbed"
 
 
 def parse_given(text: str) -> str:
-    """Parse the facts given to a reader: `font,height,format`, some of these in that order, or `nothing`.
+    """Parse the facts given to a reader: some of `font,height,format`, returned in that order, or `nothing`.
 
     Raises:
-        SettingsError: another word.
+        SettingsError: a word is unknown.
     """
     words = [word for word in split_commas(text) if word != "nothing"]
     for word in words:
@@ -33,7 +33,7 @@ def parse_given(text: str) -> str:
 
 
 def given_levels(given: str) -> dict[str, Level]:
-    """Given facts as factors of a trial."""
+    """The given facts as factors of a trial."""
     return {f"{name}_given": name in given.split(",") for name in GIVEN}
 
 
@@ -64,17 +64,17 @@ class Condition(dict[str, Level]):
 
     @property
     def levels(self) -> dict[str, Level]:
-        """The facts as factors of a trial: a font by its name, whatever folder its file is in."""
+        """The levels as factors of a trial; a font by its name, whatever folder its file is in."""
         return {n: font_name(str(v)) if n == "font" and v else v for n, v in self.items()}
 
 
 def font_name(font: str) -> str:
-    """A font without the folder and suffix of its file."""
+    """Name of a font, without the folder and suffix of its file."""
     return Path(font).stem if "/" in font or "." in font else font
 
 
 def level_name(level: Level) -> str:
-    """Write a level."""
+    """A level as text."""
     if level is None:
         return "not known"
     if isinstance(level, bool):

@@ -213,7 +213,7 @@ class Design(BaseModel):
 def of_flags(
     levels: Mapping[str, tuple[Any, ...]], *, parts: int, seed: int, given: tuple[str, ...]
 ) -> Design:
-    """Cross fonts, formats, soils and severities in full, with the same stamped parts in every cell.
+    """Make a design that crosses fonts, formats, soils and severities, with the same stamped parts in every cell.
 
     Args:
         levels: levels of these and other factors that replace the defaults.
@@ -236,11 +236,11 @@ def editions() -> tuple[str, ...]:
 
 
 def design_named(name: str) -> Design:
-    """An edition by its name, or a design from a TOML file; either may name fonts of the editions.
+    """Load an edition by its name, or a design from a TOML file; either may name fonts of the editions.
 
     Raises:
         FileError: the file is not a design.
-        SettingsError: neither a file nor an edition.
+        SettingsError: the name is neither a TOML file nor an edition.
     """
     if name not in editions() and not name.endswith(".toml"):
         raise SettingsError(

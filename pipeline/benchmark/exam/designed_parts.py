@@ -1,4 +1,4 @@
-"""Parts of a design, made from its seed: stamped ones, and sketches of marks."""
+"""Make the parts of a design from its seed: stamped parts, and sketches of marks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pipeline.common.texts import without_blanks
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 _LAND = 0.5
-"""Land added above and below a sketch to be read as a whole part, character heights."""
+"""Land added above and below a sketch, so that it can be read as a whole part; character heights."""
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
 """Elevation of the lamp, degrees; its direction is drawn at random for every part."""
 SEVERAL = 4
@@ -49,15 +49,15 @@ def sketch_part(
     """Sketch a serial as a part; dirt and photograph are those of stamped parts.
 
     Args:
-        format: format of the serial, which is drawn.
+        format: format of the serial, which is random.
         font: built-in name or font file.
         height_mm: character height.
         soiling: dirt on the part.
         seed: the same seed gives the same part.
 
     Raises:
-        FontError: no such font, or a character that it lacks.
-        FormatError: a format that no serial can obey.
+        FontError: the font is missing, or lacks a character.
+        FormatError: no serial can match the format.
     """
     key = tuple(int(number) for number in seed)
     rng = np.random.default_rng(key)
@@ -76,11 +76,11 @@ class DesignedParts:
 
     Attributes:
         design: the design.
-        first: number of its parts to use, in proportion from every section (default: all).
+        first: number of parts to use, from each section in proportion (default: all).
 
     Raises:
         FontError: a font is missing or differs from the design's.
-        FormatError: a format that no serial matches.
+        FormatError: no serial can match a format.
         SettingsError: an unknown factor, a level of the wrong type, an unknown light, or more parts than the design
             has.
         StampError: an invalid die, plate, layout or soil.
@@ -108,7 +108,7 @@ class DesignedParts:
                     self.spec(Condition(**{**first, name: value}))
 
     def items(self) -> list[Item]:
-        """All items, in the design's order; any first few have each section's share and all severities."""
+        """All items, in the design's order; the first few have each section's share and all severities."""
         found: list[Item] = []
         sections: list[list[Item]] = []
         for section, number, replicate, condition in self.design.plan_parts():
@@ -164,7 +164,7 @@ class DesignedParts:
         return str(font_file(condition.font, self.design.fonts))
 
     def spec(self, condition: Condition) -> SynthSpec:
-        """Settings by which a part of that kind is made.
+        """Settings with which a part of that kind is made.
 
         Raises:
             MarksError: see the class.
@@ -194,7 +194,7 @@ class DesignedParts:
 
 
 def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
-    """Order items by severity in turn, so that the first few have all severities."""
+    """Order items so that their severities alternate, and the first few have all severities."""
     seen: Counter[float | None] = Counter()
     turns = []
     for item in items:
@@ -207,7 +207,7 @@ def _check_type(factor: str, level: Level) -> None:
     """Check the type of a level; a severity is checked by the design.
 
     Raises:
-        SettingsError: it is not.
+        SettingsError: the type is wrong.
     """
     if factor == "severity":
         return
@@ -223,7 +223,7 @@ def _named(condition: Condition, factor: str) -> str:
 
 
 def hull(boxes: Sequence[Box]) -> Box | None:
-    """(x0, y0, x1, y1) around boxes; None around none."""
+    """(x0, y0, x1, y1) around boxes; None without boxes."""
     if not boxes:
         return None
     x0, y0, x1, y1 = zip(*boxes, strict=True)

@@ -30,10 +30,10 @@ class PackagedFont(BaseModel):
 
 
 def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
-    """Return the file of a packaged font; any other font as it is named.
+    """Return the file of a packaged font; any other font unchanged.
 
     Raises:
-        FontError: the package is not installed, or its file is another.
+        FontError: the package is not installed, or its file differs.
     """
     if font not in packaged:
         return font
@@ -44,7 +44,7 @@ def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
         raise FontError(
             f"the font {font} comes with the package {wanted.package}, which is not installed",
             hint=f'install it with: pip install "{wanted.package}=={wanted.version}"; '
-            'of the editions all, with: pip install "tactile-marks[exam]"',
+            'all fonts of the editions, with: pip install "tactile-marks[exam]"',
         ) from error
     if not path.is_file() or file_sha256(path) != wanted.sha256:
         raise FontError(

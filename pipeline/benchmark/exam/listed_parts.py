@@ -1,4 +1,4 @@
-"""Parts made elsewhere: files with a table of their texts, or that table alone."""
+"""Parts from elsewhere: files with a table of their texts, or the table alone."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ListedParts:
     Attributes:
         known: the parts.
         table: table of their texts.
-        described: values that determine them, as JSON.
+        described: values that determine the parts, as JSON.
     """
 
     known: tuple[Item, ...]
@@ -47,8 +47,8 @@ class ListedParts:
 
         Raises:
             FileError: the table is missing, or no part in it was found.
-            NothingFoundError: no parts at all.
-            SettingsError: an invalid format or severity.
+            NothingFoundError: the inputs name no part.
+            SettingsError: the format or severity is invalid.
         """
         if condition.format:
             allowed_characters(condition.format)

@@ -1,4 +1,4 @@
-"""Parts of a design or of a folder, each made once and read by every mode.
+"""Parts of a design or a folder, each made once and read by every mode.
 
 design ------------------DesignedParts.make--> Specimen (height map, soil, photograph, truth)
 NAME.npz, NAME.png, truth.csv --ListedParts.make--->
@@ -31,12 +31,12 @@ class Item:
     """A part of the exam that is not made yet.
 
     Attributes:
-        part: its name, unique in the benchmark.
-        number: among those of its condition; of designed parts, what it is made from beside the seed.
-        condition: its kind.
-        given: sets of facts that readers are given; the part is read with each.
-        files: its files, of a part in a folder.
-        truth: text stamped on a part in a folder.
+        part: name of the part, unique in the benchmark.
+        number: number among the parts of its condition; a designed part is made from it and the seed.
+        condition: levels of its factors.
+        given: sets of facts for readers; the part is read with each.
+        files: files of a part from a folder.
+        truth: text stamped on a part from a folder.
     """
 
     part: str
@@ -56,14 +56,14 @@ class Specimen:
         truth: text that was stamped.
         height_map: its top surface.
         soil: dirt and friction; None for a clean part.
-        take_photo: photographs it; None without a camera.
+        take_photo: takes its photograph; None without a camera.
         line_mm: box (x0, y0, x1, y1) around the line, plate frame; None if unknown.
         boxes_mm: box around each character of the truth; empty if unknown.
         height_mm: character height for which a stage is set; None if unknown.
         beside_mm: box around a second line that is not to be read; None without one.
         rows_known: whether the order of the map's rows is known.
-        feel: scans it (default: by the default plan).
-        take_lights: photographs it as `take_photo`, with others under other lights; None without.
+        feel: scans it (default: the default plan).
+        take_lights: takes photographs under several lights; None if that is not possible.
         number: number of its item.
     """
 
@@ -98,7 +98,7 @@ class Parts(Protocol):
         """Everything that determines each part, as JSON values; not their number."""
 
 
-def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> Specimen:
+def perturb(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> Specimen:
     """Perturb a part, in the same way every time.
 
     Args:

@@ -1,13 +1,13 @@
 """Export one part of an exam as files: surface, photograph, felt views, cut-out lines and truth.
 
 parts/NAME.npz          surface and soil              photos/NAME.png          photograph
-ideal/NAME.png          heights, 16 bit               lines/NAME-VIEW.png      the line, as peers are shown it
+ideal/NAME.png          heights, 16 bit               lines/NAME-VIEW.png      the line, as peers see it
 felt/NAME-relief.png    heights as felt, 8 bit        felt/NAME-relief-16.png  the same, 16 bit
-felt/NAME-edges.png     strongest edge, 8 bit         felt/NAME-edges-DEG-16.png  a direction of travel each
+felt/NAME-edges.png     strongest edge, 8 bit         felt/NAME-edges-DEG-16.png  one direction of travel each
 labels/NAME.json        text, places, levels, scales, hashes of the files above
 
-In a picture of 16 bit, value = (pixel - ZERO) * step, and pixel 0 is not known. The PNG's text says `step`, `zero`,
-`unit`, `pitch_mm` and `origin_mm`, the place of the first pixel.
+In a 16 bit picture, value = (pixel - ZERO) * step, and pixel 0 means unknown. The PNG's text has `step`, `zero`,
+`unit`, `pitch_mm` and `origin_mm`, the position of the first pixel.
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
 ZERO = 32768
 FINEST = 1e-4
-"""Step of a map that lies within ±3.2766: a tenth of a micrometre for heights, below the resolution of touch."""
+"""Step of a map with values within ±3.2766: a tenth of a micrometre for heights, below the resolution of touch."""
 _MOST = ZERO - 1
 
 
 def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Make a part and all its files; the caller writes them.
+    """Make a part and the content of all its files, which the caller writes.
 
     Returns:
-        Its truth, see the module, and the contents of the files by path within the folder.
+        The label of the part, and the contents of the files by path within the folder.
 
     Raises:
-        MarksError: a part that cannot be made or photographed.
+        MarksError: the part cannot be made or photographed.
     """
     specimen = parts.make(item)
     height_mm = parts.spec(item.condition).height_mm
@@ -116,7 +116,7 @@ class _Writer:
             path = f"lines/{part}-{view}.png"
             try:
                 drawn = Photo(PICTURES[view](self.senses))
-            except MarksError:  # fewer than 8 pixels of it lie in the picture
+            except MarksError:  # fewer than 8 pixels of the line lie in the picture
                 continue
             write_photo(self.folder / path, drawn)
             self.lines[view] = path
@@ -178,7 +178,7 @@ def polygon_px(box_mm: Box, view: dict[str, Any]) -> list[list[float]]:
 
 
 def step_of(values: NDArray[np.floating]) -> float:
-    """Step of integers that covers a map's range: `FINEST`, or its least sufficient doubling."""
+    """Step of integers that cover a map's range: `FINEST`, doubled as often as needed."""
     most = float(np.nanmax(np.abs(values), initial=0.0))
     return FINEST * 2.0 ** max(0, math.ceil(math.log2(max(most, 1e-12) / (FINEST * _MOST))))
 

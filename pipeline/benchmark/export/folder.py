@@ -30,7 +30,7 @@ FORMAT_VERSION = 1
 
 
 class ExportError(MarksError):
-    """Some parts could not be made, or a folder is not as its manifest says."""
+    """Some parts could not be made, or a folder does not match its manifest."""
 
 
 def export(
@@ -46,7 +46,7 @@ def export(
         parts: parts of the exam.
         folder: output folder; created if needed.
         executor: executor that runs the work (default: this process).
-        progress: shows how far the export is.
+        progress: progress display.
 
     Returns:
         Number of parts that the folder holds now.
@@ -83,7 +83,7 @@ def check(parts: DesignedParts, folder: Path) -> dict[str, str]:
     """Files that differ from the manifest, by path: missing, changed, or not in the manifest.
 
     Raises:
-        FileError: no manifest, or of another design.
+        FileError: the manifest is missing, or of another design.
     """
     card = _json_of(folder / CARD)
     if card is None or card.get("design") != _design_of(parts):
@@ -109,10 +109,10 @@ def _design_of(parts: DesignedParts) -> dict[str, Any]:
 
 
 def _prepare(parts: DesignedParts, folder: Path) -> None:
-    """Make the folders, or check that they belong to the same export by the same program.
+    """Make the folders, or check that existing ones belong to the same export by the same program.
 
     Raises:
-        FileError: they are not.
+        FileError: they do not.
     """
     make_folder(folder)
     held, new = _json_of(folder / CARD), card_of(parts, [], design=_design_of(parts))
@@ -142,7 +142,7 @@ def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
 
 
 def _finish(parts: DesignedParts, folder: Path, labels: Sequence[dict[str, Any]]) -> None:
-    """Label files, card and manifest."""
+    """Write label files, card and manifest."""
     card = card_of(parts, labels, design=_design_of(parts))
     texts = {**label_files(labels), PAGE: page_of(card)}
     write_json(folder / CARD, card)

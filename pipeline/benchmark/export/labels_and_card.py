@@ -7,7 +7,7 @@
     card.json      the card, for programs
     README.md      the card, for people
 
-A line that is not to be read has the transcription "###", which both kinds of scorer ignore.
+A line that must not be read has the transcription "###", which both kinds of scorer ignore.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from pipeline.benchmark.export.exported_part import polygon_px
 from pipeline.common.version import library_versions, program_mark, program_version
 
 RECOGNITION, DETECTION, LINES, TABLE = "rec_gt.txt", "det_gt.txt", "truth.jsonl", "truth.csv"
-PASSED_OVER = "###"
-_OF_PICTURES = ("photo", "edges", "relief", "ideal")
-"""Views whose pictures are labelled; those of 16 bit lie on the same grid."""
+IGNORED = "###"
+_LABELLED_VIEWS = ("photo", "edges", "relief", "ideal")
+"""Views whose pictures are labelled; the 16 bit ones have the same grid."""
 CARD = "card.json"
 _LIBRARIES = ("numpy", "scipy", "numba", "opencv-contrib-python-headless", "pillow", "fonttools")
 """Libraries that the numbers may depend on."""
@@ -38,7 +38,7 @@ _PAGE = files("pipeline.benchmark.export") / "templates" / "data_card.md"
 
 def label_files(labels: Sequence[dict[str, Any]]) -> dict[str, str]:
     """Contents of the four files, from the labels of all parts in order."""
-    pictures = [(label, view) for label in labels for view in _OF_PICTURES if view in label["views"]]
+    pictures = [(label, view) for label in labels for view in _LABELLED_VIEWS if view in label["views"]]
     return {
         RECOGNITION: _lines(
             f"{path}\t{label['text']}" for label in labels for path in label["lines"].values()
@@ -46,7 +46,7 @@ def label_files(labels: Sequence[dict[str, Any]]) -> dict[str, str]:
         DETECTION: _lines(
             f"{label['views'][view]['file']}\t{_json(list(_detected(label, view)))}"
             for label, view in pictures
-            if view != "ideal"  # of 16 bit, which detectors do not take
+            if view != "ideal"  # 16 bit, which detectors cannot read
         ),
         LINES: _lines(_json(_picture(label, view)) for label, view in pictures),
         TABLE: _table(labels),
@@ -54,7 +54,7 @@ def label_files(labels: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 
 def _detected(label: dict[str, Any], view: str) -> Iterator[dict[str, Any]]:
-    for box, text in ((label["line_mm"], label["text"]), (label["beside_mm"], PASSED_OVER)):
+    for box, text in ((label["line_mm"], label["text"]), (label["beside_mm"], IGNORED)):
         if box is not None:
             yield {"transcription": text, "points": polygon_px(box, label["views"][view])}
 
@@ -101,8 +101,8 @@ def card_of(
 
     Args:
         parts: parts of the design.
-        labels: labels of the parts that are written.
-        design: all that the parts depend on beside the program.
+        labels: labels of the parts written.
+        design: everything that the parts depend on, except the program.
     """
     counts: dict[str, Counter[str]] = {}
     for label in labels:
@@ -135,7 +135,7 @@ def page_of(card: dict[str, Any]) -> str:
 
 
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
-    """Origin of each font, and the licence of its package; its fonts may have others."""
+    """Origin of each font, and the licence of its package; the font may have a licence of its own."""
     design, found = parts.design, {}
     for name in design.font_names:
         packaged = design.fonts.get(name)

@@ -1,10 +1,10 @@
-"""Modes, and the senses that all modes share.
+"""Modes, and the readings that all modes share.
 
-A part is read once by each sense, whatever the number of modes: `PartReadings` keeps the readings, and how long
-that took, so that every mode is charged for all it used.
+A part is read once by each sense, whatever the number of modes: `PartReadings` keeps the readings and their times, so
+that every mode is charged for all that it uses.
 
-Readers of pictures are shown maps of a felt part. The stage is set for the true character height where it is known, as
-a plant sets it; else for a usual one. So nothing of our reader is in these maps.
+Readers of pictures see maps of a simulated scan. The stage is set for the true character height if it is known, as in a
+plant, else for a usual one; these maps do not depend on our reader.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
-from pipeline.benchmark.exam.specimens import Specimen, perturbed
+from pipeline.benchmark.exam.specimens import Specimen, perturb
 from pipeline.reading.perturbation import Perturbation
 from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
 from whisker_array.whisker.array import RasterPlan
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 _KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
-"""Values and times that `PartReadings` keeps of each sense."""
+"""Values and times of each sense that `PartReadings` keeps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,8 @@ class FeltMaps:
 
     Attributes:
         scan: scan of the virtual array, with ideal sensors.
-        edges: its edge map; None where nothing could be felt.
-        relief: the heights; None likewise.
+        edges: its edge map; None if there is none.
+        relief: its heights; None likewise.
         simulated_s: time to simulate the scan.
     """
 
@@ -59,7 +59,7 @@ def feel_part(specimen: Specimen) -> FeltMaps:
     """Scan a part by the default plan, or its own.
 
     Raises:
-        MapError: a surface that cannot be scanned.
+        MapError: the surface cannot be scanned.
     """
     from pipeline.reading.simulated_scan import VirtualBench
     from recognition.views.view import relief_of
@@ -80,7 +80,7 @@ def feel_part(specimen: Specimen) -> FeltMaps:
 
 
 class ModeUnavailableError(MarksError):
-    """A mode that cannot run here."""
+    """The mode cannot run here."""
 
 
 class PartReadings:
@@ -98,7 +98,7 @@ class PartReadings:
 
     def again(self, how: Perturbation) -> PartReadings:
         """The readings of the perturbed part; senses that the perturbation does not change are not read again."""
-        shown = perturbed(self.specimen, how, fidelity=self._reader.settings.fidelity)
+        shown = perturb(self.specimen, how, fidelity=self._reader.settings.fidelity)
         other = PartReadings(shown, self._reader)
         for sense, kept in _KEPT.items():
             if not how.reaches((sense,)):
@@ -121,7 +121,7 @@ class PartReadings:
         """The scan with its maps, without reading it.
 
         Raises:
-            MapError: a surface that cannot be scanned.
+            MapError: the surface cannot be scanned.
         """
         return self._timed("felt", lambda: feel_part(self.specimen))
 
@@ -130,7 +130,7 @@ class PartReadings:
         """Edge map of the scan.
 
         Raises:
-            MarksError: it felt no edges.
+            MarksError: the scan has no edge map.
         """
         return self._there("edges", self.felt.edges)
 
@@ -139,7 +139,7 @@ class PartReadings:
         """Relief of the scan.
 
         Raises:
-            MarksError: it felt no heights.
+            MarksError: the scan has no relief.
         """
         return self._there("heights", self.felt.relief)
 
@@ -171,7 +171,7 @@ class PartReadings:
     @staticmethod
     def _there(what: str, found: R | None) -> R:
         if found is None:
-            raise MarksError(f"touch felt no {what}")
+            raise MarksError(f"touch has found no {what}")
         return found
 
     def _taken(self, name: str, take: Callable[[], Photo] | None) -> Photo:
@@ -181,7 +181,7 @@ class PartReadings:
             several = " under several lights" if name == "photographs" else ""
             raise MarksError(f"{self.specimen.part} has no {name}{several}")
         photo = self._timed(name, take)
-        # as `pipeline.reading.part_reader` has it
+        # as in `pipeline.reading.part_reader`
         return photo if photo.centre_mm is not None else centre_on(photo, self.specimen.height_map)
 
     def _timed(self, name: str, act: Callable[[], R]) -> R:
@@ -200,7 +200,7 @@ class PartReadings:
 
 
 def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -> float:
-    """Time of a scan on the real array: every pass with its lead and its samples in the air, and a turnaround.
+    """Time of a scan on the real array: every pass with its lead, its samples in the air, and a turnaround.
 
     Args:
         scan: the scan.
@@ -215,9 +215,8 @@ class Mode:
     """A mode.
 
     Attributes:
-        uses: what it needs of `PartReadings`: "touch", "vision", "lights", "felt"; the others' time is not charged to
-            it.
-        read: reads a part; gives with it fields of the trial that other modes leave to the run, or none.
+        uses: readings that it needs: "touch", "vision", "lights", "felt"; only their time is charged to it.
+        read: reads a part; returns the reading, and fields of the trial that replace those of the run, if any.
     """
 
     uses: tuple[str, ...]
@@ -225,5 +224,5 @@ class Mode:
 
     @classmethod
     def of(cls, uses: tuple[str, ...], read: Callable[[PartReadings], Reading]) -> Mode:
-        """A mode that only reads."""
+        """Make a mode that returns a reading only."""
         return cls(uses, lambda senses: (read(senses), {}))

@@ -1,11 +1,11 @@
 """The modes of a benchmark: each reads the same part with its own senses.
 
     tactile, vision, lights, fused     readings of our own
-    MODE without RULE                  the same, decided without a contract or a term of the score
+    MODE without RULE                  the same, decided without one contract or term of the score
     SENSE EXPERT                       the same, from the lattice of one expert alone
     ENGINE PICTURE, PLAN LEVEL, module:function
 
-Of the second and third nothing is read twice: line, places and the time that is charged are those of the whole.
+The second and third read nothing again: line, places and the charged time are those of the full reading.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PEERS = tuple(
     for engine in ("rapidocr", "tesseract")
     for picture in ("photo", "edges", "relief", "ideal")
 )
-"""Third-party programs on the same parts."""
+"""Modes of third-party programs."""
 WITHOUT = " without "
 """Separator between a mode and the decision rule that it leaves out."""
 
@@ -51,7 +51,7 @@ def leave_out(name: str) -> Callable[[Reading], Reading]:
     """Make a function that decides on a reading without one rule; nothing is read again.
 
     Raises:
-        SettingsError: no such rule; names all.
+        SettingsError: there is no such rule; the hint lists all.
     """
     known = rules()
     if name not in known:
@@ -63,12 +63,12 @@ def leave_out(name: str) -> Callable[[Reading], Reading]:
     return lambda reading: with_score(reading, without=frozenset({rule}))
 
 
-def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
-    """A reading by one of its experts alone.
+def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
+    """The reading of one expert alone.
 
     Args:
         whole: reading by all experts together.
-        expert: its name.
+        expert: name of the expert.
         settings: thresholds and format.
     """
     made = Reading((), 0.0, source=whole.source, seconds=whole.seconds, threshold=settings.accept_confidence)
@@ -85,7 +85,7 @@ def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
 
 
 def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:
-    """The modes of the experts that take part in these modes."""
+    """Modes of the single experts that these modes use."""
     senses = {sense for sense in ("tactile", "vision") if {sense, "fused"} & {*modes}}
     return tuple(mode for mode in EXPERTS if mode.split()[0] in senses)
 
@@ -99,14 +99,14 @@ def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading
 
 
 def _changed(whole: str, change: Callable[[Reading], Reading], reader: Reader) -> Mode:
-    """A built-in mode whose reading is changed afterwards."""
+    """Make a built-in mode whose reading is changed afterwards."""
     mode = MODES[whole](reader)
     return Mode.of(mode.uses, lambda senses: change(mode.read(senses)[0]))
 
 
 def _expert(name: str, reader: Reader) -> Mode:
     sense, expert = name.split()
-    return _changed(sense, lambda reading: alone(reading, expert, reader.settings), reader)
+    return _changed(sense, lambda reading: expert_alone(reading, expert, reader.settings), reader)
 
 
 def _peer(name: str, reader: Reader) -> Mode:
@@ -128,7 +128,7 @@ def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tu
 
     Args:
         named: modes and groups.
-        ablate: rules of the decision; each of the project's own modes is also read without each.
+        ablate: rules of the decision; each built-in mode is also decided without each of them.
     """
     groups = {"experts": experts_in(named), "peers": PEERS, "plans": tuple(p.mode for p in PLANS)}
     single = tuple(name for name in named if name not in groups)
@@ -142,7 +142,7 @@ def open_mode(name: str, reader: Reader) -> Mode:
 
     Raises:
         ModeUnavailableError: it cannot run here.
-        SettingsError: no such mode, or a font or format it cannot use.
+        SettingsError: there is no such mode, or it cannot use a font or format.
     """
     if ":" in name:
         return own_mode(name, reader.settings)

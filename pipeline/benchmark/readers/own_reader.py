@@ -1,8 +1,8 @@
-"""A user's reader at the exam: a function of one part, named `module:function`.
+"""A user's reader in the exam: a function of one part, named `module:function`.
 
     def read(part: ExamPart) -> str | Answer
 
-What it asks of the part is made when it asks: the photograph, what touch felt, the heights as they are.
+The photograph, the maps of touch and the true heights are made when the function asks for them.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Answer:
     Attributes:
         text: text that was read.
         confidence: probability that the whole text is right, 0 to 1.
-        accepted: whether the reader vouches for it; else from its confidence (`peers.ACCEPTED_FROM`).
+        accepted: whether the reader accepts it (default: by its confidence, see `peers.ACCEPTED_FROM`).
 
     Raises:
-        MarksError: a confidence outside 0..1.
+        MarksError: the confidence is not between 0 and 1.
     """
 
     text: str
@@ -53,9 +53,9 @@ class ExamPart:
 
     Attributes:
         name: name of the part.
-        format: format of the serial; None where it is not given.
-        height_mm: height of the characters; None where it is not given.
-        fonts: fonts that the mark may have; empty if none is given.
+        format: format of the serial; None if it is not given.
+        height_mm: height of the characters; None if it is not given.
+        fonts: fonts that the mark may have; empty if they are not given.
     """
 
     def __init__(self, senses: PartReadings, settings: ReaderSettings) -> None:
@@ -76,7 +76,7 @@ class ExamPart:
         """Felt heights (rows, cols), mm, NaN where unknown, and their pitch, mm.
 
         Raises:
-            MarksError: touch felt none.
+            MarksError: the scan has no relief.
         """
         return self._senses.relief.height_mm, self._senses.relief.pitch_mm
 
@@ -85,7 +85,7 @@ class ExamPart:
         """Edge maps (directions, rows, cols), one per direction of travel, and their pitch, mm.
 
         Raises:
-            MarksError: touch felt none.
+            MarksError: the scan has no edge map.
         """
         return self._senses.edges.enhancement, self._senses.edges.pitch_mm
 
@@ -102,7 +102,7 @@ class ExamPart:
 
 
 def own_mode(name: str, settings: ReaderSettings) -> Mode:
-    """Make a mode of a user's function.
+    """Make a mode from a user's function.
 
     Raises:
         SettingsError: there is no such function.
@@ -115,10 +115,12 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
         try:
             said = function(ExamPart(senses, settings))
         except SystemExit as error:
-            raise MarksError("the reader wanted to end the program", hint="let it raise an error") from error
+            raise MarksError("the reader tried to end the program", hint="let it raise an error") from error
         answer = Answer(said) if isinstance(said, str) else said
         if not isinstance(answer, Answer):
-            raise MarksError(f"the reader gave a {type(said).__name__}", hint="give a text or an Answer")
+            raise MarksError(
+                f"the reader returned a {type(said).__name__}", hint="return a text or an Answer"
+            )
         return reading_of_answer(answer)
 
     return Mode.of((), read)
@@ -127,7 +129,7 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
 def reading_of_answer(answer: Answer) -> Reading:
     """Convert an answer to a reading."""
     text = without_blanks(answer.text)
-    # the confidence is in the whole text: each character has its share of it
+    # the confidence is that of the whole text: the characters' product must equal it
     each = answer.confidence ** (1.0 / max(1, len(text)))
     accepted = answer.confidence >= ACCEPTED_FROM if answer.accepted is None else answer.accepted
     return peer_reading([(char, each) for char in text], accepted=accepted)

@@ -1,8 +1,8 @@
 """Third-party programs that read one line of text: RapidOCR's recognition network and Tesseract.
 
-Both come with the extra `peers`; nothing is downloaded at run time. RapidOCR's network is decoded under the format by
-the same code as our own network. Tesseract gives no probabilities, so only its set of characters is limited to those
-of the format.
+Both come with the extra `peers`; nothing is downloaded at run time. RapidOCR's probabilities are decoded with the
+format by the same code as those of our own network. Tesseract gives no probabilities, so only its character set is
+limited to that of the format.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ACCEPTED_FROM = 0.9
 """Least product of the characters' confidences for acceptance, if the reading fits the format."""
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 _FELT = ("edges", "relief")
-_LEAST_PX = 8  # of a side: engines fail on smaller pictures
+_LEAST_PX = 8  # least side of a picture: engines fail on smaller ones
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
 _RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
@@ -92,7 +92,7 @@ class RapidOcr:
         self._allowed = np.array([not c or c in chars for c in self.classes])
 
     def beliefs(self, picture: NDArray[np.uint8]) -> NDArray[np.floating]:
-        """(steps, classes) probabilities along a picture (rows, cols, 3); none for characters not allowed."""
+        """(steps, classes) probabilities along a picture (rows, cols, 3); 0 for characters that are not allowed."""
         small = _to_height(picture, _RAPID_HEIGHT)[..., ::-1]  # the network learned blue, green, red
         values = np.zeros((1, 3, _RAPID_HEIGHT, max(_RAPID_WIDTH, small.shape[1])), dtype=np.float32)
         values[0, :, :, : small.shape[1]] = small.transpose(2, 0, 1) / np.float32(127.5) - 1.0
@@ -115,7 +115,7 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
         if listed:
             return session, ("", *listed.splitlines(), " ")
     raise ModeUnavailableError(
-        "the installed RapidOCR carries no recognition model with its characters", hint=_HINT
+        "the installed RapidOCR has no recognition model with a character list", hint=_HINT
     )
 
 
@@ -124,11 +124,11 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 
     Args:
         beliefs: (steps, classes) probabilities; class 0 is the blank.
-        classes: their characters.
+        classes: text of each class.
         places: characters allowed at each place.
 
     Returns:
-        One character per place; empty if there are too few steps for so many places.
+        One character per place; empty if there are too few steps.
     """
     chars = "".join(sorted(set("".join(places))))
     index = {name: k for k, name in enumerate(classes)}
@@ -147,7 +147,7 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
-    """Decode the best class of every step without repeats and blanks; a run of repeats has its highest probability.
+    """Decode the best class of every step, without repeats and blanks; a run has the highest probability of its steps.
 
     Args:
         beliefs: (steps, classes) probabilities; class 0 is the blank.
@@ -186,7 +186,7 @@ def _tesseract(chars: str) -> LineReader:
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """A mode that reads by a third-party engine.
+    """Make a mode that reads with a third-party engine.
 
     Args:
         engine: "rapidocr" or "tesseract".
@@ -210,7 +210,7 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
 
 
 def peer_reading(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
-    """Make a reading of a peer's line: accepted if it fits the format and the peer is sure."""
+    """Make a reading from a peer's line: accepted if it fits the format and the peer is sure."""
     from recognition.decision.decide import ReadingFlag
     from recognition.decision.reading import Candidate, CharacterReading, Reading
     from recognition.language.box import Box as PlateBox

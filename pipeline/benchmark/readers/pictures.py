@@ -3,9 +3,9 @@
     photo    the photograph, in colour
     edges    the edge map of touch, the strongest edge of any direction dark on light
     relief   the heights that touch felt, low dark
-    ideal    the heights as they are, low dark: what a perfect instrument would measure
+    ideal    the true heights, low dark: the result of a perfect instrument
 
-Each is cropped to the line: by the true place where it is known, else by the place that touch found, else not at all::
+Each is cropped to the line: to its true place if that is known, else to the place that touch found, else not at all::
 
     +--------------------------+
     |  margin, a quarter of the height
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import EdgeMap, HeightMap
 
 MARGIN = 0.25
-"""Margin around the line, as a share of its height: a part lies a little beside its nominal place under the camera."""
+"""Margin around the line, as a share of its height: under the camera a part lies a little off its nominal place."""
 SHARPEST = 98.0
-"""Percentile of the strongest edges that is drawn black."""
+"""Percentile of the edge strength that is drawn black."""
 _LEVELS = (1.0, 99.0)
 """Percentiles of the heights of a line that are drawn black and white."""
 BROAD_MM, CLIP_MM = 2.0, 0.3
-"""Sigma of the plate's form that is subtracted, and the height above it at which the rest is clipped: of the settings
-tried for RapidOCR on a felt relief these read best."""
+"""Sigma of the plate's form that is subtracted, and the height above it at which the rest is clipped: the best of the
+settings tried for RapidOCR on a felt relief."""
 
 
 def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The photograph, cropped to the line, (rows, cols, 3)."""
     photo = senses.photo
     pixels = photo.eight_bit if photo.pixels.ndim == 3 else np.repeat(photo.eight_bit[..., None], 3, axis=2)
-    # without a scale no place can be cut out, and the plate need not be felt for one
+    # without a scale nothing can be cropped, so the plate need not be scanned to find the line
     box = None if photo.pitch_mm is None else _line(senses)
     if box is None or photo.pitch_mm is None:
         return pixels
@@ -56,7 +56,7 @@ def edges_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The edge map of touch, drawn in grey and cropped to the line, (rows, cols, 3).
 
     Raises:
-        MarksError: touch has no edges.
+        MarksError: the scan has no edge map.
     """
     edges = senses.edges
     drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
@@ -94,7 +94,7 @@ def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The felt heights, drawn in grey and cropped to the line, (rows, cols, 3).
 
     Raises:
-        MarksError: touch felt no heights.
+        MarksError: the scan has no relief.
     """
     relief = senses.relief
     cut = _cut(relief.height_mm, _line(senses), origin_mm=relief.origin_mm, pitch_mm=relief.pitch_mm)

@@ -1,12 +1,12 @@
 """Touch plans as modes: active, uniform, random and whole.
 
 mode         level                           passes                            stops
-active L     worth of a serial, stage s      chosen one step ahead             when sure, or not worth it
+active L     worth of a serial, stage s      chosen one step ahead             when sure, or no pass is worth it
 uniform L    lines per half height           along x, evenly                   never before its end
-random L     budget, stage s                 ways drawn at random              never before its end
-whole L      lines to a height               four directions, as usual         never before its end
+random L     budget, stage s                 random passes                     never before its end
+whole L      lines per height                four directions, as usual         never before its end
 
-All are read by touch alone, on one bench whose sensors and stage are drawn with `BENCH_SEED`.
+All read by touch alone, on one bench whose sensors and stage are drawn with `BENCH_SEED`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class TouchPlan:
 
     Attributes:
         name: active, uniform, random or whole.
-        level: parameter that sets its length; see the module.
+        level: parameter of its length; see the module.
     """
 
     name: str
@@ -77,7 +77,7 @@ PLANS = (
 
 
 def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
-    """Mode that reads by touch with one plan; the trial keeps the stage time and the reason for stopping."""
+    """Make a mode that reads by touch with one plan; the trial records the stage time and why touch stopped."""
     from pipeline.reading.simulated_scan import VirtualBench
 
     touch = reader.touch

@@ -20,7 +20,7 @@ PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"
 SHOWN = 24
 """Maximum number of flips that are drawn, the most serious first."""
 _MOST_LEVELS = 8
-"""Number of levels of factors that the document names: those that changed most."""
+"""Number of levels that the document shows: those that changed most."""
 
 
 def write_comparison(
@@ -35,7 +35,7 @@ def write_comparison(
         executor: executor that draws (default: this process).
 
     Returns:
-        The tables in Markdown, and why there are no pictures where parts flipped; and the paths of all files.
+        The tables in Markdown, with the reason if there are no pictures of flipped parts; and the paths of all files.
 
     Raises:
         FileError: a folder holds no benchmark, or cannot be written.
@@ -45,15 +45,15 @@ def write_comparison(
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     found = changes(old, new, (books[0].description, books[1].description))
     drawn, problem = _drawn(books[1].description, found.flips[:SHOWN], executor or Executor())
-    values = {"found": found, "kinds": list(Flip), "problem": problem}
+    folders = (str(before), str(after))
+    values = {"found": found, "kinds": list(Flip), "problem": problem, "folders": folders}
     changed = [row for row in found.by_factor if row.compared.characters.difference.value]
     changed.sort(key=lambda row: -abs(row.compared.characters.difference.value))
     document = render("compare.md.j2", **values, largest=changed[:_MOST_LEVELS])
     page = render(
         "compare.html.j2",
         **values,
-        title="What the change did",
-        folders=(str(before), str(after)),
+        title="Comparison of two benchmarks",
         programs=tuple(str(book.description.get("program", "not known")) for book in books),
         drawn=drawn,
     )
@@ -72,7 +72,7 @@ def _drawn(
         except MarksError as error:
             problem = str(error)
         else:
-            # several readers may have flipped on one part: it is drawn once
+            # a part on which several readers flipped is drawn once
             once = {(blank.part, blank.given): (blank, items[blank.part]) for blank in blanks}
             made = ordered_map(executor, partial(draw_worst, benchmark), list(once.values()))
             by_part = dict(zip(once, made, strict=True))

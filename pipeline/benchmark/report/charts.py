@@ -48,7 +48,7 @@ def leading_mode(modes: Sequence[str]) -> str:
 
 
 def severities_in(groups: Sequence[Group]) -> list[float | None]:
-    """The severities, the cleanest first, the unknown last."""
+    """The severities, the cleanest first, unknown ones last."""
     found = {g.key.severity for g in groups}
     return sorted(found, key=lambda s: (s is None, s or 0.0))
 
@@ -140,7 +140,7 @@ def risk_figure(groups: Sequence[Group]) -> Figure:
 def reliability_figure(groups: Sequence[Group]) -> Figure:
     """Reported confidence against the share right, for serials and characters of every mode.
 
-    A bin's mark is larger the more it holds; bars are Wilson's 95 % intervals.
+    A bin's mark is larger the more readings it holds; bars are Wilson's 95 % intervals.
     """
     modes = modes_in(groups)
     figure = Figure(figsize=(max(WIDTH_IN, 2.4 * len(modes)), 6.2))

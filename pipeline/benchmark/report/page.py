@@ -46,9 +46,9 @@ def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
 
 
 def render(template: str, **values: Any) -> str:
-    """Render a page, or a document in Markdown, of `pipeline.benchmark.report.templates`.
+    """Render a page, or a Markdown document, from `pipeline.benchmark.report.templates`.
 
-    Every template also has the time, the command line and the versions of libraries.
+    Every template also gets the time, the command line and the versions of libraries.
     """
     import jinja2
 
@@ -79,7 +79,7 @@ def command_line() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of this program and of the libraries below it."""
+    """Versions of this program and of the libraries that it uses."""
     names = "numpy scipy numba opencv-contrib-python-headless scikit-image scikit-learn rapidocr onnxruntime tesserocr"
     return library_versions((PROGRAM, *names.split()))
 
@@ -113,7 +113,7 @@ def _p(value: float) -> str:
 
 
 def mark_characters(trial: Trial) -> list[tuple[str, bool]]:
-    """Characters as read, and whether each is right; "·" for a missing one."""
+    """Characters that were read, and whether each is right; "·" for a missing one."""
     return [
         (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)
     ]

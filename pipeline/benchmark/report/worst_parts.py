@@ -1,4 +1,4 @@
-"""The worst parts of a benchmark, made again from their seed or files, felt, and drawn.
+"""Draw the worst parts of a benchmark, made again from their seed or files and scanned again.
 
 +---------------+---------------+---------------+
 | photograph    | height map    | edge map      |    boxes and characters as read by touch
@@ -33,9 +33,9 @@ class WorstPart:
     Attributes:
         trials: trials of all modes.
         why: reason why it is one of the worst.
-        given: facts given to the reader in that reading; the picture shows it.
-        picture: data URI; empty where it could not be drawn.
-        problem: why it could not.
+        given: facts given to the reader in the worst reading, which the picture shows.
+        picture: data URI; empty if it could not be drawn.
+        problem: why it could not be drawn.
     """
 
     trials: tuple[Trial, ...]
@@ -51,10 +51,10 @@ class WorstPart:
 
 
 def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
-    """The worst parts: first those accepted with a wrong serial, then those that touch reads worst, then those of the
-    camera.
+    """Rank the worst parts: those accepted with a wrong serial, then those that touch reads worst, then those that the
+    camera reads worst.
 
-    Programs of others are not asked. Where nothing is wrong, the least sure come.
+    Third-party programs do not count. If nothing is wrong, the least certain parts come first.
     """
     by_part: dict[str, list[Trial]] = {}
     for trial in trials:
@@ -69,10 +69,10 @@ def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart
 
 def _badness(trial: Trial) -> tuple[bool, bool, float, float]:
     """Smaller is worse."""
-    lied = trial.accepted and not trial.right
+    accepted_wrong = trial.accepted and not trial.right
     helped = trial.mode in _HELPED or trial.mode not in _OWN_MODES
     chars = characters_right(trial) / max(1, len(trial.truth))
-    return (not lied, not helped, chars, trial.confidence)
+    return (not accepted_wrong, not helped, chars, trial.confidence)
 
 
 def _why(trial: Trial) -> str:
@@ -83,7 +83,7 @@ def _why(trial: Trial) -> str:
     if not trial.right:
         wrong = len(trial.truth) - characters_right(trial)
         return f"{trial.mode}: {wrong} of {len(trial.truth)} characters wrong, {trial.decision}"
-    return f"{trial.mode}: right, but little sure ({trial.confidence:.3f}, {trial.decision})"
+    return f"{trial.mode}: right, but uncertain ({trial.confidence:.3f}, {trial.decision})"
 
 
 def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
@@ -92,10 +92,10 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     try:
         specimen = benchmark.parts.make(item)
         if specimen.truth != worst.trials[0].truth:
-            return replace(worst, problem=f"made again it is another part: {specimen.truth} is stamped")
+            return replace(worst, problem=f"made again, it is another part, with {specimen.truth} stamped")
         senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition, worst.given)))
         picture = data_uri(_figure(senses), kind="jpg")
-    # The report of a night's run may not fail for a picture.
+    # the report of a long run must not fail because of one picture
     except Exception as error:
         return replace(worst, problem=f"{type(error).__name__}: {error}")
     return replace(worst, picture=picture)

@@ -48,7 +48,7 @@ from recognition.decision.certification import parts_needed
 from recognition.decision.score import Measure
 
 WRONG_LIMIT = 0.001
-"""Limit of wrong readings among those accepted, by which the page judges every reader."""
+"""Greatest allowed share of wrong readings among those accepted, against which the page tests every reader."""
 PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 
 
@@ -98,7 +98,7 @@ def document_of(found: Statistics, drift: Mapping[str, str] | None = None) -> st
 
 
 def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
-    """Describe, for each mode whose parts differ from the certified ones, the difference."""
+    """Describe how the parts differ from the certified ones, for each mode for which they do."""
     watches: dict[str, DriftWatch] = {}
     for trial in (t for t in trials if not t.perturbed):
         measures = {m: trial.measures[m.value] for m in Measure if m.value in trial.measures}
@@ -153,7 +153,7 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
     """Values of the page by their names in its template."""
     tables, description = _tables(found), benchmark.description()
     modes = tables["modes"]
-    # charts show the first thing given: more lines would hide each other
+    # charts show the first set of facts only: more lines would hide each other
     by_severity, by_mode = (
         [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
         for groups in (found.by_severity, found.by_mode)

@@ -1,20 +1,20 @@
 """Attribute agreement analysis: within appraisers, between them, and against the truth; kappas.
 
-             appraiser A      appraiser B        within    all trials of one appraiser alike
-             1    2    3      1    2    3        between   all trials of all appraisers alike
+             appraiser A      appraiser B        within    all trials of one appraiser the same
+             1    2    3      1    2    3        between   all trials of all appraisers the same
     part 1   K4   K4   K4     K4   K4   K4       truth     all trials of one appraiser right; of all appraisers
     part 2   R7   B7   R7     R7   R7   R7
 
 As in AIAG, *Measurement Systems Analysis*, 4th edition (2010), chapter III, section C; shares with the exact interval
-of Clopper and Pearson. Agreement beyond chance: Cohen's kappa of two, Fleiss' of many,
+of Clopper and Pearson. Agreement beyond chance: Cohen's kappa for two appraisers, Fleiss' for more,
 
     kappa = (agreement - agreement by chance) / (1 - agreement by chance)
 
 Cohen, "A coefficient of agreement for nominal scales", Educational and Psychological Measurement 20 (1960) 37-46;
-Fleiss, "Measuring nominal scale agreement among many raters", Psychological Bulletin 76 (1971) 378-382. Where all
-ratings are the same, chance explains everything and kappa is not defined. Intervals draw whole parts again
-(`pipeline.benchmark.analysis.estimates`). Where every part has a serial of its own hardly anything agrees by chance,
-and kappa is the share that agrees.
+Fleiss, "Measuring nominal scale agreement among many raters", Psychological Bulletin 76 (1971) 378-382. If all ratings
+are the same, chance explains everything and kappa is not defined. Intervals resample whole parts
+(`pipeline.benchmark.analysis.estimates`). If every part has its own serial, hardly anything agrees by chance, and kappa
+is close to the share that agrees.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _Floats = NDArray[np.float64]
 
 
 def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Estimate | None:
-    """Mean of Cohen's kappas over several pairs of ratings of the same parts; None where one is not defined.
+    """Mean of Cohen's kappas over several pairs of ratings of the same parts; None if one is not defined.
 
     Args:
         pairs: pairs of (parts,) ratings.
@@ -62,13 +62,13 @@ def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
         ratings: (parts, ratings of a part), at least two of each.
 
     Raises:
-        ValueError: fewer than two ratings of a part, or not equally many of each.
+        ValueError: a part has fewer than two ratings, or the parts have different numbers of ratings.
     """
     if not ratings:
         return None
     m = len(ratings[0])
     if m < 2 or any(len(row) != m for row in ratings):
-        raise ValueError("every part needs as many ratings, and at least two")
+        raise ValueError("every part needs the same number of ratings, at least two")
     labels = sorted({label for row in ratings for label in row})
     counts = np.sum([_one_hot([row[k] for row in ratings], labels) for k in range(m)], axis=0)
     # share of a part's pairs of ratings that agree
@@ -88,7 +88,7 @@ def _one_hot(ratings: Sequence[str], labels: Sequence[str]) -> _Floats:
 
 
 def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
-    """Kappa; NaN where chance explains everything."""
+    """Kappa; NaN if chance explains everything."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(chance < 1.0 - 1e-12, (agreed - chance) / (1.0 - chance), np.nan)
 
@@ -98,12 +98,12 @@ def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate
     value = float(kappas(np.ones((1, parts)))[0])
     if np.isnan(value):
         return None
-    # parts drawn that all have one rating say nothing of kappa
+    # a draw whose parts all have one rating does not define kappa
     return Estimate.of(value, kappas(draw_parts(parts)))
 
 
 Ratings = Mapping[str, Mapping[str, tuple[str, ...]]]
-"""Ratings by appraiser and part, trial by trial, with equally many for every part."""
+"""Ratings by appraiser and part, trial by trial; an appraiser rates every part equally often."""
 
 
 class Kind(StrEnum):
@@ -121,11 +121,11 @@ class Agreement:
     """Agreement of ratings.
 
     Attributes:
-        kind: kind of answers to compare.
+        kind: kind of comparison.
         who: the appraisers.
-        parts: on which all ratings agree, of the parts compared; with the exact 95 % interval.
-        kappa: within and between: Fleiss'. Of a pair, and against truth: the mean of Cohen's over the trials. None
-            where it is not defined.
+        parts: share of the compared parts on which all ratings agree, with the exact 95 % interval.
+        kappa: Fleiss' within and between; the mean of Cohen's over the trials for a pair and against truth. None if it
+            is not defined.
         disagreed: the parts on which they do not agree.
     """
 
@@ -139,8 +139,8 @@ class Agreement:
 def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list[Agreement]:
     """Compute all comparisons that the ratings allow.
 
-    Within needs an appraiser with several trials. Between and pairs use the parts that the appraisers have in common.
-    Against truth uses the parts whose truth is known.
+    "Within" needs an appraiser with several trials. "Between" and "pair" use the parts that the appraisers have in
+    common. "Against truth" uses the parts whose truth is known.
 
     Args:
         ratings: see `Ratings`.
@@ -166,7 +166,7 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
 
 
 def _agreement(kind: Kind, ratings: Ratings, truth: Mapping[str, str] | None = None) -> Agreement:
-    """Agreement of appraisers on the parts that all have rated and, if asked for, whose truth is known."""
+    """Agreement of appraisers on the parts that all have rated and, if a truth is given, whose truth is known."""
     first, *others = ratings.values()
     parts = [p for p in first if all(p in by for by in others) and (truth is None or p in truth)]
     # (appraisers, trials, parts)

@@ -1,12 +1,12 @@
-"""Gauge R&R by analysis of variance: shares of gauge and parts in the variation of depth.
+"""Gauge R&R by analysis of variance: the shares of gauge and parts in the variation of depth.
 
     x_ijk = mean + part_i + appraiser_j + (part x appraiser)_ij + repeat_k        all random
 
 AIAG, *Measurement Systems Analysis*, 4th edition (2010), chapter III, section B ("Analysis of Variance Method") and
-appendix A. Where the interaction is not significant at 5 % it is pooled with the repeats. With one appraiser there
-is no reproducibility to be found: parts and repeats alone.
+appendix A. If the interaction is not significant at 5 %, it is pooled with the repeats. With one appraiser there is no
+reproducibility, only parts and repeats.
 
-    %GRR below 10: good; 10 to 30: may do; above: not good. Fewer than 5 categories: it hardly tells parts apart.
+    %GRR below 10: good; 10 to 30: marginal; above: poor. With fewer than 5 categories it hardly distinguishes parts.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ LEAST_CATEGORIES = 5
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table of variances.
+    """A row of the analysis of variance.
 
     Attributes:
         source: source of the variation.
-        freedom: degrees of it.
+        freedom: degrees of freedom.
         squares: sum of squares, mm².
-        mean_square: squares by freedom, mm².
-        f: ratio to what it is tested against; None where it is tested against nothing.
-        p: chance of so large a ratio.
+        mean_square: squares divided by freedom, mm².
+        f: ratio to the mean square that it is tested against; None if it is not tested.
+        p: probability of a ratio at least as large by chance.
     """
 
     source: str
@@ -51,14 +51,14 @@ class GaugeRR:
     """Result of a gauge study; standard deviations, mm.
 
     Attributes:
-        table: table of variances.
+        table: rows of the analysis of variance.
         parts: number of parts.
         appraisers: number of appraisers.
         trials: number of trials of each appraiser on each part.
-        pooled: whether the interaction went to the repeats.
+        pooled: whether the interaction is pooled with the repeats.
         repeatability_mm: standard deviation of repeats by one appraiser.
-        reproducibility_mm: between appraisers, with the interaction; None with one appraiser.
-        part_mm: between parts.
+        reproducibility_mm: standard deviation between appraisers, with the interaction; None with one appraiser.
+        part_mm: standard deviation between parts.
     """
 
     table: tuple[Row, ...]
@@ -86,7 +86,7 @@ class GaugeRR:
         return self.of_total(self.gauge_mm)
 
     def of_total(self, deviation_mm: float) -> float:
-        """A standard deviation as a share of the total; 0 where nothing varies."""
+        """A standard deviation as a share of the total; 0 if nothing varies."""
         return deviation_mm / self.total_mm if self.total_mm else 0.0
 
     @property
@@ -96,11 +96,11 @@ class GaugeRR:
 
     @property
     def verdict(self) -> str:
-        """The manual's verdict."""
+        """Verdict by the manual's limits."""
         if self.share > USABLE:
-            return "not good"
+            return "poor"
         few = self.categories is not None and self.categories < LEAST_CATEGORIES
-        return "may do" if self.share > GOOD or few else "good"
+        return "marginal" if self.share > GOOD or few else "good"
 
 
 def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
@@ -110,7 +110,7 @@ def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
         values_mm: (parts, appraisers, trials), mm, at least 2 parts and 2 trials, all finite.
 
     Raises:
-        ValueError: another shape, or values that are not finite.
+        ValueError: the shape is wrong, or a value is not finite.
     """
     x = np.asarray(values_mm, dtype=np.float64)
     if x.ndim != 3 or x.shape[0] < 2 or x.shape[1] < 1 or x.shape[2] < 2:

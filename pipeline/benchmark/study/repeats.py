@@ -1,11 +1,11 @@
-"""Every part of a study, measured several times.
+"""Measure every part of a study several times.
 
 KX.1.h5, KX.2.h5, KX.3.h5    one part, KX, recorded three times: each recording is a trial
-KX.npz                       a height map: scanned anew for every trial, by each of several virtual arrays
+KX.npz                       a height map: scanned again for every trial, by each of several virtual arrays
 KX.h5, KX.png                one recording: perturbed for every trial
 
-A virtual array keeps the gains and offsets of its sensors; a new trial has another place of the part under the lines,
-other noise, light and scale (`pipeline.reading.perturbation.ANEW`).
+A virtual array keeps the gains and offsets of its sensors. In a new trial the part is shifted under the lines, and
+noise, light and scale differ (`pipeline.reading.perturbation.REMOUNTED`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import ReadSettings
 from pipeline.errors import describe_fault
 from pipeline.formats.part_files import PartFiles, settings_of
-from pipeline.reading.perturbation import ANEW, Retake
+from pipeline.reading.perturbation import REMOUNTED, Retake
 from pipeline.runs.journal import resumable
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ class StudiedPart:
     """One part.
 
     Attributes:
-        name: without the number of a recording.
-        recordings: recordings of it, in the order of their numbers; at least one.
+        name: name of the part, without the number of a recording.
+        recordings: its recordings, in the order of their numbers; at least one.
     """
 
     name: str
@@ -51,7 +51,7 @@ class StudiedPart:
 
     @property
     def simulated(self) -> bool:
-        """True if touch is simulated anew for every trial."""
+        """Whether touch is simulated again for every trial."""
         return (
             len(self.recordings) == 1 and bool(self.recordings[0].height_map) and not self.recordings[0].scan
         )
@@ -63,8 +63,8 @@ class StudyPlan:
 
     Attributes:
         settings: settings of the reader.
-        repeats: trials of every array.
-        arrays: virtual arrays.
+        repeats: number of trials of every array.
+        arrays: number of virtual arrays.
     """
 
     settings: ReadSettings
@@ -77,7 +77,7 @@ class StudyPlan:
 
 
 class StudyJournal(TrialJournal):
-    """The trials of an interrupted study: the mode is the appraiser, the number that of the trial, from 1 on."""
+    """The trials of an interrupted study; the mode of a trial is its appraiser, and trials count from 1."""
 
     kind: ClassVar[str] = "study"
     file: ClassVar[str] = "study.unfinished"
@@ -130,7 +130,7 @@ def measure(
 
 
 def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
-    """Every trial of one part."""
+    """Measure every trial of one part."""
     return tuple(_measured(plan, part, array, blank) for array, blank in _blanks(plan, part))
 
 
@@ -146,12 +146,12 @@ def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Trial]]:
 def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> Trial:
     recording = part.recordings[(blank.number - 1) % len(part.recordings)]
     seed = zlib.crc32(f"{part.name} {array} {blank.number}".encode())
-    again = None if blank.levels[RECORDED] else Retake(ANEW, seed, array=array)
+    again = None if blank.levels[RECORDED] else Retake(REMOUNTED, seed, array=array)
     try:
         reading = _read(plan.settings, recording, again)
     except MarksError as error:
         return replace(blank, error=str(error))
-    # a fault of the program in one part may not cost the study the other parts
+    # a fault of the program in one part must not end the study
     except Exception as error:
         return replace(blank, error=f"{describe_fault(error)}; please report it")
     depth_mm = None if reading.touch is None else reading.touch.depth_mean_mm

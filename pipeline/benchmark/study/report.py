@@ -1,4 +1,4 @@
-"""The report of a study: one self-contained page, its tables as Markdown, every reading, and all figures as JSON.
+"""Write the report of a study: one self-contained page, its tables as Markdown, all readings, and all figures as JSON.
 
 study.html     the whole report
 study.md       its tables, for documents and the console
@@ -118,6 +118,6 @@ def _readings(study: Study) -> Iterator[Sequence[object]]:
         yield (
             m.part, truth or "", m.mode, m.number, int(bool(m.levels[RECORDED])), m.text,
             "" if truth is None else int(m.text == truth), m.decision,
-            m.confidence if m.decision or m.error else "",  # people do not say any
+            m.confidence if m.decision or m.error else "",  # people state none
             "" if depth_mm is None else round(depth_mm, 6), m.error,
         )  # fmt: skip

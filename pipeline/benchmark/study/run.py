@@ -1,11 +1,11 @@
 """Run a study from its inputs to its report; the same call resumes an interrupted one.
 
-Answers of people on the same parts come in a table, a line an answer:
+Readings of the same parts by people come in a table, one line per reading:
 
 part,reviewer,text
 part-1,Ada,KX407251
-part-1,Ada,KX407251         the second time that Ada read it; trials come in the order of their lines
-part-1,Ben,KX407Z51         an empty text: not readable
+part-1,Ada,KX407251         Ada's second trial; trials are in the order of their lines
+part-1,Ben,KX407Z51         an empty text means unreadable
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def run_study(
         The study, its tables in Markdown, and the files written.
 
     Raises:
-        MarksError: unusable inputs or tables, or a folder that cannot be written.
+        MarksError: inputs or tables cannot be used, or the folder cannot be written.
     """
     settings = plan.settings
     reader_of(settings)  # reject invalid settings before anything is read
@@ -67,7 +67,9 @@ def run_study(
     notes = []
     if plan.arrays > 1 and (settings.mode == "vision" or not all(part.simulated for part in parts)):
         plan = replace(plan, arrays=1)
-        notes.append("Recordings and photographs have one array: what another changes is not in this study.")
+        notes.append(
+            "Recordings and photographs have one array: this study does not show differences of arrays."
+        )
     if unknown:
         notes.append(f"Reviewers read {len(unknown)} parts that are not in this study: {first_of(unknown)}.")
     description = {
@@ -79,7 +81,7 @@ def run_study(
     }
     with StudyJournal(out, description) as journal, Progress() as progress:
         if journal.names:
-            print(f"continuing a broken-off study: {len(journal.names):,} parts are measured already")
+            print(f"continuing an interrupted study: {len(journal.names):,} parts are measured already")
         progress.start(len(parts) - len(journal.names))
         with workers.opened(len(parts)) as executor:
             measured = measure(plan, parts, executor, journal, progress.advance)
@@ -103,11 +105,11 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
     """Load the reviewers' answers for some parts from a table.
 
     Returns:
-        The answers, whose mode is the reviewer; and parts of the table that the study has not.
+        The answers, whose mode is the reviewer; and parts of the table that are not in the study.
 
     Raises:
-        FileError: a table of another kind, a line without a reviewer, no part of the study, or a reviewer
-            that did not read every part equally often.
+        FileError: the table is of another kind, a line has no reviewer, no part is in the study, or a reviewer did not
+            read every part equally often.
     """
     answers: list[Trial] = []
     times: dict[str, Counter[str]] = {}
@@ -132,6 +134,6 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
             few = first_of([part for part, n in counts.items() if n < most])
             raise FileError(
                 path, f"{who} read some parts {most} times and others less often: {few}",
-                "give as many lines for each",
+                "give the same number of lines for each",
             )  # fmt: skip
     return answers, tuple(unknown)

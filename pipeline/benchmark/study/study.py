@@ -25,7 +25,7 @@ class Study:
         notes: further notes, in sentences.
 
     Raises:
-        ValueError: not equally many trials of every part, by each appraiser.
+        ValueError: an appraiser did not measure every part equally often.
     """
 
     measured: tuple[Trial, ...]
@@ -45,7 +45,7 @@ class Study:
 
     @cached_property
     def depths(self) -> dict[str, list[list[float]]]:
-        """Depths by part, (appraisers, trials), mm, where all are known."""
+        """Depths by part, (appraisers, trials), mm, of parts whose depth is known in every trial."""
         found: dict[str, dict[str, list[float]]] = {}
         for m in self.measured:
             if m.part not in self.depthless and (depth_mm := depth_of(m)) is not None:
@@ -54,14 +54,14 @@ class Study:
 
     @cached_property
     def depthless(self) -> tuple[str, ...]:
-        """Parts left out of the gauge study, as their depth was not known each time."""
+        """Parts left out of the gauge study, because their depth is not known in every trial."""
         return tuple(dict.fromkeys(m.part for m in self.measured if depth_of(m) is None))
 
     @property
     def no_depth(self) -> str:
         """Reason why there is no gauge study; otherwise empty."""
         if len(self.depths) < 2:
-            return "the depth of fewer than two parts is known each time"
+            return "the depth of fewer than two parts is known in every trial"
         return "every part was measured once" if max(m.number for m in self.measured) < 2 else ""
 
     @cached_property

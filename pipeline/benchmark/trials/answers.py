@@ -2,7 +2,7 @@
 
 part,text,confidence,decision        also allowed: file for part, serial for text, accepted for decision
 rust-0.3-0000,KR804217,0.93,accept   confidence 0 to 1; accept, review or reject
-lines/rust-0.3-0001-photo.png,KB7A   a picture of `benchmark export` stands for its part
+lines/rust-0.3-0001-photo.png,KB7A   a picture from `benchmark export` stands for its part
 """
 
 from __future__ import annotations
@@ -52,11 +52,10 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
         path: the table.
         items: the parts of the exam with their truth.
         reader: name of the reader.
-        given: facts that it knew beside the parts.
+        given: facts that the reader knew beside the parts.
 
     Raises:
-        FileError: there is no such table, or a line names a part twice or has an impossible value; the message names
-            it.
+        FileError: there is no such table, a part has two lines, or a value is invalid; names the line.
     """
     known = {item.part for item in items}
     answered: dict[str, PartLine] = {}

@@ -13,7 +13,7 @@ from pipeline.runs.journal import Journal
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
-_SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array has not
+_SIMULATION = ("mount", "scan")  # timed steps of a reading that a real array does not need
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class ReadCharacter:
 
     Attributes:
         char: the first candidate.
-        confidence: belief in it, 0 to 1.
+        confidence: its probability, 0 to 1.
         margin: its probability minus that of the second candidate.
     """
 
@@ -44,12 +44,12 @@ class Trial:
         text: text that was read, without spaces; empty with an error.
         decision: accept, review or reject; empty with an error.
         confidence: confidence that the whole text is right, 0 to 1.
-        characters: the places as read.
+        characters: characters as read, in order.
         flags: flags of the reading.
-        error: why there is no reading; empty when there is one.
-        compute_s: time that the program took for it, making the part and its photograph not counted.
+        error: why there is no reading; empty if there is one.
+        compute_s: time that the program took, without making the part and its photograph.
         scan_s: time that the real array would take for the scan; 0 without touch.
-        simulated_s: part of compute_s that stands in for the array: mounting the map and simulating the scan.
+        simulated_s: part of compute_s that replaces the array: mounting the map and simulating the scan.
         measures: measures of the part by our own modes (`recognition.decision.score`).
     """
 
@@ -76,13 +76,13 @@ class Trial:
 
     @property
     def given(self) -> str:
-        """Knowledge given to the reader, such as font,format."""
+        """Facts given to the reader, such as font,format."""
         names = [name for name in GIVEN if self.levels.get(f"{name}_given")]
         return ",".join(names) or "nothing"
 
     @property
     def perturbed(self) -> str:
-        """The perturbation under which it was read; empty for none."""
+        """Name of the perturbation under which it was read; empty if there was none."""
         return str(self.levels.get(PERTURBED) or "")
 
     @property
@@ -117,7 +117,7 @@ def answer_of(reading: Reading) -> dict[str, Any]:
 
 
 class TrialJournal(Journal[tuple[Trial, ...]]):
-    """The trials of one benchmark in its folder: trials of a part by its name."""
+    """The trials of one benchmark in its folder, by part."""
 
     kind: ClassVar[str] = "benchmark"
     version: ClassVar[int] = 4

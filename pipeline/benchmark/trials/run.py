@@ -1,10 +1,10 @@
 """Run a benchmark: several workers make every part once and read it by every mode; results are stored at once.
 
-    Parts.items --missing from the book--> workers: make, read by each mode --> trials.db
+    Parts.items --not in the journal-----> workers: make, read by each mode --> trials.db
                                                      \\--perturb, read again--/
 
-A part depends on nothing but what it is made from, so the answer is the same whatever the number of workers, their
-order, and how often the run was broken off.
+A part depends only on its seed or files, so the answers do not depend on the number of workers, the order of parts, or
+interruptions of the run.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from recognition.senses.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
 KEPT_READERS = 12
-"""Readers of a worker. A design of many fonts and heights has a reader for each, with templates of about 0.1 GB."""
+"""Readers that a worker keeps. A design with many fonts and heights needs one for each, with about 0.1 GB."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ class Benchmark:
     Attributes:
         parts: source of the parts.
         modes: names of the modes.
-        reading: settings for all parts; font, height and format come with the part where the design gives them.
-        perturbations: under which every part is read again, by the modes that they reach.
+        reading: settings for all parts; font, height and format are those of the part if the design gives them.
+        perturbations: perturbations under which every part is read again, by the modes that they affect.
 
     Raises:
-        SettingsError: no mode, or one twice.
+        SettingsError: there is no mode, or one is repeated.
     """
 
     parts: Parts
@@ -67,7 +67,7 @@ class Benchmark:
             )
 
     def description(self) -> dict[str, Any]:
-        """Everything on which the answers depend, as JSON values, without the number of parts."""
+        """Everything on which the answers depend, except the number of parts, as JSON values."""
         reading = self.reading
         return {
             "parts": self.parts.description(),
@@ -87,7 +87,7 @@ class Benchmark:
 
     @property
     def crossed(self) -> tuple[str, ...]:
-        """Factors of the cells; the severity if the parts name none."""
+        """Factors of the cells (default: the severity)."""
         return tuple(self.parts.description().get("cross", ("severity",)))
 
     def settings_for(self, condition: Condition, given: str) -> ReaderSettings:
@@ -114,15 +114,15 @@ def run_benchmark(
         benchmark: the benchmark to run.
         folder: folder for the trials; created if needed.
         executor: executor that runs the work (default: this process).
-        progress: shows how far the run is.
+        progress: progress display.
 
     Returns:
         The trials, ordered by part, then by given knowledge, perturbation and mode.
 
     Raises:
         FileError: the folder holds another benchmark or cannot be written.
-        ModeUnavailableError: a mode that cannot run here.
-        SettingsError: a mode, font or format that cannot be used.
+        ModeUnavailableError: a mode cannot run here.
+        SettingsError: a mode, font or format cannot be used.
     """
     items = benchmark.parts.items()
     ways = ((item.condition, given) for item in items for given in item.given)
@@ -182,7 +182,7 @@ def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, 
 
 def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     start, before = time.perf_counter(), sum(senses.seconds.values())
-    # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
+    # a fault of the program in one part must not end the run; the trial records it
     try:
         mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
         reading, more = mode.read(senses)
@@ -203,7 +203,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
 
 @lru_cache(maxsize=KEPT_READERS)
 def reader_for(settings: ReaderSettings) -> Reader:
-    """Reader for some settings; a dozen are kept between parts, so that a worker predicts templates once."""
+    """Reader for some settings; cached, so that a worker predicts templates once."""
     return Reader(settings)
 
 
@@ -217,28 +217,28 @@ def _describe(error: Exception) -> str:
 
 
 def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
-    """Rebuild a benchmark from its description, and its items of these names, with the present program.
+    """Rebuild a benchmark, and some of its items, from its description with the present program.
 
     Args:
-        description: as `pipeline.benchmark.trials.journal.TrialJournal` keeps it.
-        parts: names.
+        description: description in a `pipeline.benchmark.trials.journal.TrialJournal`.
+        parts: names of the items.
 
     Raises:
-        MarksError: its parts are in files, or come from a design that cannot be made here: a font, or a soil.
+        MarksError: its parts are in files, or its design cannot be made here, for lack of a font or soil.
     """
     wanted, said = set(parts), description["parts"]
     if "part" not in said:
-        raise SettingsError("its parts are in files", hint="pictures are of parts of a design")
+        raise SettingsError("its parts are in files", hint="only parts of a design are drawn")
     values = {name: value for name, value in said.items() if name != "font_files"}
     if not values.get("section"):
-        # a part's name ends in its number within its cell; every beginning of a design is the same
+        # a part's name ends in its number within its cell; a longer design begins with the same parts
         values["parts_a_cell"] = 1 + max((int(part.rpartition("-")[2]) for part in wanted), default=0)
     source = DesignedParts(Design.of(**values))
     items = {item.part: item for item in source.items()}
     if not wanted <= set(items):
-        raise MarksError("the design does not name all of these parts")
+        raise MarksError("the design does not contain all of these parts")
     if source.description().get("font_files") != said.get("font_files"):
-        raise MarksError("its fonts are others than those installed here")
+        raise MarksError("its fonts differ from those installed here")
     reading = description["reading"]
     settings = ReaderSettings(
         fonts=tuple(reading["fonts"]),

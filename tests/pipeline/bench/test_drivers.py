@@ -100,7 +100,7 @@ def test_nothing_is_sent_beyond_the_travel() -> None:
         taken = emulated.stage.taken
         with pytest.raises(StageError, match="beyond the stage's travel"):
             bench.session().feel(a_pass(at_mm=(119.0, 5.0)))
-        with pytest.raises(StageError, match="more than the most"):
+        with pytest.raises(StageError, match="over the limit of"):
             bench.session().feel(replace(a_pass(), preload_mm=2.5))
         with pytest.raises(StageError, match="another comb"):
             bench.session().feel(replace(a_pass(), line_mm=(3.0, 5.0, 7.0)))
@@ -123,7 +123,7 @@ def test_a_reset_in_the_middle_lifts_and_wants_homing(firmware: str) -> None:
         with pytest.raises(StageError, match="reset in the middle"):
             session.feel(a_pass())
         assert emulated.world.place_mm["Z"] > -30.0
-        with pytest.raises(StageError, match="does not know where it stands"):
+        with pytest.raises(StageError, match="does not know its position"):
             session.feel(a_pass())
         bench.home()
         session.feel(a_pass())
@@ -260,5 +260,5 @@ def test_a_port_that_is_not_there_and_one_that_speaks_otherwise() -> None:
         as_marlin = emulated.settings.model_copy(
             update={"stage": stage.model_copy(update={"firmware": "marlin"})}
         )
-        with pytest.raises(StageError, match="does not answer as Marlin does"):
+        with pytest.raises(StageError, match="does not answer like Marlin"):
             Bench(as_marlin)

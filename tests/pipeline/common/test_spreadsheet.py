@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.common.texts import harmless, original
+from pipeline.common.texts import escape_formula, unescape_formula
 
 
 @pytest.mark.parametrize(
@@ -27,12 +27,12 @@ from pipeline.common.texts import harmless, original
     ],
 )
 def test_a_formula_is_text(text: str, cell: str) -> None:
-    assert harmless(text) == cell
-    assert original(cell) == text
+    assert escape_formula(text) == cell
+    assert unescape_formula(cell) == text
 
 
 @given(st.text(alphabet="'=+-@\t\rA1", max_size=6))
 def test_every_text_comes_back_and_none_is_calculated(text: str) -> None:
-    cell = harmless(text)
-    assert original(cell) == text
+    cell = escape_formula(text)
+    assert unescape_formula(cell) == text
     assert cell[:1] not in tuple("=+-@\t\r")

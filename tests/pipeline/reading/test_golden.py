@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.errors import FileError
 from glyphs.surface.pieces import Piece
-from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured, wear
+from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured, wear_messages
 from pipeline.errors import OwnFileError
 from pipeline.formats.whisker_file import read_piece
 from pipeline.reading import golden
@@ -41,12 +41,12 @@ def _scan(**changed: float) -> GoldenRecord:
 
 def test_wear_is_told_beyond_its_limit_and_what_chance_does_is_not() -> None:
     new = _scan()
-    assert wear(new, new) == ()
-    assert wear(_scan(tip_radius_mm=0.08, gain=1.04, friction=0.28), new) == ()
-    assert wear(_scan(tip_radius_mm=0.1), new) == (
+    assert wear_messages(new, new) == ()
+    assert wear_messages(_scan(tip_radius_mm=0.08, gain=1.04, friction=0.28), new) == ()
+    assert wear_messages(_scan(tip_radius_mm=0.1), new) == (
         "the tips are worn: radius 0.100 mm, 0.060 before; change the whiskers",
     )
-    told = wear(_scan(gain=0.9, zero_lands=0.08, friction=0.4, preload_mm=1.2), new)
+    told = wear_messages(_scan(gain=0.9, zero_lands=0.08, friction=0.4, preload_mm=1.2), new)
     assert [line.split("; ")[1] for line in told] == [
         "look for a loose clamp or a bent whisker, then calibrate",
         "let the amplifier warm up, then calibrate",

@@ -7,7 +7,7 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
-from pipeline.reading.perturbation import ANEW, PERTURBATIONS, Perturbation, Retake, reordered
+from pipeline.reading.perturbation import PERTURBATIONS, REMOUNTED, Perturbation, Retake, reverse_order
 from whisker_array.estimation.edges import edge_map
 from whisker_array.simulation.traces import Fidelity
 
@@ -51,7 +51,7 @@ def test_lines_lie_half_a_pitch_beside(plate: HeightMap) -> None:
 
 def test_the_other_order_is_the_same_edge_map(plate: HeightMap) -> None:
     scan = scan_of(plate, "light")
-    back = reordered(scan)
+    back = reverse_order(scan)
     assert [s.plan.direction for s in back.sweeps] == [s.plan.direction for s in reversed(scan.sweeps)]
     one, other = edge_map(scan), edge_map(back)
     for k, direction in enumerate(one.directions):
@@ -102,6 +102,6 @@ def test_a_recording_is_perturbed_and_its_lines_stay(plate: HeightMap) -> None:
 
 
 def test_what_is_drawn_is_within_its_limits_and_differs() -> None:
-    grown = [Retake(ANEW, seed).grown for seed in range(50)]
+    grown = [Retake(REMOUNTED, seed).grown for seed in range(50)]
     assert all(0.99 <= g <= 1.01 for g in grown)
     assert len(set(grown)) == 50

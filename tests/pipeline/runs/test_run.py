@@ -28,9 +28,9 @@ from pipeline.reading.triage import ReadPart
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.production import run_batch
-from pipeline.runs.run import Run, opened
+from pipeline.runs.run import Run, open_run
 from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.setting_files import files_to_send, settled
+from pipeline.runs.setting_files import files_to_send, with_local_files
 from pipeline.runs.task import RunOrder, read_listed
 from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
@@ -128,11 +128,11 @@ def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
     settings = ReadSettings(lexicon=lexicon, font=("gothic",))
     sent = files_to_send(settings)
     lexicon.unlink()  # as on another machine
-    there = settled(settings, sent)
+    there = with_local_files(settings, sent)
     assert there.lexicon is not None
     assert (there.lexicon.read_text(), there.lexicon.name, there.font) == ("AB12\n", "known.txt", ("gothic",))
-    assert settled(settings, sent) == there
-    assert settled(settings, {}) is settings
+    assert with_local_files(settings, sent) == there
+    assert with_local_files(settings, {}) is settings
     with pytest.raises(FileError, match=r"known\.txt"):
         files_to_send(settings)
 
@@ -151,7 +151,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
     options, described = RunOptions(out="sqlite:///parts.db"), {"inputs": ["a"]}
 
     def killed() -> None:
-        with opened(options, described) as run:
+        with open_run(options, described) as run:
             run.work(PARTS, ORDER, reading())
             if moment == "the workers end":
                 raise KeyboardInterrupt
@@ -161,7 +161,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
     store = Store.open("sqlite:///parts.db")
     store.forget_keys(datetime.now(UTC) + timedelta(days=1))  # those of requests alone
     store.close()
-    with opened(options, described) as run:
+    with open_run(options, described) as run:
         run.work(PARTS, ORDER, reading())
     assert run.known == (len(PARTS) if moment == "it has ended" else 0)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
@@ -177,7 +177,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
 
 @pytest.mark.usefixtures("_in_folder")
 def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(tmp_path: Path) -> None:
-    with opened(RunOptions(out="sqlite:///parts.db"), {}):
+    with open_run(RunOptions(out="sqlite:///parts.db"), {}):
         kept = list(tmp_path.glob("tactile-marks-*"))
         assert ".unfinished" in {path.suffix for path in kept}
         assert {path.stat().st_mode & 0o777 for path in kept} == {0o600}
@@ -187,7 +187,7 @@ def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(tmp_path: Path) -> 
 def test_a_part_that_no_store_holds_is_an_error_and_no_end() -> None:
     listed = [PartFiles("long", "a.npz", expected="A" * 300), PartFiles("odd \udcff", "b.npz"), PARTS[0]]
 
-    with opened(RunOptions(out="sqlite:///parts.db"), {}) as run:
+    with open_run(RunOptions(out="sqlite:///parts.db"), {}) as run:
         run.work(listed, ORDER, reading(text=lambda _: "A1"))
     assert (run.summary.errors, run.summary.decisions["accept"]) == (1, 2)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
@@ -220,7 +220,7 @@ def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Pat
     options = RunOptions(out=str(tmp_path / "rows.csv"))
     for breaks_after in (3, 99):
         rows = dict[str, Any]()
-        with opened(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
+        with open_run(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
             run.lot = LotCheck(order.order)
             run.on_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
             run.work(PARTS, ORDER, reading(text=lambda p: texts[p.name], breaks_after=breaks_after))

@@ -15,9 +15,9 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import EnrolReport
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.options import RunOptions
-from pipeline.runs.run import Run, opened
+from pipeline.runs.run import Run, open_run
 from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.second_pass import SecondPass, learns
+from pipeline.runs.second_pass import SecondPass, runs_second_pass
 from pipeline.runs.task import RunOrder
 from recognition.learning.exemplars import ExemplarError
 from tests.support.fake_executor import FakeExecutor
@@ -217,30 +217,30 @@ def test_a_felt_lot_of_an_unknown_die_teaches_itself_unless_it_is_small(
     options: dict[str, Any], settings: dict[str, Any], parts: Sequence[PartFiles], answer: bool | str
 ) -> None:
     """A text as answer says why it cannot, where it is asked for."""
-    assert learns(RunOptions(**options), ReadSettings(**settings), parts) is (answer is True)
+    assert runs_second_pass(RunOptions(**options), ReadSettings(**settings), parts) is (answer is True)
     if isinstance(answer, str):
         with pytest.raises(SettingsError, match=answer):
-            learns(RunOptions(**options, learn_die=True), ReadSettings(**settings), parts)
+            runs_second_pass(RunOptions(**options, learn_die=True), ReadSettings(**settings), parts)
 
 
 def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) -> None:
     database = tmp_path / "rows.die.glyphs"
     database.write_bytes(b"of the lot before")
     options = RunOptions(out=str(tmp_path / "rows.csv"))
-    with opened(options, {}, learns=True) as run:
+    with open_run(options, {}, second_pass=True) as run:
         assert run.second is not None
         assert run.second.database == database
         assert not database.exists()
         assert (tmp_path / "rows.die.glyphs~").read_bytes() == b"of the lot before"
         run.journal.keep("p00", first_reading("p00"))
         database.write_bytes(b"of this lot")
-    with opened(options, {}, learns=True):
+    with open_run(options, {}, second_pass=True):
         assert database.read_bytes() == b"of this lot"
 
 
 def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[PartFiles]]) -> None:
     told: dict[str, str] = {}
-    with opened(RunOptions(), {}, learns=True) as run:
+    with open_run(RunOptions(), {}, second_pass=True) as run:
         run.on_row = lambda row: told.update({row.part: row.text})
         assert run.second is not None
         run.work(PARTS, ORDER, Reads())

@@ -128,7 +128,7 @@ def test_an_accepted_serial_that_becomes_another_fails_the_run(
     assert "became other accepted serials" in said.err
     page = (tmp_path / "bad" / "report.html").read_text(encoding="utf-8")
     assert 'id="stability"' in page
-    assert "Accepted, and accepted as another" in page
+    assert "Accepted as one serial, and perturbed as another" in page
     stability = json.loads((tmp_path / "bad" / "benchmark.json").read_text())["stability"]
     assert [s["perturbation"] for s in stability] == ["", *(p.name for p in PERTURBATIONS)]
     rows = csv_rows(tmp_path / "bad" / "benchmark.csv")

@@ -11,7 +11,14 @@ import pytest
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.readers.mode import PartReadings
-from pipeline.benchmark.readers.modes import alone, expand_groups, experts_in, leave_out, open_mode, rules
+from pipeline.benchmark.readers.modes import (
+    expand_groups,
+    expert_alone,
+    experts_in,
+    leave_out,
+    open_mode,
+    rules,
+)
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
@@ -84,12 +91,12 @@ def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     whole = Reading((), 0.9, source="tactile", seconds={"scan": 2.0}).with_trace(
         by_expert=MappingProxyType({"network": own, "templates": doubting})
     )
-    sure, unsure = alone(whole, "network", FORMATTED), alone(whole, "templates", FORMATTED)
+    sure, unsure = expert_alone(whole, "network", FORMATTED), expert_alone(whole, "templates", FORMATTED)
     assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
     assert sure.seconds == {"scan": 2.0}
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
-    silent = alone(replace(whole, source="vision").with_trace(by_expert={}), "network", FORMATTED)
+    silent = expert_alone(replace(whole, source="vision").with_trace(by_expert={}), "network", FORMATTED)
     assert (silent.text, silent.decision) == ("", Decision.REJECT)
 
 

@@ -51,8 +51,8 @@ def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     assert (first.text, first.accepted, first.confidence) == ("A1", True, pytest.approx(0.81))
     assert [c.confidence for c in first.characters] == pytest.approx([0.9, 0.9])
     assert (text.text, text.decision, unformatted.text) == ("A1", "review", "B2")
-    assert "gave a float" in fault.error
-    assert "wanted to end the program" in ended.error
+    assert "returned a float" in fault.error
+    assert "tried to end the program" in ended.error
     assert (SHOWN["format"], SHOWN["height"], SHOWN["fonts"]) == (None, 5.0, ())  # as the last was given
     (relief, pitch_mm), (surface, _) = SHOWN["relief"], SHOWN["surface"]
     deep = float(np.nanmin(surface))

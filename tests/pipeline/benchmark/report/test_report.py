@@ -164,7 +164,7 @@ def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_r
     truth = parts.make(item).truth
     read = WorstPart((trial(0, "A1", truth="?" + truth),), "", "font,height,format")
     found = draw_worst(benchmark, (read, item))
-    assert (found.picture, found.problem) == ("", f"made again it is another part: {truth} is stamped")
+    assert (found.picture, found.problem) == ("", f"made again, it is another part, with {truth} stamped")
 
 
 def test_parts_unlike_the_certified_ones_are_told_by_mode() -> None:
@@ -203,7 +203,7 @@ def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) ->
     page = Page(text)
     assert page.ids.index("factors") < page.ids.index("summary")
     assert text.index("balanced in every cell") < text.index('id="factors"')
-    assert "Where a level has under 20 parts they are too narrow" in page.text
+    assert "For levels with fewer than 20 parts they are too narrow" in page.text
 
 
 def test_two_parts_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -236,7 +236,7 @@ def test_two_parts_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
         (["--dirt", "2"], "between 0 and 1"),
         (["--mode", "smell"], "no mode 'smell'"),
         (["--parts", "0"], '"0" for --parts'),
-        (["--design", "marks-exam-1-48", "--height-mm", "4"], "and so does --height-mm"),
+        (["--design", "marks-exam-1-48", "--height-mm", "4"], "and --height-mm both describe the parts"),
         (["--design", "marks-exam-1-48", "--parts", "49"], "the design has 48"),
         (["--inputs", "x", "--truth", "y"], "--parts is for parts that are made"),
     ],

@@ -102,5 +102,5 @@ def test_all_alike_have_no_kappa_and_serials_of_their_own_have_the_share() -> No
 
 
 def test_ratings_that_do_not_match_are_refused() -> None:
-    with pytest.raises(ValueError, match="as many ratings"):
+    with pytest.raises(ValueError, match="same number of ratings"):
         fleiss_kappa([["A", "A"], ["A"]])

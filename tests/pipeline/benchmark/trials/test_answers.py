@@ -95,6 +95,8 @@ def test_a_table_of_truth_has_factors(tmp_path: Path) -> None:
     assert second.condition.levels == {"severity": 0.6, "raised": False, "soil": 9.0, "die": "v-groove"}
     with pytest.raises(FileError, match=r"line 2: the severity is 'deep'"):
         ListedParts.of_table(_table(tmp_path, "part,text,severity", "a,AB,deep"))
+    with pytest.raises(FileError, match="holds answers and not the truth; give the truth with --truth"):
+        ListedParts.of_table(_table(tmp_path, "part,text,confidence", "a,AB,0.9"))
 
 
 def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
