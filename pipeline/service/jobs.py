@@ -1,7 +1,7 @@
 """Jobs and glyph databases: the files of two folders, by name; jobs are also written, edited as text, and taught.
 
     jobs/housing-left.toml --checked with all files that it names--> settings for parts of job housing-left
-    box, text --> Taught --into the job as it is, or a new one--> settings --JobFolder.save--> housing-left.toml
+    box, text --> NamedLine --into the job as it is, or a new one--> settings --JobFolder.save--> housing-left.toml
 
 * A file is checked whenever its job is named, so jobs can be added, changed and removed while the service
   runs. A file that was there within the last hour may come back: until then, requests that name it are asked
@@ -32,7 +32,7 @@ import structlog
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys, with_whole_paths
-from pipeline.common.settings import NamedLine, ReadSettings, Region, SettingsError
+from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
 from pipeline.errors import OwnFileError, describe_fault
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
 from pipeline.reading.job_check import check_job, check_line
@@ -450,66 +450,56 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
         jobs.save(name, {**written_job(jobs, rest), **files})
 
 
-@dataclass(frozen=True)
-class Taught:
-    """A line of a part that a person has marked.
-
-    Attributes:
-        line: name; empty for the serial.
-        text: text on the part.
-        format: format of such texts.
-        region: where its middle may lie.
-        height_mm: height of its characters; None to measure it.
-        database: name of the glyph database of a die that was learned; empty for none. Of the serial.
-    """
-
-    line: str
-    text: str
-    format: str
-    region: Region
-    height_mm: float | None = None
-    database: str = ""
-
-
-def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
-    """Add a line to a job; a new job starts with the service's own fonts, experts and thresholds.
+def teach(
+    jobs: JobFolder,
+    name: str,
+    line: NamedLine,
+    text: str,
+    *,
+    height_mm: float | None = None,
+    database: str = "",
+    replace: bool = False,
+) -> None:
+    """Add a line that a person has marked to a job; a new job starts with the service's own fonts and thresholds.
 
     Args:
         jobs: jobs in which it is kept.
         name: name of the job.
-        taught: the line.
+        line: the line, without a name for the serial.
+        text: text that stands there.
+        height_mm: height of the serial's characters; None to measure it.
+        database: glyph database of the serial; empty for none.
         replace: whether a line of that name may stand there already.
 
     Raises:
         Problem: no such line can be, the text is not of its format, or the line stands in the job (409).
     """
+    serial = not line.name
     try:
-        objections = jobs.call(check_line, taught.format, taught.text)
-        line = NamedLine.parse(f"{taught.line}={taught.format}") if taught.line else None
+        objections = jobs.call(check_line, line.format, text)
+        line = line if serial else NamedLine.parse(str(line))
     except (MarksError, ValueError) as error:
         raise Problem(422, str(error)) from error
     if objections:
-        raise Problem(422, f"{taught.text!r} is not of the format {taught.format}: {objections[0]}")
+        raise Problem(422, f"{text!r} is not of the format {line.format}: {objections[0]}")
     with jobs.lock:
         written = jobs.written(name)
         if written is None:
             own = with_whole_paths(jobs.own, Path())
             written = own.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
         lines = {one.name: one for one in map(NamedLine.parse, written.get("line", ()))}
-        serial = bool(written.get("format") or written.get("region"))
-        if not replace and (serial if line is None else line.name in lines):
-            which = "a serial" if line is None else f"the line {line.name}"
-            raise Problem(
-                409,
-                f"the job {name} has {which} already; name the line that you mean, or say that it may be replaced",
-            )
-        if line is not None:
-            lines[line.name] = NamedLine(line.name, line.format, taught.region)
-            written["line"] = list(map(str, lines.values()))
+        taken = (written.get("format") or written.get("region")) if serial else line.name in lines
+        if taken and not replace:
+            which = "a serial" if serial else f"the line {line.name}"
+            hint = "name the line that you mean, or say that it may be replaced"
+            raise Problem(409, f"the job {name} has {which} already; {hint}")
+        if serial:
+            region = line.region and list(line.region)
+            written |= {"format": line.format, "region": region, "height_mm": height_mm}
+            if database:
+                written["database"] = str(jobs.databases.find(database).absolute())
         else:
-            written |= {"format": taught.format, "region": list(taught.region), "height_mm": taught.height_mm}
-            if taught.database:
-                written["database"] = str(jobs.databases.find(taught.database).absolute())
+            written["line"] = list(map(str, {**lines, line.name: line}.values()))
         jobs.save(name, {key: value for key, value in written.items() if value is not None})
 
 

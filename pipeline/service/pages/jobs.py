@@ -18,7 +18,7 @@ from pipeline.common.reading_records import Box, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartStory
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
-from pipeline.service.jobs import JobAnswer, JobFolder, Taught, name_like, save_edited, teach, text_to_edit
+from pipeline.service.jobs import JobAnswer, JobFolder, name_like, save_edited, teach, text_to_edit
 from pipeline.service.pages.frame import Frame, View
 from pipeline.service.pages.pictures import TOUCH, PictureFrame, PictureView, last_reading, picture_pair
 from pipeline.service.web.problem import Problem
@@ -49,8 +49,8 @@ class Lesson(BaseModel):
     part: str = ""
     by: str = ""
 
-    def taught(self) -> Taught:
-        """The taught line.
+    def taught(self) -> tuple[NamedLine, float | None]:
+        """The taught line, and the height of its characters.
 
         Raises:
             Problem: something that is not a number, no box, no text.
@@ -65,7 +65,7 @@ class Lesson(BaseModel):
         if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
             raise Problem(422, "draw a box first, or type left < right and top < bottom, 0 to 100")
         format = self.format or format_like(self.text)
-        return Taught(self.line, self.text, format, (left, top, right, bottom), height_mm, self.database)
+        return NamedLine(self.line, format, (left, top, right, bottom)), height_mm
 
 
 class Edit(BaseModel):
@@ -126,7 +126,11 @@ def add_job_pages(router: APIRouter, frame: Frame) -> None:
     @router.post("/jobs/new")
     def save(lesson: Annotated[Lesson, Form()], view: View = reviews) -> Response:
         try:
-            teach(jobs, lesson.name, lesson.taught(), replace=bool(lesson.replace))
+            line, height_mm = lesson.taught()
+            replace, database = bool(lesson.replace), lesson.database
+            teach(
+                jobs, lesson.name, line, lesson.text, height_mm=height_mm, database=database, replace=replace
+            )
         except Problem as problem:
             return _teach_page(view, jobs, lesson, problem)
         return view.redirect(f"/jobs?{urlencode({'done': lesson.name, 'part': lesson.part})}")

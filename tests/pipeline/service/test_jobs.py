@@ -14,13 +14,13 @@ from starlette.testclient import TestClient
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Scope
-from pipeline.common.settings import Limits, ReadSettings, SettingsError
+from pipeline.common.settings import Limits, NamedLine, ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.triage import ReadPart
-from pipeline.service.jobs import JobFolder, Taught, name_like, teach
+from pipeline.service.jobs import JobFolder, name_like, teach
 from pipeline.service.web.problem import Problem
 from recognition.reader import Reader
 from tests.support import certificates
@@ -167,7 +167,7 @@ def test_a_job_is_written_by_whoever_may_review(tmp_path: Path) -> None:
         assert listed["settings"]["line"] == {"lot": {"format": "AAA9"}}
         assert service.jobs.settings("left") == ReadSettings.of(**body)
         for bad, says in (
-            ({"mode": "vision"}, "holds mode"),
+            ({"mode": "vision"}, "sets mode"),
             ({"formt": "A"}, "unknown setting formt; did you mean format"),
             ({"region": [0, 1]}, "give left, top"),
             ({"font": ["gothik"]}, "unknown font 'gothik'"),
@@ -227,8 +227,8 @@ def test_a_check_that_fails_or_cannot_be_made_touches_its_own_job_alone(tmp_path
 def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
     own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_confidence=0.5, region=BOX)
     jobs = JobFolder(tmp_path / "jobs", own=own)
-    teach(jobs, "left", Taught("", "KX40", "AA99", BOX, 4.0), replace=False)
-    teach(jobs, "left", Taught("lot", "B-7", "A-9", (0.0, 0.5, 1.0, 1.0)), replace=False)
+    teach(jobs, "left", NamedLine("", "AA99", BOX), "KX40", height_mm=4.0)
+    teach(jobs, "left", NamedLine("lot", "A-9", (0.0, 0.5, 1.0, 1.0)), "B-7")
     wanted = ReadSettings(
         font=("gothic",),
         accept_confidence=0.5,
@@ -238,12 +238,12 @@ def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
         line=("lot@0,0.5,1,1=A-9",),
     )
     assert jobs.settings("left") == wanted
-    for again in (Taught("", "KX40", "AA99", BOX), Taught("lot", "B-7", "A-9", BOX)):
+    for line, text in ((NamedLine("", "AA99", BOX), "KX40"), (NamedLine("lot", "A-9", BOX), "B-7")):
         with pytest.raises(Problem, match="already") as refused:
-            teach(jobs, "left", again, replace=False)
+            teach(jobs, "left", line, text)
         assert refused.value.status == 409
-    teach(jobs, "left", Taught("lot", "B7", "A9", BOX), replace=True)
-    teach(jobs, "left", Taught("", "KX40", "AA99", BOX), replace=True)
+    teach(jobs, "left", NamedLine("lot", "A9", BOX), "B7", replace=True)
+    teach(jobs, "left", NamedLine("", "AA99", BOX), "KX40", replace=True)
     found = jobs.settings("left")
     assert (found.line, found.height_mm) == (("lot@0.1,0.2,0.9,0.6=A9",), None)
 
@@ -300,18 +300,18 @@ def test_the_page_teaches_those_who_may_review(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "taught", "says"),
+    ("name", "line", "text", "says"),
     [
-        ("left", Taught("", "KX40", "AA9", BOX), "'KX40' is not of the format AA9: it does not fit"),
-        ("left", Taught("", "KX40", "re:[", BOX), "is not a regular expression"),
-        ("left", Taught("a b", "KX40", "AA99", BOX), "'a b' is not a name for a line"),
-        ("the left", Taught("", "KX40", "AA99", BOX), "'the left' is not a name for a job"),
+        ("left", NamedLine("", "AA9", BOX), "KX40", "'KX40' is not of the format AA9: it does not fit"),
+        ("left", NamedLine("", "re:[", BOX), "KX40", "is not a regular expression"),
+        ("left", NamedLine("a b", "AA99", BOX), "KX40", "'a b' is not a name for a line"),
+        ("the left", NamedLine("", "AA99", BOX), "KX40", "'the left' is not a name for a job"),
     ],
 )
-def test_what_cannot_be_taught(name: str, taught: Taught, says: str, tmp_path: Path) -> None:
+def test_what_cannot_be_taught(name: str, line: NamedLine, text: str, says: str, tmp_path: Path) -> None:
     jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
     with pytest.raises(Problem, match=says):
-        teach(jobs, name, taught, replace=False)
+        teach(jobs, name, line, text)
     assert jobs.listed() == []
 
 
