@@ -19,8 +19,5 @@ def test_plan_in_words() -> None:
         assert word in describe_plan(plan)
     assert "and back" not in describe_plan(plan)
     assert "and back" in describe_plan(replace(plan, two_way=True))
-
-
-def test_two_kinds_stand_behind_each_other() -> None:
-    plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4, kinds=2)
-    assert "8 whiskers 5.00 mm apart (rows: 2)" in describe_plan(plan)
+    kinds = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4, kinds=2)
+    assert "8 whiskers 5.00 mm apart (rows: 2)" in describe_plan(kinds)

@@ -104,10 +104,6 @@ def test_parts_are_made_again_from_what_the_book_says() -> None:
     )
 
 
-def test_more_parts_are_the_same_benchmark() -> None:
-    assert designed_parts(parts=2).description() == designed_parts(parts=5).description()
-
-
 def test_the_command_shows_what_flipped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,16 +120,12 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> list[Trial]:
 def test_a_part_is_read_once_for_all_of_them(trials: list[Trial]) -> None:
     assert tuple(t.mode for t in trials) == APART
     assert not any(t.error for t in trials)
-    whole, own, _ = trials
-    assert whole.text == own.text == whole.truth
+    whole, own, templates = trials
+    assert whole.text == own.text == templates.text == whole.truth
     assert own.scan_s == whole.scan_s > 0.0
     assert own.compute_s < 1.5 * whole.compute_s  # a second reading would double it
     compared = {(c.first.mode, c.second.mode) for c in statistics_of(trials).comparisons}
     assert compared == {("tactile", "tactile network"), ("tactile", "tactile templates")}
-
-
-def test_templates_alone_read_a_clean_part_of_their_font(trials: list[Trial]) -> None:
-    assert trials[2].text == trials[2].truth
 
 
 def test_four_lights_are_read_as_one_and_the_camera_alone_reads_one() -> None:

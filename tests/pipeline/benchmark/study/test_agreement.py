@@ -69,15 +69,6 @@ def test_fleiss_of_the_worked_example() -> None:
     assert kappa.low < kappa.value < kappa.high
 
 
-def test_cohen_of_the_worked_example() -> None:
-    """50 grants, both yes 20, both no 15, one alone 5 and 10: 0.4 (Wikipedia, "Cohen's kappa")."""
-    first = ["yes"] * 25 + ["no"] * 25
-    second = ["yes"] * 20 + ["no"] * 5 + ["yes"] * 10 + ["no"] * 15
-    kappa = mean_cohen_kappa([(first, second)])
-    assert kappa is not None
-    assert kappa.value == pytest.approx(0.4)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_cohen_agrees_with_scikit_learn(seed: int) -> None:
     rng = np.random.default_rng(seed)
