@@ -58,14 +58,6 @@ def test_what_is_known_removes_ways(
     assert ways_possible(orientation, rows_known=rows_known, turned_deg=turned_deg) == ways
 
 
-@pytest.mark.parametrize("text", ["335305", "822800"])
-def test_digits_that_mirror_into_others_are_not_accepted_mirrored(text: str) -> None:
-    view = view_of(text, mirrored=True)
-    reading, lines = read(view, "999999")
-    found = weigh_orientation(reading, view, lines, tuple(Way), accept_confidence=ACCEPT)
-    assert found.decision is not Decision.ACCEPT
-
-
 def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of these marks a look tells the way; the test has it tell too little."""
     monkeypatch.setattr(which_way_up, "LEAST_LEAD_NATS", math.inf)
