@@ -94,7 +94,7 @@ class Sender:
         return self._acknowledged == len(self._lines)
 
     def due(self, *, silent: bool) -> bytes:
-        """Return the bytes to write now; `silent`: the last wait brought no answer."""
+        """Return the bytes to write now; `silent`: whether the last wait ended without an answer."""
         begin = self._sent
         if self._again:
             # the lines after the damaged one have been refused as well by now

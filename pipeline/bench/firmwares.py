@@ -68,7 +68,7 @@ class Grbl(Controller):
             ("error:.*", "the stage's controller refuses a line ({0})"),
             *((f"ALARM:{number}$", f"the stage has an alarm: {what}") for number, what in _ALARMS.items()),
             ("Grbl", "the stage's controller was reset in the middle"),
-            (r"<(Alarm|Hold|Door|Check|Sleep)\b", "the stage stands still in the state {1}"),
+            (r"<(Alarm|Hold|Door|Check|Sleep)\b", "the stage is stopped in the state {1}"),
         ),
     )
 

@@ -100,7 +100,7 @@ def samples(
     if len(stretches) != wanted:
         raise StageError(
             f"the converter saw the stage's output set {len(stretches)} times, not {wanted}",
-            "see the wire from the stage's spare output to the converter",
+            "check the wire from the stage's spare output to the converter",
         )
     air_at, felt_at = stretches[0], stretches[-1]
     took_s, should_s = (felt_at.stop - felt_at.start) / record.rate_hz, moves.ramp.duration_s

@@ -164,6 +164,6 @@ def study(
     print_document(document, written)
     errors = {m.part for m in found.measured if m.error}
     if errors:
-        what = f"{len(errors)} parts could not be read each time; they are in readings.csv"
+        what = f"{len(errors)} parts could not be read in every trial; they are in readings.csv"
         print(f"{what}: {first_of(sorted(errors))}", file=sys.stderr)
     return FAILED if errors else 0

@@ -55,7 +55,7 @@ def enroll(
     since
         Only parts reviewed within this many days.
     picture
-        Picture of the exemplars, .png, .svg or .pdf. [default: the database's name and .png]
+        Picture of the exemplars, .png, .svg or .pdf. [default: the database's name with .png]
     check
         Read each half of the parts with the shapes learned from the other half, and report whether that helps.
     """

@@ -1,7 +1,7 @@
 """Records of a part in the service: the store keeps them, the workers make them, the pages show them.
 
     part --- readings (camera, touch, both; never changed)
-         --- evidence (photograph, scan, pictures; files named by what they hold)
+         --- evidence (photograph, scan, pictures; files named by their hash)
          --- reviews  (a person's answers; never changed)
          --- events   (everything that happened, in order; never changed)
 

@@ -52,7 +52,7 @@ def read_lexicon(path: Path) -> frozenset[str]:
     """Read the serials in a text file, one per line; a # at the start or after a blank begins a comment.
 
     Raises:
-        FileError: no such file, no text, or no serial in it.
+        FileError: the file is missing, is not text or has no serial.
     """
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         try:

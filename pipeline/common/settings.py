@@ -57,7 +57,7 @@ class Settings(BaseModel):
         """Make settings from a program's arguments.
 
         Raises:
-            SettingsError: an unknown or invalid one.
+            SettingsError: a setting is unknown or invalid.
         """
         for name in given:
             if name not in cls.model_fields:

@@ -108,8 +108,8 @@ def discover(
         height_images: .png and .tif are height maps, not photographs.
 
     Raises:
-        NothingFoundError: no file at all.
-        FileError: a manifest that cannot be used, or a folder that cannot be listed.
+        NothingFoundError: there is no file.
+        FileError: a manifest cannot be used, or a folder cannot be listed.
         MissingExtraError: a library that URLs need is not installed.
     """
     from pipeline.formats.remote import list_remote
@@ -172,7 +172,7 @@ class FoundFiles:
         """Add the files that a local file, folder or glob names.
 
         Raises:
-            FileError: a folder that cannot be listed.
+            FileError: a folder cannot be listed.
         """
         path = str(Path(given))
         if os.path.isdir(path):

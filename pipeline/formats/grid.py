@@ -20,7 +20,7 @@ from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
-# mm, shorter side of a map: a tenth of the smallest lettering, a coin's; and the same where the file states its unit
+# mm, shorter side of a map: a tenth of the smallest lettering, a coin's; a smaller limit where the file states its unit
 LEAST_PLATE_MM, LEAST_STATED_MM = 0.1, 0.02
 # mm, height range: an instrument with a larger range does not resolve a mark of 0.1 mm
 MOST_RELIEF_MM = 100.0

@@ -139,7 +139,7 @@ def enrol(
     """
     held = _opened(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):
-        hint = f"name the die another, {font + '-worn'!r} for example"
+        hint = f"give the die another name, {font + '-worn'!r} for example"
         raise FileError(database, f"has {font!r} as a font of its own", hint)
     when = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     exemplars = list(held.exemplars)

@@ -183,7 +183,7 @@ def _check_same_parts(before: Sequence[Trial], after: Sequence[Trial]) -> None:
             )
     if others := {part for part in old if old[part] != new[part]}:
         raise NotComparableError(
-            f"{len(others):,} parts of the same name are other parts: {first_of(sorted(others))}",
+            f"{len(others):,} parts have the same name but differ: {first_of(sorted(others))}",
             hint="run the same design with both programs",
         )
 

@@ -26,7 +26,7 @@ GIVEN_FACTOR = "given"
 FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
 """Outcomes of a part: accepted (right or wrong), review, reject, or an error."""
 TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
-"""Times of a trial: of the program; of these for reading and for the simulated scan; and of the real array."""
+"""Times of a trial: the program's, its share for reading, its share for the simulated scan, and the real array's."""
 
 
 def edits(trial: Trial) -> int:

@@ -1,4 +1,4 @@
-"""Export one part of an exam as files: surface, photograph, felt views, cut-out lines and truth.
+"""Export one part of an exam as files: surface, photograph, views by touch, cropped lines and truth.
 
 parts/NAME.npz          surface and soil              photos/NAME.png          photograph
 ideal/NAME.png          heights, 16 bit               lines/NAME-VIEW.png      the line, as peers see it

@@ -109,4 +109,4 @@ def test_a_part_that_cannot_be_read_is_named_and_fails(
     read = csv_rows(tmp_path / "out" / "readings.csv")
     assert len(read) == 4
     assert all(r["error"] for r in read)
-    assert "1 parts could not be read each time" in capsys.readouterr().err
+    assert "1 parts could not be read in every trial" in capsys.readouterr().err

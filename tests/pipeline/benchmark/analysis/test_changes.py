@@ -82,7 +82,7 @@ def test_other_parts_are_refused() -> None:
     whole = trials("A" * 12)
     with pytest.raises(NotComparableError, match="1 parts are only in the first run"):
         changes(whole, [t for t in whole if t.part != whole[0].part])
-    with pytest.raises(NotComparableError, match="same name are other parts"):
+    with pytest.raises(NotComparableError, match="have the same name but differ"):
         changes(whole, [replace(t, truth="B") for t in whole])
     with pytest.raises(NotComparableError, match="no reader is in both"):
         changes(whole, [replace(t, mode="vision") for t in whole])
