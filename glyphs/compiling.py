@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-BEGINS = "compiling kernels, once on this machine: about 15 s"
-NOT_KEPT = (
+COMPILE_ONCE = "compiling kernels, once on this machine: about 15 s"
+COMPILE_EVERY_RUN = (
     "compiling kernels, about 15 s at every start: no cache folder is writable; set NUMBA_CACHE_DIR to one"
 )
-
 
 PROGRESS_S = 5.0
 """Seconds of compiling between two progress messages."""
@@ -47,7 +46,7 @@ def report_start(*, kept: bool = True) -> None:
         kept: whether it will be cached.
     """
     if not _Watch.announced and _Watch.show is not None:
-        _Watch.show(BEGINS if kept else NOT_KEPT)
+        _Watch.show(COMPILE_ONCE if kept else COMPILE_EVERY_RUN)
         _Watch.announced = True
         _Watch.shown_s = -LEAST_S  # always show the end of the first compilation
     _Watch.compiled = True

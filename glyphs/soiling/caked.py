@@ -89,12 +89,12 @@ def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         aged = aged + age * (cake.solid_mm - before)
     # where flakes or a rag removed younger layers, the oldest are left
     old = np.minimum(aged / np.maximum(cake.solid_mm, np.float32(1e-6)), np.float32(1.0))
-    dry = np.asarray(1.2 * _slow(coat, 0.8 * coat.height_mm, rng) - 0.4 * old + 0.15, dtype=np.float32)
+    dry = np.asarray(1.2 * _slow_noise(coat, 0.8 * coat.height_mm, rng) - 0.4 * old + 0.15, dtype=np.float32)
     np.clip(dry, 0.0, 1.0, out=dry)
     return _finish(coat, _roughen(coat, cake, site, dry, rng=rng), old, dry)
 
 
-def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
+def _slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Ranks 0 to 1 (see `share`) of noise of a given length, drawn on a coarse grid."""
     step = max(1, int(length_mm / (4.0 * coat.pitch_mm)))
     return stretch(share(coarse_noise(coat, length_mm, step, rng)), step, coat.shape)
@@ -127,7 +127,7 @@ def _settle_layer(
     coat: Coat, cake: _Cake, site: _Site, part: float, onset: float, *, rng: np.random.Generator
 ) -> _Cake:
     """Add a layer in patches that spread; grooves fill first."""
-    rank = _slow(coat, coat.height_mm * float(rng.uniform(0.25, 0.9)), rng)
+    rank = _slow_noise(coat, coat.height_mm * float(rng.uniform(0.25, 0.9)), rng)
     packs, thick = rng.uniform(0.3, 0.65), site.depth_mm * rng.uniform(0.2, 0.55)
     grown = max(0.0, (part - onset) / (1.0 - onset))
     lodged = np.float32(1.0 - 1.14 * min(1.0, 1.2 * grown))
@@ -145,7 +145,7 @@ def _settle_layer(
 
 def _bridge(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random.Generator) -> _Cake:
     """Close narrow grooves by roofs that sag by a tenth; 35 % of the span is roof, the rest void."""
-    rank = _slow(coat, 0.35 * coat.height_mm, rng)
+    rank = _slow_noise(coat, 0.35 * coat.height_mm, rng)
     least = np.float32(1.25 - part)
     closed = ramp(0.5 * rank + site.support, least, least + np.float32(0.15))
     span = closed * np.maximum(0.9 * site.room_mm - cake.packed_mm, 0.0)
@@ -233,7 +233,7 @@ def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random
     """Add crumbs where the cake is dry, the high ones far apart, and grains of dust everywhere."""
     # the mean of a rank's cube is a quarter
     crumbs = np.float32(2.6) * (
-        _slow(coat, coat.height_mm * float(rng.uniform(0.06, 0.12)), rng) ** 3 - np.float32(0.25)
+        _slow_noise(coat, coat.height_mm * float(rng.uniform(0.06, 0.12)), rng) ** 3 - np.float32(0.25)
     )
     # a grain is smaller than a sample
     grains = rng.standard_normal(coat.shape, dtype=np.float32)

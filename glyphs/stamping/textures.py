@@ -119,7 +119,7 @@ class Grinding(Validated, error=StampError):
         lines = gaussian_filter(white, widths if self.along_x else widths[::-1], mode="wrap", truncate=3.0)
         # grains cut scratches rather than raise ridges: the distribution has its longer tail on the deep side
         lines = lines / np.float32(max(float(lines.std()), 1e-12))
-        return _of_ra(
+        return _scale_to_ra(
             np.minimum(lines, np.float32(0.8)) + np.float32(0.4) * np.minimum(lines, 0.0), self.ra_um
         )
 
@@ -145,7 +145,7 @@ class Sand(Validated, error=StampError):
         coarse = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm, rng=rng)
         fine = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm / 3, rng=rng)
         # grains press round hollows and leave sharp crests between them
-        return _of_ra(np.abs(coarse) ** np.float32(1.3) + np.float32(0.35) * fine, self.ra_um)
+        return _scale_to_ra(np.abs(coarse) ** np.float32(1.3) + np.float32(0.35) * fine, self.ra_um)
 
 
 def _cusps(turn: NDArray[np.float64], share: NDArray[np.float64], depth_um: float) -> Field:
@@ -154,7 +154,7 @@ def _cusps(turn: NDArray[np.float64], share: NDArray[np.float64], depth_um: floa
     return np.asarray(depth_um * 1e-3 * share * (t * t - 1.0 / 3.0), dtype=np.float32)
 
 
-def _of_ra(z: Field, ra_um: float) -> Field:
+def _scale_to_ra(z: Field, ra_um: float) -> Field:
     """The field about its mean, scaled to an arithmetic mean roughness."""
     level = z - np.float32(z.mean(dtype=np.float64))
     ra = float(np.abs(level).mean(dtype=np.float64))

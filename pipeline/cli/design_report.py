@@ -16,7 +16,7 @@ from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_
 from whisker_array.design.checks import check
 from whisker_array.design.design import Design, NoWhiskerError, worst_edge
 from whisker_array.design.limits import Bound, Constraint, DesignError, Request
-from whisker_array.design.plan_accuracy import ways_words
+from whisker_array.design.plan_accuracy import describe_directions
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import Kind, Tuned
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
@@ -227,7 +227,7 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
     read = best.measured
     print(
         f"\nQuickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
-        f"{ways_words(read.directions)}; on {read.parts} parts\n"
+        f"{describe_directions(read.directions)}; on {read.parts} parts\n"
         f"scanned so, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
         f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.\n"
         "Accuracy was measured with the default whisker, slow: python\n"

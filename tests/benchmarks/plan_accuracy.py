@@ -27,7 +27,7 @@ from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.reading.simulated_scan import VirtualBench
 from recognition import Orientation, Reader
 from recognition.decision.decide import Decision
-from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, ways_words
+from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, describe_directions
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
 
@@ -115,7 +115,8 @@ def accuracy_words(counts: Sequence[PlanCounts]) -> list[str]:
     """A table for people."""
     rows = ["lines  directions            dirt  parts  characters  accepted  of these wrong"]
     rows += [
-        f"{c.lines:5d}  {ways_words(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}  {100 * c.accuracy:9.1f}%"
+        f"{c.lines:5d}  {describe_directions(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}"
+        f"  {100 * c.accuracy:9.1f}%"
         f"  {c.accepted:8d}  {c.accepted_wrong:14d}"
         for c in counts
     ]

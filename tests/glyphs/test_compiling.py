@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.compiled import kernel, read_only
-from glyphs.compiling import BEGINS, end_part, report_end, report_start, show_compiling
+from glyphs.compiling import COMPILE_ONCE, end_part, report_end, report_start, show_compiling
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, write_part
 
@@ -47,11 +47,11 @@ def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done(
     values, out = read_only([1.0, 2.5]), np.empty(2)
     with show_compiling(lines.append):
         twice(values, out)
-        assert lines == [BEGINS]
+        assert lines == [COMPILE_ONCE]
         end_part()
         twice(values, out)
     np.testing.assert_array_equal(out, [2.0, 5.0])
-    assert lines[0] == BEGINS
+    assert lines[0] == COMPILE_ONCE
     assert len(lines) == 2
     assert lines[1].startswith("kernels compiled in ")
 
@@ -70,7 +70,7 @@ def test_compiling_is_announced_once_and_its_progress_shown() -> None:
         report_end(2.0)
         end_part()
     assert lines == [
-        BEGINS,
+        COMPILE_ONCE,
         "compiling kernels: 7 s so far",
         "kernels compiled in 8 s",
         "kernels compiled in 2 s",

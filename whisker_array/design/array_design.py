@@ -20,7 +20,7 @@ from glyphs.ranges import Positive, ShareBelowOne, Validated
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
-from whisker_array.design.plan_accuracy import PlanCounts, measured_plans, ways_words
+from whisker_array.design.plan_accuracy import PlanCounts, describe_directions, measured_plans
 from whisker_array.simulation.dynamic_speed import FINE_ERROR, fastest_mm_s
 from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, WhiskerArray, default_plan
 from whisker_array.whisker.comb import GAP_MM, Body, body_of, least_rows
@@ -105,12 +105,12 @@ class _Build:
         """Least stagger at which rows are clear of each other at any lateral distance."""
         if rows == 1:
             return 0.0
-        in_file = math.ceil(self.body.in_file_mm / self.step_mm)
-        for k in range(1, in_file):
-            behind = (k * apart for apart in range(1, rows) if k * apart < in_file)
+        full = math.ceil(self.body.full_stagger_mm / self.step_mm)
+        for k in range(1, full):
+            behind = (k * apart for apart in range(1, rows) if k * apart < full)
             if all(_air_mm(self.body, steps * self.step_mm) >= GAP_MM for steps in behind):
                 return k * self.step_mm
-        return in_file * self.step_mm
+        return full * self.step_mm
 
 
 @lru_cache(maxsize=1024)
@@ -191,7 +191,7 @@ def design_arrays(
         raise DesignError(
             f"no measured plan reads {100 * request.accuracy:g} % of the characters at dirt {request.severity:g}",
             hint=f"ask for {math.floor(1000 * best.accuracy) / 1000:g} or less ({best.lines} lines per height, "
-            f"{ways_words(best.directions)})",
+            f"{describe_directions(best.directions)})",
         )
     builds = tuple(_builds(request))
     bodies = {id(build.whisker): build.body for build in builds}

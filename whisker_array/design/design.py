@@ -30,7 +30,7 @@ from whisker_array.design.checks import (
 )
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.design.search import (
-    HELD,
+    LIMIT_MARGIN,
     Candidate,
     Problem,
     SectionKind,
@@ -234,7 +234,7 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
         overdone = bound_by_it and exact < (1.0 - _ELASTICA_NEAR) * limit
         if exact <= limit and not overdone:
             break
-        problem = replace(problem, error_scale=scale * (1.0 + HELD))
+        problem = replace(problem, error_scale=scale * (1.0 + LIMIT_MARGIN))
         again = polish(problem, candidate)
         if again is None:
             break

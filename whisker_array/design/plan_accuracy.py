@@ -58,6 +58,6 @@ def measured_plans() -> tuple[PlanCounts, ...]:
     return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in fit["counts"])
 
 
-def ways_words(directions: Sequence[int]) -> str:
+def describe_directions(directions: Sequence[int]) -> str:
     """Directions in words."""
     return ", ".join(f"{int(d)}°" for d in directions)

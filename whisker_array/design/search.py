@@ -24,9 +24,9 @@ from whisker_array.whisker.validity import QUASI_STATIC_SHARE
 
 SectionKind = Literal["ribbon", "round"]
 
-HELD = 1e-3
+LIMIT_MARGIN = 1e-3
 """Logarithmic distance that the search keeps from every limit, so that a rounded design keeps it, too."""
-_NEARLY = 5e-4
+_LEAST_RESERVE = 5e-4
 _STEP = 1e-5
 _MAX_ITERATIONS = 50
 _POLISHES = 4
@@ -150,7 +150,7 @@ class _Patience:
         self.best: Values | None = None
 
     def __call__(self, y: Values) -> None:
-        if float(self.slack(y).min()) < _NEARLY - HELD:
+        if float(self.slack(y).min()) < _LEAST_RESERVE - LIMIT_MARGIN:
             return
         self.waited += 1
         if y[-1] > self.top + _GAIN * abs(y[-1]):
@@ -169,7 +169,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
     def values_at(x: bytes) -> tuple[Values, int]:
         """Values that must be at least tau, then those that must be at least 0; and the number of the former."""
         worth, checked = problem.evaluate(*problem.decode(np.frombuffer(x)))
-        reserve = np.concatenate(list(checked.reserve().values())) - HELD
+        reserve = np.concatenate(list(checked.reserve().values())) - LIMIT_MARGIN
         return (reserve, reserve.size) if only_reserve else (np.concatenate([worth, reserve]), worth.size)
 
     @cache
@@ -258,7 +258,7 @@ def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -
 
 
 def _is_feasible(candidate: Candidate) -> bool:
-    return candidate.reserve >= _NEARLY and math.isfinite(candidate.worth)
+    return candidate.reserve >= _LEAST_RESERVE and math.isfinite(candidate.worth)
 
 
 def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:

@@ -98,7 +98,7 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
 
 
 @kernel(allow=ANY_ORDER)
-def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, rim, room, cost):  # type: ignore[no-untyped-def]
+def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, rim, room, cost):  # type: ignore[no-untyped-def]
     """Add, for every half play, the sum of squared differences between measured edges and those of eq. (16).
 
     Args:
@@ -160,7 +160,7 @@ def _costs(
     beyond = math.ceil(np.abs(halves).max(initial=0.0)) + 1
     wide = [np.pad(layer, ((0, 0), (beyond, beyond)), mode="edge") for layer in (ahead, behind)]
     cost, room = np.zeros(halves.size), np.empty((5, samples))
-    misses(
+    add_costs(
         *wide, halves, touch.preload_mm / pitch_mm, STEEPEST, mu, read_only(row), read_only(arm),
         float(per_land), LIMIT_PIXELS, room, cost,
     )  # fmt: skip

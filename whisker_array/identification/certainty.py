@@ -26,7 +26,7 @@ LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-
 LAG_LEFT_OUT = 4e-4
 """Errors that all passes share, so that they do not show as scatter: of some lengths, mm, and of the lag.
 Measured with `tests.benchmarks.identify_benches` on seeds below 50; other seeds must test them."""
-COARSER = 2.0
+COARSE_FACTOR = 2.0
 """Factor of the coarser grid from which the error of the fit's own grid is found."""
 
 
@@ -91,12 +91,12 @@ class Fitted(OneLine):
     def grid_covariance(self, by_grid: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
         """(n, n) covariance from the grid of the maps, whose error is of first order at steep edges.
 
-        A grid `COARSER` times as wide moves the solution by (COARSER - 1) times the error of this grid.
+        A grid `COARSE_FACTOR` times as wide moves the solution by (COARSE_FACTOR - 1) times the error of this grid.
 
         Args:
             by_grid: for each trace (samples,), the prediction minus that on the coarser grid.
         """
-        moved = self.step(by_grid, np.zeros(self.before.size)) / (COARSER - 1.0)
+        moved = self.step(by_grid, np.zeros(self.before.size)) / (COARSE_FACTOR - 1.0)
         return np.outer(moved, moved)
 
     def step(self, missed: tuple[NDArray[np.float64], ...], away: NDArray[np.float64]) -> NDArray[np.float64]:

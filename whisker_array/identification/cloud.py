@@ -31,7 +31,7 @@ from whisker_array.identification.bench import (
     whisker_indices,
 )
 from whisker_array.identification.forward import Forward
-from whisker_array.identification.misses import sample_sigma_n_mm
+from whisker_array.identification.residuals import sample_sigma_n_mm
 from whisker_array.identification.tip_numbers import SHAPE, tip_derivatives, tip_of_numbers
 from whisker_array.whisker.shapes import LShaped, TipModel
 from whisker_array.whisker.touch import Touch

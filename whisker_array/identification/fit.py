@@ -4,10 +4,10 @@ r"""Identify a bench from a recording: least squares on the contact simulation, 
 
     sigma^2 = scatter of a sample^2 + (place_mm dm/du)^2 + roughness^2
 
-Residuals are relative to a drifting level (`misses`). The prediction is a plane through a cloud of benches (`cloud`),
-fitted again around each solution. The second sum is the workshop's prior knowledge (`bench.prior_sd`), without which
-many numbers could not be separated; `certainty` computes the covariance. At edges a sample is also uncertain because
-a pass does not return exactly to its line; screw errors common to all passes are among the numbers.
+Residuals are relative to a drifting level (`residuals`). The prediction is a plane through a cloud of benches
+(`cloud`), fitted again around each solution. The second sum is the workshop's prior knowledge (`bench.prior_sd`),
+without which many numbers could not be separated; `certainty` computes the covariance. At edges a sample is also
+uncertain because a pass does not return exactly to its line; screw errors common to all passes are among the numbers.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from whisker_array.identification.bench import (
     screw_slice,
     whisker_indices,
 )
-from whisker_array.identification.certainty import COARSER, Fitted, left_out_covariance
+from whisker_array.identification.certainty import COARSE_FACTOR, Fitted, left_out_covariance
 from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
 from whisker_array.identification.gauge_memory import LARGEST_LANDS
-from whisker_array.identification.misses import FEW, innovations, residuals, sample_sigma_n_mm, weight
 from whisker_array.identification.piece_map import Heights
+from whisker_array.identification.residuals import innovations, residuals, sample_sigma_n_mm, weight
 from whisker_array.identification.traces import MOST_TRACES, Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
@@ -71,11 +71,11 @@ ROUNDS = (
 )
 """Rounds of the fit, from a cloud as wide as the prior. With three times as many lines, angle and radius are
 two thirds as uncertain."""
-FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
-"""Factors of the loss's bound, which shrinks step by step so that the first bench does not decide which samples are
+BOUNDS = (256.0, 128.0, 64.0, 32.0, 16.0, 8.0, *[4.0] * 6)
+"""Bounds of the loss in sigmas, which shrink step by step so that the first bench does not decide which samples are
 outliers: graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020)
 1127)."""
-_JUMPED = 0.02
+_LEFT_OUT = 0.02
 """Share of the worst samples that the misfit leaves out."""
 
 
@@ -122,7 +122,7 @@ class Identified(OneLine):
     def misfit(self) -> float:
         """Rms misfit divided by the uncertainty of a sample: 1 if the model explains all.
 
-        The worst share `_JUMPED` is left out, because there the tip slips or jams differently from the prediction.
+        The worst share `_LEFT_OUT` is left out, because there the tip slips or jams differently from the prediction.
         """
         left = np.concatenate(
             [
@@ -131,7 +131,7 @@ class Identified(OneLine):
             ]
         )
         squares = np.sort(left[np.isfinite(left)] ** 2)
-        return float(np.sqrt(np.mean(squares[: int((1.0 - _JUMPED) * squares.size)])))
+        return float(np.sqrt(np.mean(squares[: int((1.0 - _LEFT_OUT) * squares.size)])))
 
     def of(self, name: Unknown) -> tuple[float, float]:
         """Return a number and its standard deviation."""
@@ -243,7 +243,7 @@ def identify(
         away = found.vector() - nominal.vector()
         fitted, step = _solve(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
         if each is ROUNDS[-1]:
-            coarse = around(lay_map(found, COARSER * each.coarser, forward.traces))
+            coarse = around(lay_map(found, COARSE_FACTOR * each.coarser, forward.traces))
             by_grid = seen(p - q for p, q in zip(plane.moment, coarse.moment, strict=True))
         repeated = fitted.scatter_covariance()
         width = wide * np.sqrt(len(forward.traces) / MOST_TRACES)
@@ -286,9 +286,9 @@ def _solve(
 ) -> tuple[Fitted, NDArray[np.float64]]:
     """Solve least squares on a plane; return the step (n,) from its middle, which is `away` from nominal."""
     step = np.zeros(before.size)
-    for wider in FEWER:
+    for bound in BOUNDS:
         left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))
-        weights = tuple(weight(r, few=wider * FEW) for r in left)
+        weights = tuple(weight(r, bound=bound) for r in left)
         fitted = Fitted(traces, jacobian, left, weights, before, free)
         step = fitted.step(missed, away)
     return fitted, step

@@ -33,7 +33,7 @@ from whisker_array.scan.sensor_memory import (
 LARGEST_LANDS = 3.0
 """Largest past load of a gauge, in land moments; plays are shares of it."""
 _WITHIN_SECONDS = RELAX_S[:2]
-_LITTLE = 1e-3
+_SMALL_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,7 +85,7 @@ def gauge_effects(
     )
     plain = remove_memory(plain)
     creep, lag = (
-        gauges(_LITTLE * np.repeat(of, scan.n_whiskers, axis=1), largest_n_mm=largest_n_mm)
+        gauges(_SMALL_SHARE * np.repeat(of, scan.n_whiskers, axis=1), largest_n_mm=largest_n_mm)
         for of in ([[1.0], [0.0]], [[0.0], [1.0]])
     )
     taken = remove_memory(replace(plain, calibration=replace(known, memory=creep)))
@@ -95,7 +95,7 @@ def gauge_effects(
         signal = calibrated_moments(plain, sweep)
         load = np.nan_to_num(signal)
         begun = _plays(load / gain[:, None], lag, state, scan.sample_rate_hz)
-        found.append(GaugeEffects((signal - calibrated_moments(taken, less)) / _LITTLE, begun, load))
+        found.append(GaugeEffects((signal - calibrated_moments(taken, less)) / _SMALL_SHARE, begun, load))
     return found
 
 
@@ -115,14 +115,14 @@ def lag_response(
     load_n_mm: NDArray[np.float64], *, play_n_mm: NDArray[np.float64], largest_n_mm: float
 ) -> NDArray[np.float64]:
     """(lines, samples) contribution of a lag of 1 to passes whose plays have these states after lifting, N mm."""
-    memory = _little_lag(load_n_mm.shape[0], largest_n_mm)
+    memory = _small_lag(load_n_mm.shape[0], largest_n_mm)
     state = SensorState.at_rest(load_n_mm.shape[0], memory)
     state.play_n_mm[...] = play_n_mm
     load = np.pad(load_n_mm, ((0, 0), (1, 0)))
     read = read_gauges(load, memory=memory, state=state, step_s=1.0)
-    return np.asarray((read[:, 1:] - read[:, :1] - load_n_mm) / _LITTLE)
+    return np.asarray((read[:, 1:] - read[:, :1] - load_n_mm) / _SMALL_SHARE)
 
 
 @lru_cache(maxsize=8)
-def _little_lag(lines: int, largest_n_mm: float) -> SensorMemory:
-    return gauges(np.repeat([[0.0], [_LITTLE]], lines, axis=1), largest_n_mm=largest_n_mm)
+def _small_lag(lines: int, largest_n_mm: float) -> SensorMemory:
+    return gauges(np.repeat([[0.0], [_SMALL_SHARE]], lines, axis=1), largest_n_mm=largest_n_mm)

@@ -28,9 +28,9 @@ Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 MARGIN_MM = 1.0
 """Margin of a map around its lines, for shifts of the piece and slips of the tip."""
 ASKEW_RAD = 0.05
-_TOGETHER = 16
+_ROWS_AT_ONCE = 16
 """Number of rows computed at once, so that they stay in the cache."""
-WIDER = 0.1
+RADIUS_STEP = 0.1
 """Relative step of a tip's radius over which the signal changes nearly linearly, for any grid."""
 
 
@@ -59,8 +59,8 @@ class PieceMap:
     """The piece dilated by the tip, on a rotated grid.
 
     - One map serves all poses and directions (`contact.SurfacePose`).
-    - Maps are made for tip radii in steps of `WIDER`, and interpolated between two steps; extrapolated maps would have
-      notches in which tips are caught.
+    - Maps are made for tip radii in steps of `RADIUS_STEP`, and interpolated between two steps; extrapolated maps
+      would have notches in which tips are caught.
     - A new surface overwrites the one before, so request radii in order.
     """
 
@@ -77,7 +77,7 @@ class PieceMap:
         askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)
         self._origin = askew.min(axis=1) - MARGIN_MM
         # the tip of `about` lies in the middle between two steps
-        self._radius_mm, self._grid = about[Unknown.RADIUS] / math.sqrt(1.0 + WIDER), grid_mm
+        self._radius_mm, self._grid = about[Unknown.RADIUS] / math.sqrt(1.0 + RADIUS_STEP), grid_mm
         u_mm, v_mm = (
             np.arange(low, high, grid_mm)
             for low, high in zip(self._origin, askew.max(axis=1) + MARGIN_MM, strict=True)
@@ -86,9 +86,9 @@ class PieceMap:
         self._bare = np.empty((v_mm.size, u_mm.size), dtype=np.float32)
 
         def fill(first: int, last: int) -> None:
-            for few in range(first, last, _TOGETHER):
-                v = v_mm[few : min(few + _TOGETHER, last), None]
-                self._bare[few : few + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
+            for begin in range(first, last, _ROWS_AT_ONCE):
+                v = v_mm[begin : min(begin + _ROWS_AT_ONCE, last), None]
+                self._bare[begin : begin + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
 
         in_threads(fill, v_mm.size)
         self._dilated: dict[int, NDArray[np.float32]] = {}
@@ -98,7 +98,7 @@ class PieceMap:
     def _dilated_by(self, step: int) -> NDArray[np.float32]:
         """(rows, cols, 3) height and slopes for the tip of a step."""
         if step not in self._dilated:
-            radius_mm = self._radius_mm * (1.0 + WIDER) ** step
+            radius_mm = self._radius_mm * (1.0 + RADIUS_STEP) ** step
             dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
             self._dilated[step] = fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[
                 ..., :3
@@ -125,9 +125,9 @@ class PieceMap:
         """Step below a radius, and the share of the way from it to the next step."""
         if not radius_mm > 0.0:
             raise WhiskerError(f"a tip's radius is {radius_mm} mm", hint="it must be positive")
-        step = math.floor(math.log(radius_mm / self._radius_mm) / math.log1p(WIDER))
-        below_mm = self._radius_mm * (1.0 + WIDER) ** step
-        return step, (radius_mm / below_mm - 1.0) / WIDER
+        step = math.floor(math.log(radius_mm / self._radius_mm) / math.log1p(RADIUS_STEP))
+        below_mm = self._radius_mm * (1.0 + RADIUS_STEP) ** step
+        return step, (radius_mm / below_mm - 1.0) / RADIUS_STEP
 
     def pose(self, direction: TraceDirection, bench: Bench) -> SurfacePose:
         """Place the map under traces of a direction: x along the plate's or against it, z as the plate's."""

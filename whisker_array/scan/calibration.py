@@ -123,11 +123,11 @@ def calibrate_lead_in(
     )
     for bad, what, hint in wrong:
         if bad.any():
-            raise SensorError(what, where=f"whiskers {_names(bad)}", hint=hint)
+            raise SensorError(what, where=f"whiskers {_list_whiskers(bad)}", hint=hint)
     return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
 
 
-def _names(mask: NDArray[np.bool_]) -> str:
+def _list_whiskers(mask: NDArray[np.bool_]) -> str:
     """Numbers of the whiskers that are set, at most eight of them."""
     numbers = np.flatnonzero(mask)
     return ", ".join(str(i) for i in numbers[:8]) + (", ..." if numbers.size > 8 else "")

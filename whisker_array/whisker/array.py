@@ -212,7 +212,7 @@ def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int 
         n_whiskers=n_whiskers,
         pitch_mm=half * math.ceil(body.side_room_mm / half),
         kinds=kinds,
-        stagger_mm=step * math.ceil(body.in_file_mm / step) if kinds > 1 else 0.0,
+        stagger_mm=step * math.ceil(body.full_stagger_mm / step) if kinds > 1 else 0.0,
         body=body,
     )
 

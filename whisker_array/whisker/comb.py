@@ -73,7 +73,7 @@ class Body(OneLine, Validated, error=WhiskerError):
         return self.clamp_mm[0] - min(float(s[:, 0].min()) for s in self.shapes_mm)
 
     @property
-    def in_file_mm(self) -> float:
+    def full_stagger_mm(self) -> float:
         """Stagger at which rows are fully behind each other, for any shape of whisker."""
         return self.reach_mm + self.thickness_mm + GAP_MM
 
@@ -268,7 +268,7 @@ def collisions(body: Body, comb: Comb) -> str:
         # rows that are a whole comb apart run on the same lines
         beside, behind_mm = apart % comb.rows, apart * comb.stagger_mm
         lateral = min(beside, comb.rows - beside if several else beside) * comb.pitch_mm
-        if lateral >= body.side_room_mm or behind_mm >= body.in_file_mm:
+        if lateral >= body.side_room_mm or behind_mm >= body.full_stagger_mm:
             continue
         air = body.clear_mm(behind_mm)
         if air < GAP_MM:
@@ -298,7 +298,7 @@ def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
         )
     if comb.rows * comb.kinds == 1:
         return 0.0
-    most = math.ceil(body.in_file_mm / step_mm)
+    most = math.ceil(body.full_stagger_mm / step_mm)
     tried = (k * step_mm for k in range(1, most))
     return next((mm for mm in tried if not collisions(body, replace(comb, stagger_mm=mm))), most * step_mm)
 

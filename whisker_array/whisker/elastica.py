@@ -270,12 +270,12 @@ def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad
     normal_n = lift_mm / rod.yields_mm_per_n[1]
     force = normal_n * rod.push
     share = float(np.linalg.norm(force) / np.linalg.norm(exact.force_n)) - 1.0
-    moment = _over(float(rod.arm_mm @ force), exact) - 1.0
+    moment = _relative_moment(float(rod.arm_mm @ force), exact) - 1.0
     shift = float(normal_n * rod.yields_mm_per_n[0] - exact.tip_shift_mm[0])
     return LinearError(lift_mm, force=share, moment=moment, shift_mm=shift)
 
 
-def _over(moment_n_mm: float, exact: LargeDeflection) -> float:
+def _relative_moment(moment_n_mm: float, exact: LargeDeflection) -> float:
     if exact.moment_n_mm == 0.0:
         raise ElasticaError("the force makes no moment at the sensor to compare with", hint="change l3")
     return moment_n_mm / exact.moment_n_mm
@@ -288,4 +288,4 @@ def enhancement_exact(whisker: Whisker, *, preload_mm: float, alpha_rad: float, 
     `linear_error`.
     """
     slope = large_deflection(whisker, lift_mm=preload_mm, mu=mu, alpha_rad=alpha_rad)
-    return _over(slope.moment_n_mm, large_deflection(whisker, lift_mm=preload_mm, mu=mu))
+    return _relative_moment(slope.moment_n_mm, large_deflection(whisker, lift_mm=preload_mm, mu=mu))

@@ -67,7 +67,7 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     if amount <= 0.0:
         return coat
     much = min(1.0, amount * rng.triangular(0.5, 1.0, 1.5))
-    can, thin = _can(coat, rng), thin_coat(coat)
+    can, thin = _draw_can(coat, rng), thin_coat(coat)
     top, dry = coat.z_mm, []
     for start in _STARTS:
         gain = float(np.clip((much - start) / 0.5, 0.0, 1.0))
@@ -84,7 +84,7 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     return _finish(coat, can, (first * left_first, rest * left_rest), dusty, rng)
 
 
-def _can(coat: Coat, rng: np.random.Generator, *, wet_of_depth: float = 0.85) -> Can:
+def _draw_can(coat: Coat, rng: np.random.Generator, *, wet_of_depth: float = 0.85) -> Can:
     low, high = np.percentile((coat.clean_mm - coat.brim_mm)[::3, ::3], [1.0, 99.0])
     u = rng.uniform(size=6).tolist()
     rubber = max(0.0, 2.0 * u[0] - 1.0)

@@ -58,7 +58,7 @@ def coat_unevenness(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
     streaks = _streaks(coat, bristle, 40 * bristle, rng.normal(0.0, 0.5), rng)
     streaks *= np.float32(0.5 * can.brushed)
-    return np.asarray(np.exp(np.float32(0.3) * _slow(coat, 0.9 * coat.height_mm, rng) + streaks))
+    return np.asarray(np.exp(np.float32(0.3) * _slow_noise(coat, 0.9 * coat.height_mm, rng) + streaks))
 
 
 def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: np.random.Generator) -> Field:
@@ -75,7 +75,7 @@ def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: n
     return np.asarray(cv2.remap(table, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR))
 
 
-def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
+def _slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Smooth noise of a long length, drawn on a coarse grid."""
     step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
     rows, cols = (int(np.ceil(n / step)) + 3 for n in coat.shape)
@@ -86,7 +86,7 @@ def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     return resize(coarse, size, how="cubic")[: coat.shape[0], : coat.shape[1]]
 
 
-def _edges_mm(coat: Coat) -> tuple[float, float]:
+def _size_mm(coat: Coat) -> tuple[float, float]:
     """Width and height of the plate."""
     return coat.shape[1] * coat.pitch_mm, coat.shape[0] * coat.pitch_mm
 
@@ -121,7 +121,7 @@ def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field
         steep = float(np.tan(np.radians(7.5 + 10.0 * angle))) * grown
         x0, y0 = (
             (1.2 * at - 0.1) * e - 0.3 * size * d
-            for at, e, d in zip((at_x, at_y), _edges_mm(coat), can.downhill, strict=True)
+            for at, e, d in zip((at_x, at_y), _size_mm(coat), can.downhill, strict=True)
         )
         reach = (0.5 * length * abs(dx) + 1.7 * half, 0.5 * length * abs(dy) + 1.7 * half)
         box, x, y = _box(coat, x0 + 0.5 * length * dx, y0 + 0.5 * length * dy, *reach)
@@ -162,17 +162,19 @@ def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> F
 
 def orange_peel(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """Orange peel, a factor on the film: waves slightly too long to level, and waves as wide as strokes."""
-    short = _slow(coat, max(3.0 * can.wet_mm, 1.5 * coat.pitch_mm), rng)
-    waves = np.float32(0.6) * short + np.float32(0.7) * _slow(coat, 0.15 * coat.height_mm, rng)
+    short = _slow_noise(coat, max(3.0 * can.wet_mm, 1.5 * coat.pitch_mm), rng)
+    waves = np.float32(0.6) * short + np.float32(0.7) * _slow_noise(coat, 0.15 * coat.height_mm, rng)
     return np.float32(1.0) + np.clip(waves, -2.5, 2.5) * np.float32(0.18 * (1.0 - 0.6 * can.brushed))
 
 
 def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """Lumps of droplets that dried in flight, and a few spits of the gun, mm; less on brushed parts."""
-    where = np.clip(_slow(coat, 1.2 * coat.height_mm, rng) * np.float32(0.6) + np.float32(0.1), 0.0, 1.0)
-    lumps = np.maximum(_slow(coat, max(0.09, 0.018 * coat.height_mm, 1.2 * coat.pitch_mm), rng), 0.0)
+    where = np.clip(
+        _slow_noise(coat, 1.2 * coat.height_mm, rng) * np.float32(0.6) + np.float32(0.1), 0.0, 1.0
+    )
+    lumps = np.maximum(_slow_noise(coat, max(0.09, 0.018 * coat.height_mm, 1.2 * coat.pitch_mm), rng), 0.0)
     dust = np.float32(min(0.045, 0.25 * can.wet_mm)) * where * lumps
-    (wide_mm, high_mm) = _edges_mm(coat)
+    (wide_mm, high_mm) = _size_mm(coat)
     for x, y, size, steep in rng.uniform(size=(_count(coat, 1.2, 100), 4)).tolist():
         radius = (0.025 + 0.05 * size**3) * coat.height_mm
         box, u, v = _box(coat, x * wide_mm, y * high_mm, radius, radius)
@@ -186,7 +188,7 @@ def chip_off(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, 
     left = np.ones((2, *coat.shape), dtype=np.float32)
     hollow = coat.hollow_mm()
     depth = max(float(np.percentile(hollow[::3, ::3], 98.0)), 1e-3)
-    (wide_mm, high_mm) = _edges_mm(coat)
+    (wide_mm, high_mm) = _size_mm(coat)
     for x, y, size, late, deep, *corners in rng.uniform(size=(_count(coat, 0.6, 60), 12)).tolist():
         radius = (0.08 + 0.4 * size**2) * coat.height_mm * min(max((much - 0.8 * late) / 0.6, 0.0), 1.0)
         if radius < 0.5 * coat.pitch_mm:

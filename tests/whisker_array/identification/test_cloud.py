@@ -16,7 +16,7 @@ from tests.support.benches import recorded
 from whisker_array.identification.bench import DRAWN, Bench, Unknown, nominal_bench, prior_sd, screw_slice
 from whisker_array.identification.cloud import Plane, plane_through
 from whisker_array.identification.forward import Forward
-from whisker_array.identification.misses import sample_sigma_n_mm
+from whisker_array.identification.residuals import sample_sigma_n_mm
 from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.defaults import default_whisker

@@ -76,7 +76,7 @@ def test_too_few_passes_are_refused(scan: Scan) -> None:
         flags=one.flags[:2],
         air_n_mm=one.air_n_mm[:2],
     )
-    with pytest.raises(IdentifyError, match=r"only . of the passes.* 6 or more"):
+    with pytest.raises(IdentifyError, match=r"only . passes .*record 6 or more"):
         identify(replace(scan, sweeps=(two,)), PIECE.height_mm, whisker=default_touch(5.0))
 
 

@@ -77,7 +77,7 @@ def test_inclined_whiskers_lie_like_tiles(beta_deg: float) -> None:
 def test_level_whiskers_stand_in_file() -> None:
     stagger = least_stagger_mm(BODY, TWO_ROWS, step_mm=0.25)
     # clamp, l1 and how far the tip is pushed back; the tip arm is half a thickness thicker
-    assert BODY.reach_mm < stagger <= BODY.in_file_mm + 0.25
+    assert BODY.reach_mm < stagger <= BODY.full_stagger_mm + 0.25
     assert BODY.clear_mm(stagger) >= GAP_MM
 
 

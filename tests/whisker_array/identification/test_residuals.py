@@ -1,11 +1,11 @@
-"""What a level that walks on leaves of what was missed."""
+"""Residuals about a level that walks."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from whisker_array.identification.misses import BEGINS, WALK, innovations
+from whisker_array.identification.residuals import START_ERROR, WALK, innovations
 
 SCATTER, SAMPLES, LINES = 0.02, 400, 200
 
@@ -14,7 +14,7 @@ def missed(seed: int) -> np.ndarray:
     """(samples, lines) scatter about levels that walk as the module says."""
     rng = np.random.default_rng(seed)
     steps = WALK * SCATTER * rng.standard_normal((SAMPLES, LINES))
-    steps[0] = BEGINS * SCATTER * rng.standard_normal(LINES)
+    steps[0] = START_ERROR * SCATTER * rng.standard_normal(LINES)
     return np.cumsum(steps, axis=0) + SCATTER * rng.standard_normal((SAMPLES, LINES))
 
 

@@ -24,18 +24,17 @@ from whisker_array.identification.traces import Trace
 
 WALK = 0.03
 """Step of a level's walk between two samples, divided by their scatter; measured on benches of known parameters."""
-BEGINS = 0.5
+START_ERROR = 0.5
 """Error of a level at the start of a pass, divided by the scatter of a sample."""
-FEW = 4.0
-"""Sigmas beyond which a residual counts as an outlier."""
 
 
-def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float64]:
+def weight(residual: NDArray[np.float64], *, bound: float) -> NDArray[np.float64]:
     """Weight of each residual (in sigmas) in a sum of squares: that of Geman and McClure, whose loss is bounded.
 
-    So the jumps of tips that slip at steep edges do not dominate the other samples.
+    So the jumps of tips that slip at steep edges do not dominate the other samples. A residual beyond the bound
+    counts as an outlier.
     """
-    return np.asarray((1.0 + (misses / few) ** 2) ** -2.0)
+    return np.asarray((1.0 + (residual / bound) ** 2) ** -2.0)
 
 
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float = 0.005) -> NDArray[np.float64]:
@@ -66,7 +65,9 @@ def innovations(
     """
     given = np.ascontiguousarray(values.reshape(sigma.size, -1), dtype=np.float64)
     found = np.empty_like(given)
-    _innovations(read_only(given), read_only(sigma), (BEGINS * scatter) ** 2, (WALK * scatter) ** 2, found)
+    _innovations(
+        read_only(given), read_only(sigma), (START_ERROR * scatter) ** 2, (WALK * scatter) ** 2, found
+    )
     return found.reshape(values.shape)
 
 
