@@ -227,8 +227,8 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
     read = best.measured
     print(
         f"\nQuickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
-        f"{describe_directions(read.directions)}; on {read.parts} parts\n"
-        f"scanned so, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
+        f"{describe_directions(read.directions)}; on {read.parts} parts scanned\n"
+        f"so, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
         f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.\n"
         "Accuracy was measured with the default whisker, slow: python\n"
         f"tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by {100 * request.speed_error:g} %."

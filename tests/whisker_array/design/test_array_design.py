@@ -76,7 +76,7 @@ def test_words_fit_a_terminal_and_say_what_was_measured(
     told = capsys.readouterr().out
     assert max(map(len, told.splitlines())) <= 80
     assert f"{chosen[-1].stage_s:.1f} s a serial" in told
-    assert "of 10 parts" in told
+    assert "on 10 parts" in told
     assert "96.0 %" in told
 
 
