@@ -18,6 +18,7 @@ from pipeline.service.web.problem import Problem
 from pipeline.store.parts import Waiting
 from pipeline.store.store import Store
 from tests.support.store_samples import PLAN, due, reading, received
+from whisker_array.scan.stage_error import StageError
 
 LONG_S = 600.0
 
@@ -83,6 +84,16 @@ def test_a_busy_queue_or_a_stage_that_fails_is_tried_again(store: Store) -> None
     bench.fails = lambda: Problem(503, "busy") if len(bench.asked) < 3 else None
     asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
     assert bench.asked == [part.id] * 3
+
+
+def test_why_a_part_is_not_felt_is_noted_once_and_again_if_it_changes(store: Store) -> None:
+    part, bench = waiting(store), Bench(store, retry_s=0.01)
+    assert bench.queue.trouble == ""
+    whys = ["no part", "no part", "no part", "no air"]
+    bench.fails = lambda: StageError(whys[len(bench.asked) - 1]) if len(bench.asked) <= len(whys) else None
+    asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
+    events = [event.data["why"] for event in store.story(part.id).events if event.kind == "touch_failed"]
+    assert events == ["no part", "no air"]
 
 
 def test_who_asks_while_the_stage_is_at_the_part_gets_what_comes_of_it(store: Store) -> None:
