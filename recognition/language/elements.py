@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from re import _parser  # type: ignore[attr-defined]  # from 3.11 on, as in `expression`
 
 from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.language.check_digits import CheckDigit
@@ -31,56 +31,43 @@ _SHORT_DAY = r"(?:0[1-9]|1[0-2])(?:0\d|[12]\d|3[01])"
 _OWN, _LONGER = r"[A-Z0-9\-./]{1,20}", r"[A-Z0-9\-./]{1,30}"
 
 
-@dataclass(frozen=True)
-class Element:
-    """Contents of a field.
-
-    Attributes:
-        pattern: regular expression of its value.
-        meaning: in words.
-        check: check digit of the value; empty if there is none.
-    """
-
-    pattern: str
-    meaning: str
-    check: str = ""
-
-
-ELEMENTS: dict[str, Element] = {
-    "MFR": Element(_CAGE, "manufacturer, CAGE code"),
-    "SPL": Element(_CAGE, "supplier, CAGE code"),
-    "CAG": Element(_CAGE, "enterprise, CAGE code"),
-    "DUN": Element(r"\d{9}", "enterprise, DUNS number"),
-    "EUC": Element(r"[A-Z0-9\-]{1,13}", "enterprise, GS1 company prefix"),
-    "SER": Element(_SERIAL, "serial number within the enterprise"),
-    "SEQ": Element(_SERIAL, "serial number within the part number"),
-    "UCN": Element(_SERIAL, "unique component identification number"),
-    "USN": Element(_UNIQUE, "universal serial number: enterprise and serial"),
-    "UST": Element(_UNIQUE, "universal serial tracking number"),
-    "UID": Element(_UNIQUE, "unique item identifier"),
-    "PNR": Element(_PART, "part number"),
-    "PNO": Element(_PART, "original part number"),
-    "LOT": Element(_LOT, "lot"),
-    "LTN": Element(_LOT, "lot"),
-    "BAT": Element(_LOT, "batch"),
-    "BII": Element(_LOT, "batch"),
-    "DMF": Element(r"(?:19|20)\d\d" + _DAY, "date of manufacture, YYYYMMDD"),
-    "EXP": Element(r"(?:19|20)\d\d" + _DAY, "expiry date, YYYYMMDD"),
-    "00": Element(r"\d{18}", "logistic unit, SSCC", "gs1"),
-    "01": Element(r"\d{14}", "article, GTIN", "gs1"),
-    "10": Element(_OWN, "batch or lot"),
-    "11": Element(r"\d\d" + _SHORT_DAY, "production date, YYMMDD"),
-    "13": Element(r"\d\d" + _SHORT_DAY, "packaging date, YYMMDD"),
-    "15": Element(r"\d\d" + _SHORT_DAY, "best before, YYMMDD"),
-    "17": Element(r"\d\d" + _SHORT_DAY, "expiry date, YYMMDD"),
-    "21": Element(_OWN, "serial number"),
-    "240": Element(_LONGER, "additional part number"),
-    "241": Element(_LONGER, "customer's part number"),
-    "250": Element(_LONGER, "second serial number"),
-    "8003": Element(r"0\d{13}[A-Z0-9\-./]{0,16}", "returnable asset, GRAI"),
-    "8004": Element(_LONGER, "individual asset, GIAI"),
+ELEMENTS = {
+    "MFR": _CAGE,  # manufacturer, CAGE code
+    "SPL": _CAGE,  # supplier, CAGE code
+    "CAG": _CAGE,  # enterprise, CAGE code
+    "DUN": r"\d{9}",  # enterprise, DUNS number
+    "EUC": r"[A-Z0-9\-]{1,13}",  # enterprise, GS1 company prefix
+    "SER": _SERIAL,  # serial number within the enterprise
+    "SEQ": _SERIAL,  # serial number within the part number
+    "UCN": _SERIAL,  # unique component identification number
+    "USN": _UNIQUE,  # universal serial number: enterprise and serial
+    "UST": _UNIQUE,  # universal serial tracking number
+    "UID": _UNIQUE,  # unique item identifier
+    "PNR": _PART,  # part number
+    "PNO": _PART,  # original part number
+    "LOT": _LOT,  # lot
+    "LTN": _LOT,  # lot
+    "BAT": _LOT,  # batch
+    "BII": _LOT,  # batch
+    "DMF": r"(?:19|20)\d\d" + _DAY,  # date of manufacture, YYYYMMDD
+    "EXP": r"(?:19|20)\d\d" + _DAY,  # expiry date, YYYYMMDD
+    "00": r"\d{18}",  # logistic unit, SSCC
+    "01": r"\d{14}",  # article, GTIN
+    "10": _OWN,  # batch or lot
+    "11": r"\d\d" + _SHORT_DAY,  # production date, YYMMDD
+    "13": r"\d\d" + _SHORT_DAY,  # packaging date, YYMMDD
+    "15": r"\d\d" + _SHORT_DAY,  # best before, YYMMDD
+    "17": r"\d\d" + _SHORT_DAY,  # expiry date, YYMMDD
+    "21": _OWN,  # serial number
+    "240": _LONGER,  # additional part number
+    "241": _LONGER,  # customer's part number
+    "250": _LONGER,  # second serial number
+    "8003": r"0\d{13}[A-Z0-9\-./]{0,16}",  # returnable asset, GRAI
+    "8004": _LONGER,  # individual asset, GIAI
 }
-"""Supported fields of formats, by identifier."""
+"""Supported fields of formats: identifier, and regular expression of the value."""
+CHECKED = ("00", "01")
+"""Fields whose value ends with a check digit of GS1."""
 _BRACKETED = re.compile(r"\((\d{2,4})\)([^(]*)")
 _BETWEEN = re.compile(r"/(?=[A-Z]{3}(?:[ /]|$))")
 
@@ -94,22 +81,21 @@ def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
     expression, checks = "", []
     place: int | None = 1
     for k, (key, value) in enumerate(_identifiers(text)):
-        element = ELEMENTS.get(key)
-        if element is None:
+        if key not in ELEMENTS:
             raise FormatError(
                 f"there is no element {key!r} in 'fields:{text}'", hint=f"there are {', '.join(ELEMENTS)}"
             )
         begins = f"({key})" if key.isdigit() else f"{'/' if k else ''}{key}"
-        pattern = _of_mask(value) if value else element.pattern
-        fixed = _fixed_length(value or element.pattern, is_mask=bool(value))
-        if element.check:
+        pattern = _of_mask(value) if value else ELEMENTS[key]
+        fixed = _fixed_length(pattern)
+        if key in CHECKED:
             if place is None or fixed is None:
                 raise FormatError(
                     f"the check digit of ({key}) has no fixed place in 'fields:{text}'",
                     hint=f"write ({key}) before fields whose length may differ, as GS1 does",
                 )
             first = place + len(begins)
-            checks.append(CheckDigit(element.check, first, first + fixed - 1))
+            checks.append(CheckDigit("gs1", first, first + fixed - 1))
         place = None if place is None or fixed is None else place + len(begins) + fixed
         expression += re.escape(begins) + f"(?:{pattern})"
     return expression, tuple(checks)
@@ -142,12 +128,7 @@ def _of_mask(mask: str) -> str:
     return "".join(re.escape(c) if len(c) == 1 else "[" + re.escape(c) + "]" for c in sets)
 
 
-def _fixed_length(pattern: str, *, is_mask: bool) -> int | None:
+def _fixed_length(pattern: str) -> int | None:
     """Number of characters of a value; None if it is not fixed."""
-    if is_mask:
-        return sum(chars != " " for chars in allowed_characters(pattern))
-    from recognition.language.expression import expression_machine
-    from recognition.language.remainders import ALPHANUMERIC
-
-    lengths = expression_machine(pattern, tuple(ALPHANUMERIC)).lengths()
-    return next(iter(lengths)) if len(lengths) == 1 else None
+    least, most = _parser.parse(pattern).getwidth()
+    return int(least) if least == most else None
