@@ -1,6 +1,20 @@
 """Read a part by touch, by photographs, or by both.
 
 `Reader` reads a part in one call; the names below are the vocabulary (listed in `__init__.pyi`, loaded on first use).
+
+The rooms in the order in which a part walks through them::
+
+    views        what is looked at: a scan, a height map or a photograph as layers on one grid
+    lines        where text may stand, by the finder's network
+    experts      the recogniser: posteriors along a line
+    glyph_match  templates of named fonts, compared with a line
+    combine      looks, experts and senses --> one lattice of posteriors
+    search       lines are found, read and moved until one is convincing: `lines`, `experts` and `combine` in turns
+    marks        poses, strokes, depths and grades of the characters
+    decision     format, contracts and score --> a Reading: accept, review or reject
+
+`language` has the formats, `senses` the readers by touch and by camera, `active` touch that chooses its passes, and
+`learning` what is learned: networks, and the shapes of a die.
 """
 
 import lazy_loader

@@ -9,8 +9,7 @@ from pipeline.reading.framed_session import FramedSession
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.decision.score import serial_is_sure
-from recognition.search.line_search import MOST_SCANS
-from recognition.views.first_pass import felt_heights_mm
+from recognition.search.first_pass import felt_heights_mm
 from recognition.views.levelling import level
 from whisker_array.simulation.traces import Fidelity
 
@@ -53,7 +52,7 @@ def read_actively(
     levelled, found, spent_s = level(surface), None, 0.0
     fidelity = Fidelity(reader.settings.fidelity)
     heights = felt_heights_mm(reader.lines.search, levelled, fidelity=fidelity, soil=soil)
-    for height_mm in heights[:MOST_SCANS]:
+    for height_mm in heights:
         if spent_s >= budget_s:
             break
         bench = VirtualBench(surface, height_mm, fidelity, noise=False, part_id=part_id, soil=soil)

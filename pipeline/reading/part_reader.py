@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from recognition.active.moves import Region
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
-    from recognition.views.first_pass import Feel
+    from recognition.search.first_pass import Feel
 
 
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"

@@ -10,7 +10,6 @@ now and then, and before giving up; later looks follow the line that it found.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -187,15 +186,14 @@ class _Part:
 
     def _think(self, step: Step) -> StopReason | None:
         """Look at the scan after a step, and read it if that is due; return a reason to stop, or None."""
-        start, until_sure = time.process_time(), self.active.settings.until_sure
+        until_sure = self.active.settings.until_sure
         # without early stopping, looks only serve to find the region of the line
         look = self._look() if until_sure or self.region == self.fitting.field_mm else None
         self.progress = self.progress.after(step, look)
         self.looks_since += 1
         ended = self._stop_reason() if until_sure and self._reading_is_due(look) else None
         text, confidence = ("", 0.0) if look is None else (look.text, look.confidence)
-        thought_s = time.process_time() - start
-        self.passes[-1] = replace(self.passes[-1], thought_s=thought_s, text=text, confidence=confidence)
+        self.passes[-1] = replace(self.passes[-1], text=text, confidence=confidence)
         return ended
 
     def _next(self, *, left_s: float) -> Step | StopReason:

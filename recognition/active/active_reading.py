@@ -33,7 +33,6 @@ class PassFelt:
     Attributes:
         order: the pass.
         stage_s: stage seconds spent up to its end.
-        thought_s: processor seconds between its end and the next pass.
         why: reason for this pass, in words.
         text: most probable text after it.
         confidence: probability that the whole text is right; 0 before any text is read.
@@ -41,7 +40,6 @@ class PassFelt:
 
     order: Pass
     stage_s: float
-    thought_s: float = 0.0
     why: str = ""
     text: str = ""
     confidence: float = 0.0
@@ -75,11 +73,6 @@ class ActiveReading:
     def stage_s(self) -> float:
         """Stage seconds spent: travel, run-in and turnaround of every pass."""
         return self.passes[-1].stage_s if self.passes else 0.0
-
-    @property
-    def thought_s(self) -> float:
-        """The longest time that the stage waited between two passes, processor seconds."""
-        return max((p.thought_s for p in self.passes), default=0.0)
 
     def describe(self) -> str:
         """Text, decision, passes, stage time and reason for stopping in one line."""

@@ -7,15 +7,14 @@ looked at where it was last, and at a few places beside it in turns.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
-from itertools import cycle
+from itertools import count
 
 from glyphs.surface.display import one_line
+from recognition.combine.read_line import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
-from recognition.lines.moves import LONGER, MOVES, lengthen, move_line
+from recognition.lines.moves import variants
 from recognition.search.line_reader import LineReader, apart
 from recognition.search.line_search import is_convincing
-from recognition.search.part_lines import ReadLine
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
@@ -44,11 +43,16 @@ class Look:
     @property
     def confidence(self) -> float:
         """Probability that the whole text is right."""
-        return self.choice.probability * self.read.belief.likely
+        return self.choice.probability * self.read.likely
 
 
 class LineWatch:
-    """Follow one line while it is felt."""
+    """Follow one line while it is felt.
+
+    Attributes:
+        line: the line, as far as it is known.
+        is_sure: whether there is a line with text.
+    """
 
     def __init__(self, lines: LineReader, *, line: TextLine | None = None) -> None:
         """Begin.
@@ -58,15 +62,8 @@ class LineWatch:
             line: where the line lies, if that is known.
         """
         self.lines, self.line = lines, line
-        self._sure, self._others = line is not None, False
-        self._beside = cycle(
-            [*(partial(_moved, by) for by in MOVES), *(partial(_longer, by) for by in LONGER)]
-        )
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether there is a line with text."""
-        return self._sure
+        self.is_sure, self._others = line is not None, False
+        self._looks = count()
 
     def follow(self, line: TextLine | None, *, confidence: float, followed: float = 0.05) -> None:
         """Continue with the line of a full reading if its confidence is above 0.5.
@@ -77,7 +74,7 @@ class LineWatch:
             followed: confidence of a reading from which its line is followed: it is seldom another by then.
         """
         if line is not None and confidence > followed:
-            self.line, self._sure = line, True
+            self.line, self.is_sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:
         """Return the best text so far; None without a line.
@@ -86,23 +83,16 @@ class LineWatch:
             most_found: lines of a first view that are looked at.
         """
         known = [] if self.line is None else [self.line]
-        if self._sure:
-            near = [*known, next(self._beside)(known[0])]  # one place beside the line, in turns
+        if self.is_sure:
+            tried = variants(known[0])
+            near = [*known, tried[next(self._looks) % len(tried)]]  # one place beside the line, in turns
         else:
             near = [*known, *self.lines.search.candidates(view)[:most_found]]
         seen = self.lines.search.read_once(view, near)
         if not seen:
             return None
-        if not self._sure:
+        if not self.is_sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
-        self.line, self._sure = seen[0].line, is_convincing(seen, self.lines.search.limits.sure)
-        choice = choose(seen[0].belief.lattice, self.lines.grammar)
+        self.line, self.is_sure = seen[0].line, is_convincing(seen, self.lines.search.limits.sure)
+        choice = choose(seen[0].lattice, self.lines.grammar)
         return Look(seen[0], choice, self._others) if choice.text else None
-
-
-def _moved(by: tuple[float, float, float], line: TextLine) -> TextLine:
-    return move_line(line, *by)
-
-
-def _longer(by: tuple[float, float], line: TextLine) -> TextLine:
-    return lengthen(line, *by)

@@ -22,7 +22,7 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, power: float = 0.7) -> Lat
     """Combine the posteriors of both senses at the places of touch.
 
     Args:
-        touch: posteriors; its places, boxes and gaps are the outcome's.
+        touch: posteriors; its places and boxes are the outcome's.
         camera: posteriors of as many places.
         power: power to which the camera's beliefs are taken.
 
@@ -43,7 +43,7 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, power: float = 0.7) -> Lat
     with np.errstate(divide="ignore"):
         log = np.where(possible, np.log(felt) + power * np.log(seen), -np.inf)
         log += np.log(read)[:, None] - np.logaddexp.reduce(log, axis=1)[:, None]
-    return Lattice(chars, np.minimum(log, 0.0), boxes=touch.boxes, spaces_after=touch.spaces_after)
+    return Lattice(chars, np.minimum(log, 0.0), boxes=touch.boxes)
 
 
 def contradictions(

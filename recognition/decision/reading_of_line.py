@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.combine.line_belief import greatest_between, word_gaps
+from recognition.combine.read_line import ReadLine, greatest_between, word_gaps
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
@@ -22,7 +22,8 @@ from recognition.language.constrained_decoding import Choice, blind_warnings, ch
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
-from recognition.search.part_lines import LineFormat, PartLines, ReadLine
+from recognition.lines.places import boxes_of
+from recognition.search.part_lines import LineFormat, PartLines
 
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""
@@ -96,10 +97,11 @@ def reading_of_line(
     nothing = Reading((), 0.0, flags | ReadingFlag.NO_CHARACTERS, source=source)
     if main is None:
         return nothing
-    lattice, openly = main.lattice, main.open_lattice
-    choice = choose(lattice, grammar)
+    choice = choose(main.lattice, grammar)
     spaces = spaces_of(main, choice.text, grammar)
-    lattice = replace(lattice, spaces_after=spaces)
+    lattice = replace(main.lattice, boxes=boxes_of(main.line, main.columns))
+    openly, columns = main.open_places
+    openly = replace(openly, boxes=boxes_of(main.line, columns))
     if not choice.text or not is_text(lattice, openly):
         found = _outside_format(openly, grammar)
         return nothing.with_findings(*found).with_trace(lattice=lattice)
@@ -108,15 +110,15 @@ def reading_of_line(
         # a scratch is read as a 1, two dents as OO
         return nothing.with_trace(lattice=lattice)
     changed = _check_format_evidence(main, choice.text, grammar, least=IN_FORMAT[source])
-    small = small_letters(main.belief.looks, main.belief.columns, choice.text) if grammar is None else ()
+    small = small_letters(main.looks, main.columns, choice.text) if grammar is None else ()
     worth = score_of(source)
     others = [
         _named_line(name, one, asked[name].grammar, worth)
         for name, one in part.named.items()
-        if is_text(one.belief.lattice, one.belief.open_places[0])
+        if is_text(one.lattice, one.open_places[0])
     ]
     others += [_unassigned_line(one, grammar, worth, least_serial_evidence) for one in part.others]
-    belief = choice.probability * main.belief.likely
+    belief = choice.probability * main.likely
     reading = Reading(
         tuple(characters_of(choice, lattice)),
         worth.of_belief(belief),
@@ -130,10 +132,10 @@ def reading_of_line(
         threshold=settings.accept_confidence,
     ).with_findings(*changed, *small, *doubts_of_lines(others, settings))
     reading = contracts_of_choice(reading, choice, grammar)
-    by_expert = {name: replace(own, boxes=lattice.boxes) for name, own in main.belief.by_expert.items()}
+    by_expert = {name: replace(own, boxes=lattice.boxes) for name, own in main.by_expert.items()}
     return reading.with_trace(
         lattice=lattice, open_lattice=openly, choice=choice, line=main.line, by_expert=by_expert,
-        odds=log_odds(belief), evidence=main.belief.evidence,
+        odds=log_odds(belief), evidence=main.evidence,
     )  # fmt: skip
 
 
@@ -189,12 +191,12 @@ def _check_format_evidence(
     line: ReadLine, text: str, grammar: Grammar | None, *, least: float
 ) -> tuple[Finding, ...]:
     """Report that the line may hold another text, or a sign outside the format."""
-    if line.belief.evidence >= least:
+    if line.evidence >= least:
         return ()
-    changed = format_changed(line, text) if line.belief.evidence < math.log(LEAST_VALID_MASS) else ()
-    if changed or line.belief.evidence_of(grammar, alike=TWINS) >= least:
+    changed = format_changed(line, text) if line.evidence < math.log(LEAST_VALID_MASS) else ()
+    if changed or line.evidence_of(grammar, alike=TWINS) >= least:
         return changed
-    k = line.belief.least_read()
+    k = line.least_read()
     there = k < len(text)
     sign = f"{text[k]} at place {k + 1} may be a sign" if there else "there may be a sign"
     what = f"{sign} outside the format (compare it with the part)"
@@ -212,7 +214,7 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
         unchanged: probability of the chosen text without the format, twins included, from which the format has changed
             nothing.
     """
-    lattice, _ = line.belief.open_places
+    lattice, _ = line.open_places
     open_text = lattice.text
     if len(open_text) != len(text):
         found = _describe_found(open_text)
@@ -222,7 +224,7 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
     same = np.array([belief[k, np.isin(chars, list(_twins(c)))].sum() for k, c in enumerate(text)])
     if np.prod(same) >= unchanged:
         return ()
-    allowed = line.belief.lattice
+    allowed = line.lattice
     changes = {
         k: f"{was} to {char} at place {k}"
         for k, (was, char) in enumerate(zip(open_text, text, strict=True), start=1)
@@ -243,21 +245,21 @@ def _twins(char: str) -> str:
 
 def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLine:
     """Make a line that was requested."""
-    lattice = one.lattice
-    choice = choose(lattice, grammar)
+    choice = choose(one.lattice, grammar)
     text = with_spaces(choice.text, spaces_of(one, choice.text, grammar)).rstrip()
-    return OtherLine(name, text, worth.of_belief(choice.probability), hull(lattice.boxes), line=one.line)
+    box = hull(boxes_of(one.line, one.columns))
+    return OtherLine(name, text, worth.of_belief(choice.probability), box, line=one.line)
 
 
 def _unassigned_line(
     one: ReadLine, grammar: Grammar | None, worth: Score, least_serial_evidence: float
 ) -> OtherLine:
     """Make a line that was not requested."""
-    lattice = one.open_lattice
-    text = with_spaces(lattice.text, word_gaps(one.belief.open_places[1], one.belief.looks))
+    lattice, columns = one.open_places
+    text = with_spaces(lattice.text, word_gaps(columns, one.looks))
     sure = float(np.exp(lattice.log_belief.max(axis=1).sum()))
-    meant = one.belief.evidence_of(grammar) >= least_serial_evidence
-    return OtherLine("", text, worth.of_belief(sure), hull(lattice.boxes), may_be_serial=meant, line=one.line)
+    meant, box = one.evidence_of(grammar) >= least_serial_evidence, hull(boxes_of(one.line, columns))
+    return OtherLine("", text, worth.of_belief(sure), box, may_be_serial=meant, line=one.line)
 
 
 def characters_of(choice: Choice, lattice: Lattice, *, most_candidates: int = 5) -> list[CharacterReading]:
@@ -281,7 +283,7 @@ def spaces_of(line: ReadLine, text: str, grammar: Grammar | None) -> frozenset[i
         grammar: format of the text.
     """
     known = None if grammar is None else grammar.spaces(text)
-    return word_gaps(line.belief.columns, line.belief.looks) if known is None else known
+    return word_gaps(line.columns, line.looks) if known is None else known
 
 
 def small_letters(

@@ -11,7 +11,6 @@ that reads one way only.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
@@ -52,35 +51,27 @@ def ways_possible(
     return tuple(way for way, possible in ways if possible)
 
 
-def weigh_orientation(
-    reading: Reading,
-    view: View,
-    lines: LineReader,
-    ways: Sequence[Way],
-    *,
-    accept_confidence: float,
-) -> Reading:
+def weigh_orientation(reading: Reading, view: View, lines: LineReader, *, rows_known: bool = True) -> Reading:
     """Send a reading to review if another orientation gives another possible text.
 
     Args:
         reading: with its line in the trace.
         view: view that was read.
         lines: reader of lines on such views.
-        ways: in which the marks may be meant instead.
-        accept_confidence: least confidence from which another line on the part counts as read.
+        rows_known: whether the order of the map's rows is known; of a photograph it is.
     """
     text, line = plain_text(reading), reading.trace.line
     if not text or line is None:
         return reading
-    found = []
-    for way in ways:
+    orientation, found = lines.search.orientation, []
+    for way in ways_possible(orientation, rows_known=rows_known, turned_deg=reading.rotation_deg):
         other = other_text(text, way, lines.grammar)
         if other is None:
             continue
         words, lead = (other.text, 0.0) if other.exact else _seen_other_way(text, line, view, lines, way)
         if words in ("", text) or lead >= LEAST_LEAD_NATS:
             continue
-        sure = (one for one in reading.others if one.confidence >= accept_confidence)
+        sure = (one for one in reading.others if one.confidence >= (reading.threshold or 0.0))
         if not any(_speaks_against(way, one, line, view, lines) for one in sure):
             found.append(also_readable(way, words))
     return reading.with_findings(*found) if found else reading
@@ -129,10 +120,10 @@ def _seen_other_way(text: str, line: TextLine, view: View, lines: LineReader, wa
     there = lines.search.read_once(there_view, [_line_in_view(line, view, way)])
     if not here:
         return "", -math.inf
-    other = choose(there[0].belief.lattice, lines.grammar).text if there else ""
+    other = choose(there[0].lattice, lines.grammar).text if there else ""
     if not other:
         return "", math.inf
-    read, otherwise = here[0].belief, there[0].belief
+    read, otherwise = here[0], there[0]
     lead = read.evidence_of(Grammar(sets=tuple(text))) - otherwise.evidence_of(Grammar(sets=tuple(other)))
     # the recogniser takes what it cannot read for blanks: a text of fewer characters leaves some unexplained
     return other, lead + max(read.promise - otherwise.promise, 0.0)

@@ -21,9 +21,6 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import kernel
 
-MOST_PLACES = 32
-"""Greatest number of places if the format is unknown."""
-
 
 @dataclass(frozen=True, eq=False)
 class PlaceBelief:
@@ -188,9 +185,14 @@ def place_belief(
 
 
 def count_belief(
-    log_blank: NDArray[np.float64], log_chars: NDArray[np.float64], *, most: int = MOST_PLACES
+    log_blank: NDArray[np.float64], log_chars: NDArray[np.float64], *, most: int = 32
 ) -> NDArray[np.float64]:
-    """(most + 1,) log posterior of the number of characters, any of them allowed anywhere."""
+    """(most + 1,) log posterior of the number of characters, any of them allowed anywhere.
+
+    Args:
+        log_blank, log_chars: as in `place_belief`.
+        most: greatest number of places if the format is unknown.
+    """
     most = min(most, log_blank.size)
     table = np.ones((most, log_chars.shape[1]), dtype=np.bool_)
     at_blank, *_, total = _forward(*_as_heard(log_blank, log_chars), table)

@@ -7,7 +7,6 @@ It knows no font by name. Its weights, and the card that says what they were mad
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -38,18 +37,14 @@ _CODES = {char: 1 + k for k, char in enumerate(CHARACTERS)}
 Features: TypeAlias = NDArray[np.float32]
 
 
-def posteriors(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
-    """(steps, 1 + CHARACTERS) logarithms of each strip's posteriors, the blank first."""
-    return [_posteriors(strip) for strip in strips]
+def posteriors(strip: Layers) -> NDArray[np.float32]:
+    """(steps, 1 + CHARACTERS) logarithms of a strip's posteriors, the blank first."""
+    return _of_content(strip.astype(np.float32, copy=False).tobytes(), strip.shape)
 
 
 def features_of(strip: Layers) -> Features:
     """(features, rows, steps) of a strip: the network's values before its last layers."""
     return _run(widen(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
-
-
-def _posteriors(strip: Layers) -> NDArray[np.float32]:
-    return _of_content(strip.astype(np.float32, copy=False).tobytes(), strip.shape)
 
 
 @lru_cache(maxsize=16)
@@ -73,34 +68,31 @@ def _run(strip: Layers, output: str) -> NDArray[np.float32]:
     return found
 
 
-def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "", skip_columns: int = 0) -> list[Steps]:
-    """Run the network along strips as `View.strip` cuts them.
+def steps_of(strip: Layers, *, chars: str, rare: str = "", skip_columns: int = 0) -> Steps:
+    """Run the network along a strip as `View.strip` cuts it.
 
     Small letters that are not asked for count as their capitals, which many a die has for both; what else is not asked
     for is left out, a space counts as blank.
 
     Args:
-        strips: (LAYERS, ROWS, columns) each.
+        strip: (LAYERS, ROWS, columns).
         chars: characters to look for.
         rare: characters that seldom stand on parts.
-        skip_columns: at the start of each strip; steps begin after them, so a second look can fall between the steps
-            of the first.
+        skip_columns: at the start of the strip; steps begin after them, so a second look can fall between the steps of
+            the first.
     """
-    made = []
-    for log in posteriors([strip[:, :, skip_columns:] for strip in strips]):
-        power = np.exp(log.astype(np.float64))
-        of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])
-        for k, char in enumerate(chars):
-            for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
-                if own in _CODES:
-                    of[:, k] += power[:, _CODES[own]]
-                    small += power[:, _CODES[own]] * (own != char)
-        gap = power[:, _CODES[" "]]
-        blank = power[:, 0] + (gap if " " not in chars else 0.0)
-        columns = (np.arange(len(power), dtype=np.float64) + 0.5) * STEP_COLUMNS - 0.5 + LAG_COLUMNS
-        columns += skip_columns
-        made.append(Steps.of(blank, of, chars, columns, gap=gap, small=small, rare=rare))
-    return made
+    power = np.exp(posteriors(strip[:, :, skip_columns:]).astype(np.float64))
+    of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])
+    for k, char in enumerate(chars):
+        for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
+            if own in _CODES:
+                of[:, k] += power[:, _CODES[own]]
+                small += power[:, _CODES[own]] * (own != char)
+    gap = power[:, _CODES[" "]]
+    blank = power[:, 0] + (gap if " " not in chars else 0.0)
+    columns = (np.arange(len(power), dtype=np.float64) + 0.5) * STEP_COLUMNS - 0.5 + LAG_COLUMNS
+    columns += skip_columns
+    return Steps.of(blank, of, chars, columns, gap=gap, small=small, rare=rare)
 
 
 @cache

@@ -20,6 +20,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit, softmax
 
 from glyphs.fonts.glyph import Font
 from recognition.experts.steps import Steps
@@ -304,9 +305,8 @@ def steps_of(
         read_width: correlation over which that chance rises.
     """
     score = -0.5 * np.log(1.0 - np.clip(cells, 0.0, 0.999) ** 2)
-    shares = np.exp(sureness * (score - score.max(axis=1, keepdims=True)))
-    shares /= shares.sum(axis=1, keepdims=True)
-    read = 1.0 / (1.0 + np.exp(-(cells.max(axis=1) - read_from) / read_width))
+    shares = softmax(sureness * score, axis=1)
+    read = expit((cells.max(axis=1) - read_from) / read_width)
     places, at = len(cells), slice(1, None, 2)
     blank, of = np.ones(2 * places + 1), np.zeros((2 * places + 1, len(chars)))
     blank[at] = 1.0 - read

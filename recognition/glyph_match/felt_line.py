@@ -24,12 +24,12 @@ from recognition.glyph_match.correlation import Image, correlate
 from recognition.glyph_match.depth_glyphs import depth_glyph, depth_template
 from recognition.glyph_match.pose import (
     DOWN,
+    NUMBERS,
     PIXELS,
     RIGHT,
     TALL,
     Floats,
     PlaceSamples,
-    pose,
     spread_of_poses,
 )
 from recognition.lines.places import boxes_of
@@ -42,7 +42,7 @@ FOUND = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, wide=0.12, tall=0.1
 """Expected spread of poses around the places of a found line."""
 SETTLED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
 """Expected spread about a pose known from the line or another character, from differences between blows."""
-USUAL = pose()
+USUAL = np.zeros(NUMBERS)
 """Expected pose of a character at its place."""
 LEAST_FIT = 0.45
 """Least mean correlation of a text for another height of the line, or for ridges instead of grooves."""
@@ -255,7 +255,7 @@ class FeltLine:
         if samples.felt.size >= LEAST_SAMPLES:
             glyph = depth_glyph(font, char, face)
             start = self._start(place, char, font, face, expected)[1]
-            likely, at = samples.fit(glyph, expected, spread, [start])
+            likely, at = samples.fit(glyph, expected, spread, start)
             laid = LaidCharacter(at, likely, samples.correlation(glyph, at))
         if about is None:
             self._laid[key] = laid

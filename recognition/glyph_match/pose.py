@@ -18,7 +18,6 @@ A pose is a vector of nine numbers:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,13 +31,6 @@ PIXELS = 24
 """Pixels per character height."""
 RIGHT, DOWN, TURN, WIDE, TALL, DEEP, LEVEL = range(7)
 NUMBERS = 9
-
-
-def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> Floats:
-    """Make a pose of usual depth on level land; shifts in character heights, size as a logarithm."""
-    made = np.zeros(NUMBERS)
-    made[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
-    return made
 
 
 def points_at(at: Floats, points: Floats) -> Floats:
@@ -148,7 +140,7 @@ class PlaceSamples:
         return np.stack([-2.0 * np.log(inside + outside), share, -0.5 * share * (1.0 - share)]) / self.alike
 
     def fit(
-        self, glyph: Glyph, about: Floats, spread: Floats, starts: Sequence[Floats], *, most_steps: int = 12
+        self, glyph: Glyph, about: Floats, spread: Floats, start: Floats, *, most_steps: int = 12
     ) -> tuple[float, Floats]:
         """Fit the most likely pose of a character; return it and its log-likelihood.
 
@@ -156,7 +148,7 @@ class PlaceSamples:
             glyph: the character.
             about: the pose that is expected.
             spread: standard deviations about it.
-            starts: poses; the likeliest one is fitted.
+            start: the pose at which the fit begins.
             most_steps: greatest number of steps of the fit.
         """
         from scipy.optimize import least_squares
@@ -174,10 +166,9 @@ class PlaceSamples:
             plain = np.stack([expected, np.ones_like(expected), np.zeros_like(expected)])
             return np.concatenate([self.loss(squares[:n]), plain], axis=1)
 
-        first = min(starts, key=lambda at: float(loss(residuals(at) ** 2)[0].sum()))
         found = least_squares(
             residuals,
-            first,
+            start,
             slopes,
             loss=loss,
             x_scale=spread,

@@ -45,14 +45,12 @@ class Prototypes:
     """A font's characters as features.
 
     Attributes:
-        font: its name.
         chars: (T,) characters.
         values: (T, features, rows, steps) about their mean, in spreads; 0 beyond a character's own steps.
         own: (T, steps) weight of each step, 0 to 1.
         mean, spread: (features, 1, 1) along the predicted plate.
     """
 
-    font: str
     chars: tuple[str, ...]
     values: Features
     own: Features
@@ -65,9 +63,9 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
 
     def make() -> Prototypes:
         one = templates
-        where = (one.middles_mm, one.half_width, one.height_mm)
+        where = (one.middles_mm, one.half_width)
         found = kept(("felt", one.view.layers, one.view.pitch_mm, *where), lambda: cut_out(one.view, *where))
-        return Prototypes(one.font, one.chars, **found)
+        return Prototypes(one.chars, **found)
 
     made: Prototypes = templates.derive("prototypes", make)
     return made
@@ -88,21 +86,19 @@ def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) 
 
     def make() -> Arrays:
         plate = ideal_plate(font, chars, die)
-        where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
-        made = [cut_out(view, *where) for view in lit_views(plate, lights)]
+        made = [cut_out(view, plate.middles_mm, plate.half_width) for view in lit_views(plate, lights)]
         return {name: np.stack([one[name] for one in made]) for name in made[0]}
 
     die = default_die(CANONICAL_HEIGHT_MM, font=font)
     found = kept(("lit", *map(font.glyph, chars), die, *lights), make)
     of_lights = (dict(zip(found, one, strict=True)) for one in zip(*found.values(), strict=True))
-    return tuple(Prototypes(font.name, tuple(chars), **one) for one in of_lights)
+    return tuple(Prototypes(tuple(chars), **one) for one in of_lights)
 
 
 def cut_out(
     view: View,
     middles_mm: Floats,
     half_width: Floats,
-    height_mm: float,
     *,
     half_steps: int = 8,
     beside_steps: float = 2.0,
@@ -114,16 +110,15 @@ def cut_out(
         view: view of the plate.
         middles_mm: (T, 2) x, y of their middles.
         half_width: (T,) half the ink's width, character heights.
-        height_mm: height of the characters.
         half_steps: steps of features on either side of a character's middle: as wide as a W.
         beside_steps: steps beside a character's ink that count as its own.
         least_spread: added to the spread of each feature, which may be 0.
     """
-    line = line_of(middles_mm, height_mm)
+    line = line_of(middles_mm)
     features = features_of(view.strip(line))
     mean = features.mean(axis=(1, 2), keepdims=True)
     spread = features.std(axis=(1, 2), keepdims=True) + least_spread
-    along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / height_mm
+    along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / line.height_mm
     windows = _windows((features - mean) / spread, (along + MARGIN) * HEIGHT_ROWS - 0.5, half_steps)
     steps = np.abs(np.arange(-half_steps, half_steps + 1))
     half = half_width[:, None] * HEIGHT_ROWS / FEATURE_COLUMNS
@@ -131,20 +126,20 @@ def cut_out(
     return {"values": windows * own[:, None, None], "own": own, "mean": mean, "spread": spread}
 
 
-def belief_of(
+def match_fonts(
     views: Sequence[View],
     line: TextLine,
     columns: Floats,
     fonts: Sequence[Sequence[Prototypes]],
     lattice: Lattice,
-) -> tuple[Lattice, int] | None:
-    """Match the best-fitting font to the places of a line: return its lattice and index; None without fonts.
+) -> tuple[Lattice, int]:
+    """Match the best-fitting font to the places of a line: return its lattice and index.
 
     Args:
         views: views of one part, in one frame.
         line: where the characters stand.
         columns: (places,) of its strip.
-        fonts: prototypes of each font, for each touch or light; for each view those that fit best count.
+        fonts: prototypes of each font, one at least, for each touch or light; for each view those that fit best count.
         lattice: posteriors of the other experts.
     """
     seen = [features_of(view.strip(line)) for view in views]
@@ -152,8 +147,6 @@ def belief_of(
     for font in fonts:
         suited = [max((cosines(one, columns, lit) for lit in font), key=_suits) for one in seen]
         tried.append((np.mean(suited, axis=0), font[0].chars))
-    if not tried:
-        return None
     best = max(range(len(tried)), key=lambda k: _suits(tried[k][0]))
     return lattice_of(*tried[best], lattice), best
 

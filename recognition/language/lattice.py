@@ -20,7 +20,6 @@ class Lattice:
         log_belief: (places, C) natural logarithms; the probabilities of a row sum to at most 1, what is left is
             the belief that nothing readable stands there. -inf is impossible.
         boxes: box of each place, if known; empty or one per place.
-        spaces_after: places followed by a word gap.
 
     Raises:
         ValueError: shapes that do not agree, a character twice, probabilities above 1 or not numbers.
@@ -29,7 +28,6 @@ class Lattice:
     chars: tuple[str, ...]
     log_belief: NDArray[np.float64]
     boxes: tuple[Box, ...] = ()
-    spaces_after: frozenset[int] = frozenset()
 
     __repr__ = one_line
 

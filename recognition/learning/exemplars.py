@@ -25,9 +25,9 @@ from glyphs.surface.maps import HeightMap
 from recognition.experts.recogniser import CHARACTERS
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.first_pass import felt_heights_mm, virtual_feel
 from recognition.search.line_reader import LineReader
-from recognition.search.line_search import MOST_SCANS, LineSearch
-from recognition.views.first_pass import felt_heights_mm, virtual_feel
+from recognition.search.line_search import LineSearch
 from recognition.views.levelling import level
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view, relief_of
@@ -95,7 +95,7 @@ def cut_height_map(
     heights = felt_heights_mm(LineSearch(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
     found: list[tuple[Cut, ...]] = []
     problems: list[ExemplarError] = []
-    for height in heights[:MOST_SCANS]:
+    for height in heights:
         try:
             found.append(cut_scan(feel(levelled, height), text, height_mm=height_mm))
         except ExemplarError as error:
@@ -147,13 +147,13 @@ def cut_scan(
         raise ExemplarError(
             "no line of marks as long as the text was found", hint="look at the part and its text"
         )
-    likely = float(np.exp(found.belief.evidence / len(plain)))
+    likely = float(np.exp(found.evidence / len(plain)))
     if likely < least_likely:
         raise ExemplarError(
             f"the text does not fit the marks (belief {likely:.2f} a character)", hint="check the text"
         )
     raised = _stands_out(view.strip(found.line))
-    along = ((found.belief.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
+    along = ((found.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
     line, places = _fit_size(relief, found.line, np.column_stack([along, np.zeros(along.size)]), raised)
     made = []
     cells = zip(plain, places, _bounds(relief, line, places, raised), strict=True)
@@ -245,7 +245,7 @@ def felt_cell(relief: Relief, line: TextLine, place: Floats, raised: bool) -> Fl
     along, down = place / line.height_mm
     columns = (along + MARGIN + ACROSS) * HEIGHT_ROWS - 0.5
     rows = (down + DOWN) * HEIGHT_ROWS + 0.5 * ROWS - 0.5
-    at = (line.grid_mm(columns, rows) - relief.origin_mm) / relief.pitch_mm
+    at = (line.places_mm(columns, rows[:, None]) - relief.origin_mm) / relief.pitch_mm
     z = relief.height_mm.astype(np.float64)
     felt = ndimage.map_coordinates(z, (at[..., 1], at[..., 0]), order=1, mode="constant", cval=np.nan)
     return _over_land(-felt if raised else felt)

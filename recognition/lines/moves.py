@@ -83,6 +83,11 @@ def longer(line: TextLine) -> list[TextLine]:
     return [lengthen(line, before, after) for before, after in LONGER]
 
 
+def variants(line: TextLine) -> list[TextLine]:
+    """A doubtful line moved, sized, turned and lengthened."""
+    return [*(move_line(line, *move) for move in MOVES), *longer(line)]
+
+
 def lengthen(line: TextLine, before: float, after: float) -> TextLine:
     """Extend a line straight beyond its ends, by a number of character heights."""
     points, height = line.centre_mm, line.height_mm

@@ -12,11 +12,6 @@ _WIDEST = 0.42
 """Reach of a box to either side, character heights."""
 
 
-def places_mm(line: TextLine, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(places, 2) middles of characters at these columns of the line's strip."""
-    return line.places_mm(columns, np.full(columns.size, 0.5 * (ROWS - 1)))
-
-
 def boxes_of(line: TextLine, columns: NDArray[np.float64]) -> tuple[Box, ...]:
     """Boxes of characters: half way to their neighbours, with the line's height."""
     if columns.size == 0:
@@ -28,9 +23,7 @@ def boxes_of(line: TextLine, columns: NDArray[np.float64]) -> tuple[Box, ...]:
     right = np.minimum(np.r_[apart, most], most)
     middle, half = 0.5 * (ROWS - 1), 0.5 * HEIGHT_ROWS
     corners = [
-        line.places_mm(columns + side, np.full(columns.size, middle + up * half))
-        for side in (-left, right)
-        for up in (-1.0, 1.0)
+        line.places_mm(columns + side, middle + up * half) for side in (-left, right) for up in (-1.0, 1.0)
     ]
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     return tuple(

@@ -28,13 +28,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
+from recognition.combine.read_line import ReadLine
 from recognition.glyph_match.felt_line import SETTLED, DepthStrip, FeltLine
 from recognition.glyph_match.pose import DEEP, PIXELS, Floats, points_at
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.laid_text import LaidText, laid_text
-from recognition.search.part_lines import PartLines, ReadLine
+from recognition.search.part_lines import PartLines
 
 LIVE = 0.004
 """Probability of a rival from which strokes must exclude it."""
@@ -78,7 +79,6 @@ class PlaceStrokes:
     Attributes:
         felt: share of its strokes that was felt, in the best-fitting font; None if no font has the character.
         score: match of its strokes with the deepest parts of the place, at most 1.
-        font: name of the best-fitting font.
         rivals: characters that the format allows and that are probable, or listed as easily confused with this one.
         whole: whether the surface was felt from edge to edge of the character.
         too_few_lines: why the scan lines cannot distinguish the character from its rivals; empty if they can.
@@ -86,7 +86,6 @@ class PlaceStrokes:
 
     felt: float | None
     score: float = 0.0
-    font: str = ""
     rivals: tuple[RivalStrokes, ...] = ()
     whole: bool = True
     too_few_lines: str = ""
@@ -213,7 +212,7 @@ def strokes_of(
             if rival in font.glyphs:
                 at = felt.lay(k, rival, font, laid.face, about=one.pose, spread=SETTLED).pose
                 rivals.append(_compare(own, surface.strokes(k, rival, font, at), rival, belief, filled))
-        made.append(PlaceStrokes(own.share_felt(), one.fit, font.name, tuple(rivals), felt.whole[k]))
+        made.append(PlaceStrokes(own.share_felt(), one.fit, tuple(rivals), felt.whole[k]))
     return tuple(made)
 
 
@@ -307,7 +306,7 @@ def felt_others(
     """
 
     def is_felt(one: ReadLine) -> bool:
-        lattice, columns = one.belief.open_places
+        lattice, columns = one.open_places
         line = replace(main, line=one.line, columns=columns)
         if line.depth_mm < least_depth * main.depth_mm:
             return False

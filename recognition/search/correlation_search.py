@@ -7,18 +7,15 @@ candidate --at full resolution--> chain, its rows, its spacing --every template 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, TypeAlias
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
-from recognition.combine.line_belief import line_belief
+from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.experts.steps import Steps
 from recognition.glyph_match.chain import Placed
 from recognition.glyph_match.correlation import (
@@ -32,12 +29,11 @@ from recognition.glyph_match.correlation import (
     responses,
     steps_of,
 )
-from recognition.glyph_match.predicted import template_key
+from recognition.glyph_match.predicted import TemplateKey, TemplateSet, template_key
 from recognition.glyph_match.spacing import place_bounds
-from recognition.glyph_match.template_cache import TemplateCache
 from recognition.lines.find import overlap
 from recognition.search.line_search import LineSearch, is_convincing, of_other_scales, promise_of
-from recognition.search.part_lines import ReadLine, about_region
+from recognition.search.part_lines import about_region
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch, default_touch
@@ -55,11 +51,7 @@ STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
 """Appearances that are searched, most frequent first."""
 
 
-Chance: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
-"""Above 0 and at most 1."""
-
-
-@checked(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class CorrelationLimits:
     """Resolution and range of a search by templates.
 
@@ -77,16 +69,13 @@ class CorrelationLimits:
         beyond_heights: margin that is read before and after a line, character heights: a character may stand there.
         most_rereads: greatest number of times that a line is read again along its characters.
         off_heights: a line is read again if a character lies further from its row than this, character heights.
-
-    Raises:
-        ValueError: a number out of its range.
     """
 
     coarse_pixels: int = 16
     fine_pixels: int = 32
-    smallest: Chance = 0.13
-    largest: Chance = 0.95
-    size_step: Annotated[float, Field(gt=1.0)] = 1.1
+    smallest: float = 0.13
+    largest: float = 0.95
+    size_step: float = 1.1
     first_sizes: int = 3
     most_sizes: int = 9
     slopes: tuple[float, ...] = (-0.09, -0.045, 0.0, 0.045, 0.09)
@@ -103,13 +92,13 @@ class CorrelationSearch(LineSearch):
 
     Attributes:
         fonts: fonts to compare.
-        cache: cache of template sets.
+        predict: predicts the templates of a font's characters, and keeps them.
         matching: resolution and range of the search.
     """
 
     fonts: Sequence[Font]
-    cache: TemplateCache
-    matching: CorrelationLimits = field(default_factory=CorrelationLimits)
+    predict: Callable[[Font, str, TemplateKey], TemplateSet]
+    matching: CorrelationLimits = CorrelationLimits()
 
     @property
     def _tries(self) -> Sequence[tuple[MarkStyle, slice]]:
@@ -162,7 +151,7 @@ class CorrelationSearch(LineSearch):
         """Make a font's templates at a height, as felt with `touch` (default: the default touch for that height)."""
         felt = touch if touch is not None else default_touch(height_mm)
         key = template_key(font, felt, height_mm=height_mm, face=style.face, raised=style.raised)
-        templates = self.cache.get(font, "".join(c for c in self.chars if c in font.glyphs), key)
+        templates = self.predict(font, self.chars_of(font), key)
         return glyph_images(templates, pixels=pixels)
 
     @property
@@ -264,8 +253,7 @@ class CorrelationSearch(LineSearch):
         )
         columns = found.columns - (self.matching.beyond_heights - MARGIN) * HEIGHT_ROWS
         steps = steps_of(cells, glyphs.chars, columns, chars=self.chars, rare=self.rare)
-        belief = line_belief([steps], self.grammar)
-        return None if belief is None else ReadLine(found.line, belief)
+        return combine_looks(found.line, [steps], self.grammar)
 
     def _place(
         self, view: View, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3

@@ -1,6 +1,6 @@
 """Read the lines of a view: which one is the serial, and the posteriors of each.
 
-    view --LineSearch--> the line that says most --more looks, more experts--> LineBelief
+    view --LineSearch--> the line that says most --more looks, more experts--> ReadLine
 
 The format decides which of several lines is meant. Other text on the part is kept as unassigned
 (`PartLines.others`).
@@ -15,17 +15,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recognition.combine.line_belief import LineBelief, line_belief
+from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.language.grammar import Grammar
 from recognition.lines.find import overlap
 from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
-from recognition.search.part_lines import (
-    NO_LINES,
-    LineFormat,
-    PartLines,
-    ReadLine,
-    stands_in,
-)
+from recognition.search.part_lines import NO_LINES, LineFormat, PartLines, stands_in
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
@@ -92,7 +86,7 @@ class LineReader:
             return PartLines(None)
         best = self._right_way_up(view, self.search.refine(view, meant))
         closely = len(looked) > 1
-        main = self._belief_of(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
+        main = self._look_closely(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
         main = main or best
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
@@ -117,16 +111,16 @@ class LineReader:
                 for, and no other.
         """
         fits = [
-            ReadLine(one.line, belief)
+            read
             for one in rest
             if stands_in(asked.region, one.line, view)
-            and (belief := line_belief(one.belief.looks, asked.grammar)) is not None
+            and (read := combine_looks(one.line, one.looks, asked.grammar)) is not None
         ]
         if not fits:
             return None
         best = max(fits, key=promise_of)
-        best = self._belief_of(view, best, asked.grammar) or best
-        return best if best.belief.evidence > asked_evidence else None
+        best = self._look_closely(view, best, asked.grammar) or best
+        return best if best.evidence > asked_evidence else None
 
     def _right_way_up(self, view: View, best: ReadLine, *, plain_evidence: float = -0.5) -> ReadLine:
         """The line in the direction in which more is read; unchanged if it is beyond doubt.
@@ -135,12 +129,12 @@ class LineReader:
             plain_evidence: log probability of all that the format allows, from which a line is not read upside down
                 as well.
         """
-        plain = is_convincing([best], self.search.limits.plain) and best.belief.evidence > plain_evidence
+        plain = is_convincing([best], self.search.limits.plain) and best.evidence > plain_evidence
         if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
             return best
         return max((best, *self.search.read_once(view, [best.line.reversed])), key=promise_of)
 
-    def _belief_of(
+    def _look_closely(
         self,
         view: View,
         best: ReadLine,
@@ -154,20 +148,19 @@ class LineReader:
 
         Where asked for `closely`, several looks are always taken.
         """
-        line = best.line
-        looks = list(best.belief.looks)
-        belief = line_belief(looks, grammar)
-        if belief is None or closely or not is_agreed(belief):
+        line, looks = best.line, list(best.looks)
+        read = combine_looks(line, looks, grammar)
+        if read is None or closely or not is_agreed(read):
             looks += self.search.more_looks(view, line, (self.between, *self.moves))
             for number, other in enumerate(others, start=1):
                 # another light shows the line first as it lies
                 more = self.search.more_looks(other, line, ((0.0, 1.0, 0), *self.moves))
                 looks += [replace(one, view=number) for one in more]
-            belief = line_belief(looks, grammar)
-        elif twice:
+            return combine_looks(line, looks, grammar)
+        if twice:
             looks += self.search.more_looks(view, line, (self.between,))
-            belief = line_belief(looks, grammar)
-        return None if belief is None else ReadLine(line, belief)
+            return combine_looks(line, looks, grammar)
+        return read
 
 
 def _candidates(
@@ -206,18 +199,19 @@ def _is_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3)
         other_belief, other_places: mean probability, and places, from which another line on the part is unassigned
             text.
     """
-    lattice, _ = one.belief.open_places
+    lattice, _ = one.open_places
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
     return lattice.n_places >= other_places and float(best.mean()) > other_belief
 
 
-def is_agreed(belief: LineBelief, *, agreed: float = 0.99, agreed_evidence: float = -1.0) -> bool:
+def is_agreed(one: ReadLine, *, agreed: float = 0.99, agreed_evidence: float = -1.0) -> bool:
     """Whether all experts are sure of the same text.
 
     Args:
-        agreed, agreed_evidence: belief in every place, and log probability of all that the format allows, from which
-            one look is enough.
+        one: the line.
+        agreed, agreed_evidence: probability of every place, and log probability of all that the format allows, from
+            which one look is enough.
     """
-    texts = {own.text for own in belief.by_expert.values()}
-    least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())
-    return len(texts) == 1 and least > agreed and belief.evidence > agreed_evidence
+    texts = {own.text for own in one.by_expert.values()}
+    least = float(np.exp(one.lattice.log_belief.max(axis=1)).min())
+    return len(texts) == 1 and least > agreed and one.evidence > agreed_evidence

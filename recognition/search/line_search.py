@@ -8,32 +8,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from pydantic import PositiveInt
-from pydantic.dataclasses import dataclass as checked
-
+from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
-from recognition.combine.line_belief import line_belief
-from recognition.experts import recogniser
+from recognition.combine.read_line import ReadLine, combine_looks
+from recognition.experts.recogniser import steps_of
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.ink import on_ink
-from recognition.lines.moves import MOVES, SIZES, anywhere, lengthen, longer, move_line, whole_view
+from recognition.lines.moves import SIZES, anywhere, lengthen, longer, move_line, variants, whole_view
 from recognition.lines.tiles import find_in_tiles
-from recognition.search.part_lines import ReadLine, Region, about_region, stands_in
+from recognition.search.part_lines import Region, about_region, stands_in
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 
 UPSIDE_DOWN_DEG = 105.0
 """Rotation from level beyond which a line is upside down. One that runs straight up or down, a little askew, is not."""
-MOST_SCANS = 2
-"""Most scales at which a height map is scanned until a reading is accepted."""
 
 
-@checked(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SearchLimits:
     """Limits of a line search: number of lines, their moves, and the promise at which it stops.
 
@@ -55,14 +51,11 @@ class SearchLimits:
         most_resized: greatest number of times that a doubtful line of a photograph is resized.
         growths: character heights by which a line is lengthened if a character lies at its end.
         most_growths: greatest number of times that a line is lengthened.
-
-    Raises:
-        ValueError: a number of lines to read or to move that is not positive, or shares out of order.
     """
 
-    most_lines: PositiveInt = 6
+    most_lines: int = 6
     most_turned: int = 3
-    most_moved: PositiveInt = 2
+    most_moved: int = 2
     slants_deg: tuple[float, ...] = (30.0, -30.0, 60.0, -60.0)
     plain: float = 0.9
     sure: float = 0.7
@@ -75,10 +68,6 @@ class SearchLimits:
     most_resized: int = 2
     growths: tuple[float, ...] = (1.0, 2.2)
     most_growths: int = 3
-
-    def __post_init__(self) -> None:
-        if not self.some <= self.sure <= self.plain:
-            raise ValueError(f"some, sure and plain must ascend, not {self.some}, {self.sure}, {self.plain}")
 
 
 @dataclass(frozen=True)
@@ -99,12 +88,16 @@ class LineSearch:
     height_mm: float | None = None
     region: Region | None = None
     orientation: Orientation = Orientation.ANY
-    limits: SearchLimits = field(default_factory=SearchLimits)
+    limits: SearchLimits = SearchLimits()
 
     @property
     def rare(self) -> str:
         """Signs that are rare on parts; none if there is a format."""
         return SIGNS if self.grammar is None else ""
+
+    def chars_of(self, font: Font) -> str:
+        """Characters to search for that a font has."""
+        return "".join(c for c in self.chars if c in font.glyphs)
 
     def heights_mm(self, view: View) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
@@ -230,29 +223,22 @@ class LineSearch:
     def read_once(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; the most promising comes first."""
         lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
-        if not lines:
-            return []
-        steps = self.steps_of(view, lines)
-        beliefs = [line_belief([one], self.grammar) for one in steps]
-        return _rank([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
+        read = [combine_looks(line, [self._steps(view, line)], self.grammar) for line in lines]
+        return _rank([one for one in read if one is not None])
 
     def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; drop those that a move has taken out of the region."""
         return self.in_region(view, self.read_once(view, lines))
 
-    def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
-        """Run the recogniser along each line."""
-        strips = [view.strip(line) for line in lines]
-        return recogniser.steps_of(strips, chars=self.chars, rare=self.rare, skip_columns=skip_columns)
+    def _steps(self, view: View, line: TextLine, *, skip_columns: int = 0) -> Steps:
+        return steps_of(view.strip(line), chars=self.chars, rare=self.rare, skip_columns=skip_columns)
 
     def more_looks(
         self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]]
     ) -> list[Steps]:
         """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
         return [
-            steps
-            for down, size, skip in moves
-            for steps in self.steps_of(view, [move_line(line, down, size)], skip_columns=skip)
+            self._steps(view, move_line(line, down, size), skip_columns=skip) for down, size, skip in moves
         ]
 
     def may_run(self, line: TextLine) -> bool:
@@ -262,7 +248,7 @@ class LineSearch:
     def refine(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """Refine the best line: move and lengthen it where that makes it more promising."""
         best = seen[0]
-        if promise_of(best) < self.limits.hopeless * best.belief.lattice.n_places:
+        if promise_of(best) < self.limits.hopeless * best.lattice.n_places:
             return best
         for one in seen[: self.limits.most_moved]:
             best = _rank([best, self._refit_to_ink(view, one)])[0]
@@ -270,8 +256,7 @@ class LineSearch:
                 break
         if not is_convincing([best], self.limits.sure):
             for one in seen[: self.limits.most_moved]:
-                tried = [*(move_line(one.line, *move) for move in MOVES), *longer(one.line)]
-                best = _rank([best, *self._read_inside(view, tried)])[0]
+                best = _rank([best, *self._read_inside(view, variants(one.line))])[0]
                 if is_convincing([best], self.limits.sure):
                     break
         elif self.grammar is None:
@@ -304,11 +289,11 @@ class LineSearch:
     def _refit_to_ink(self, view: View, one: ReadLine) -> ReadLine:
         """Refit a doubtful line to its ink, if that removes much of the doubt."""
         for _ in range(self.limits.most_refits):
-            doubt = one.belief.lattice.n_places - promise_of(one)
+            doubt = one.lattice.n_places - promise_of(one)
             if is_convincing([one], self.limits.settled):
                 break
             known = self.height_mm is not None
-            looked = self._read_inside(view, on_ink(view, one.line, one.belief.columns, height_known=known))
+            looked = self._read_inside(view, on_ink(view, one.line, one.columns, height_known=known))
             if not looked or promise_of(looked[0]) < promise_of(one) + self.limits.refit_gain * doubt:
                 break
             one = looked[0]
@@ -362,8 +347,8 @@ def is_convincing(seen: Sequence[ReadLine], enough: float) -> bool:
     """Whether the first line is convincing: it reaches this share of the greatest promise that its places allow."""
     if not seen:
         return False
-    belief = seen[0].belief
-    return belief.promise > enough * belief.lattice.n_places and belief.lattice.n_places > 1
+    best, places = seen[0], seen[0].lattice.n_places
+    return best.promise > enough * places and places > 1
 
 
 def _rank(seen: Sequence[ReadLine]) -> list[ReadLine]:
@@ -378,7 +363,7 @@ def promise_of(one: ReadLine, *, turned_cost: float = 1.5, bent_cost: float = 0.
         bent_cost: nats that an arc must gain over a straight line.
     """
     turned, bent = abs(one.line.turned_deg) > 45.0, len(one.line.centre_mm) > 2
-    return one.belief.promise - turned_cost * turned - bent_cost * bent
+    return one.promise - turned_cost * turned - bent_cost * bent
 
 
 def _touches_ends(one: ReadLine, *, end_heights: float = 0.55) -> tuple[bool, bool]:
@@ -389,7 +374,7 @@ def _touches_ends(one: ReadLine, *, end_heights: float = 0.55) -> tuple[bool, bo
         end_heights: distance from a strip's end within which a character may have a neighbour beyond it, character
             heights.
     """
-    columns = one.belief.columns
+    columns = one.columns
     if columns.size == 0:
         return False, False
     near = (end_heights + MARGIN) * HEIGHT_ROWS

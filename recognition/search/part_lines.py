@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from recognition.combine.line_belief import LineBelief, pool
+from recognition.combine.read_line import ReadLine
 from recognition.language.grammar import Grammar
-from recognition.language.lattice import Lattice
-from recognition.lines.places import boxes_of
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
@@ -84,32 +82,6 @@ def about_region(
 
 
 NO_LINES: Mapping[str, LineFormat] = MappingProxyType({})
-
-
-@dataclass(frozen=True, eq=False)
-class ReadLine:
-    """A line and its posteriors."""
-
-    line: TextLine
-    belief: LineBelief
-
-    @property
-    def lattice(self) -> Lattice:
-        """Its posteriors under the format, with the box of each place in the frame of the view."""
-        return replace(self.belief.lattice, boxes=boxes_of(self.line, self.belief.columns))
-
-    @property
-    def open_lattice(self) -> Lattice:
-        """The same without the format."""
-        lattice, columns = self.belief.open_places
-        return replace(lattice, boxes=boxes_of(self.line, columns))
-
-    def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
-        """The same line with the posteriors of further experts."""
-        if not more:
-            return self
-        by_expert = MappingProxyType({**more, **self.belief.by_expert})
-        return replace(self, belief=replace(self.belief, lattice=pool(by_expert), by_expert=by_expert))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,19 +13,16 @@ from types import MappingProxyType
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from glyphs.fonts.glyph import Font
+from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import log_odds, with_score
-from recognition.decision.which_way_up import ways_possible, weigh_orientation
-from recognition.experts.steps import EXPERTS
-from recognition.glyph_match.prototypes import Prototypes, belief_of, lit_prototypes
+from recognition.decision.which_way_up import weigh_orientation
+from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
 from recognition.language.lattice import Lattice
 from recognition.search.line_reader import LineReader, is_agreed
-from recognition.search.line_search import LineSearch
-from recognition.search.part_lines import ReadLine
 from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
@@ -53,26 +50,15 @@ class VisionReader:
             MarksError: `experts` lacks the network, without which no photograph is read.
         """
         self.settings = (settings if settings is not None else ReaderSettings()).of("vision")
-        if self.settings.experts and "network" not in self.settings.experts:
+        if "network" not in self.settings.experts:
             raise MarksError(
                 f"no photograph is read by {', '.join(self.settings.experts)}",
                 hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
-        self.chars, self.grammar, self.fonts = repertoire.chars, repertoire.grammar, repertoire.fonts
-        self._readers = {
-            scaled: LineReader(
-                LineSearch(
-                    self.grammar,
-                    self.chars,
-                    height_mm=self.settings.height_mm if scaled else None,
-                    region=self.settings.region,
-                    orientation=self.settings.orientation,
-                ),
-                self.settings.asked,
-            )
-            for scaled in (True, False)
-        }
+        self.fonts, self._scaled = repertoire.fonts, LineReader(repertoire.search, self.settings.asked)
+        # a height in mm says nothing about a photograph of unknown scale
+        self._unscaled = replace(self._scaled, search=replace(repertoire.search, height_mm=None))
 
     def read_photo(self, photo: Photo, *, about: TextLine | None = None) -> Reading:
         """Read a photograph, with no more pixels than its characters need.
@@ -112,8 +98,9 @@ class VisionReader:
         left_out: tuple[int, ...] = (),
     ) -> Reading:
         scaled = photo.pitch_mm is not None
+        lines = self._scaled if scaled else self._unscaled
         with timer.step("read"):
-            part = self._readers[scaled].read(*views, about=about, twice=bool(self._judging))
+            part = lines.read(*views, about=about, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")
@@ -130,31 +117,19 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).with_trace(photo=photo)
-        made = with_score(made)
-        ways = ways_possible(self.settings.orientation, turned_deg=made.rotation_deg)
-        accept = self.settings.accept_confidence
-        return weigh_orientation(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
-
-    @cached_property
-    def _judging(self) -> list[tuple[Font, str]]:
-        """Named fonts that are matched to lines, each with the characters to look for."""
-        if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
-            return []
-        has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
-        return [(font, chars) for font, chars in has if chars]
+        return weigh_orientation(with_score(made), views[0], lines)
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
         """Prototypes of each named font, under several lights; made for the first line that needs them."""
-        return tuple(lit_prototypes(font, chars) for font, chars in self._judging)
+        chars_of = self._scaled.search.chars_of
+        return tuple(lit_prototypes(font, chars) for font in self.fonts if (chars := chars_of(font)))
 
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
         """Match the named fonts to a line that the recogniser is not sure of."""
-        belief = main.belief
-        if not self._judging or is_agreed(belief):
+        if not self.settings.templates_judge or is_agreed(main) or not self.prototypes:
             return {}
-        found = belief_of(views, main.line, belief.columns, self.prototypes, belief.lattice)
-        return {} if found is None else {"templates": found[0]}
+        return {"templates": match_fonts(views, main.line, main.columns, self.prototypes, main.lattice)[0]}
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.line_search import LineSearch
 from recognition.search.part_lines import LineFormat, Region, check_region
 from whisker_array.simulation.traces import Fidelity
 
@@ -58,7 +59,7 @@ class ReaderSettings:
         accept_risk: greatest expected share of wrong readings among those accepted; each sense has its own threshold
             for it (`recognition.decision.score.Score.threshold`).
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
-        experts: names of `EXPERTS` that read; empty for all.
+        experts: names of `EXPERTS` that read (default: all).
         region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned
             (default: anywhere).
         lines: formats and regions of other lines on the part, by name.
@@ -101,11 +102,16 @@ class ReaderSettings:
         # pairs, so that settings can be keys
         object.__setattr__(self, "lines", tuple(dict(self.lines).items()))
         experts = (self.experts,) if isinstance(self.experts, str) else tuple(self.experts)
-        object.__setattr__(self, "experts", experts)
+        object.__setattr__(self, "experts", experts or EXPERTS)
         unknown = sorted({*experts} - {*EXPERTS})
         if unknown:
             raise ValueError(f"there is no expert {', '.join(unknown)}; there are {', '.join(EXPERTS)}")
         _ = self.grammar, self.asked
+
+    @property
+    def templates_judge(self) -> bool:
+        """Whether the templates of the named fonts are compared with the marks."""
+        return bool(self.fonts) and "templates" in self.experts
 
     def of(self, source: str) -> ReaderSettings:
         """The settings of one source of readings, with its own threshold for the risk that is accepted."""
@@ -136,14 +142,13 @@ class ReaderSettings:
 
 
 class Repertoire:
-    """The fonts of a reader, and the characters that it looks for at each place.
+    """The fonts of a reader, and the search for the characters that it looks for.
 
     Attributes:
         fonts: loaded; without named ones, a few that stand in.
         strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
-        grammar: format of the serial.
         places: characters at each place; None if their number is not fixed.
-        chars: all characters that are searched for.
+        search: search for lines of all characters that may occur.
     """
 
     def __init__(self, settings: ReaderSettings) -> None:
@@ -157,12 +162,17 @@ class Repertoire:
         stand_ins = [load_font(font) for font in STAND_INS]
         known = {font.name for font in self.fonts}
         self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
-        self.grammar = settings.grammar
         others = {char for line in settings.asked.values() for char in line.grammar.characters}
         # characters that the format forbids are searched for as well, so that one on the part is noticed
-        own = SIGNS if self.grammar is None else self.grammar.characters
-        self.chars = "".join(sorted({*ALPHANUMERIC, *others, *own}))
-        self.places = None if self.grammar is None else self.grammar.fixed_places
+        own = SIGNS if settings.grammar is None else settings.grammar.characters
+        self.search = LineSearch(
+            settings.grammar,
+            "".join(sorted({*ALPHANUMERIC, *others, *own})),
+            height_mm=settings.height_mm,
+            region=settings.region,
+            orientation=settings.orientation,
+        )
+        self.places = None if settings.grammar is None else settings.grammar.fixed_places
         for font in self.fonts if settings.fonts else ():
             lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -17,6 +18,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
+from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.depth_rules import judged_by
@@ -24,13 +26,11 @@ from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import score_of, serial_is_sure, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
-from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
-from recognition.experts.steps import EXPERTS
+from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, weigh_orientation
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.laid_line import with_depths
-from recognition.glyph_match.predicted import TemplateSet, template_key
-from recognition.glyph_match.prototypes import belief_of, felt_prototypes
-from recognition.glyph_match.template_cache import MOST_SETS, TemplateCache
+from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_templates, template_key
+from recognition.glyph_match.prototypes import felt_prototypes, match_fonts
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.depth import mark_depths
@@ -38,12 +38,10 @@ from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, is_o
 from recognition.marks.laid_text import laid_text
 from recognition.marks.strokes import felt_others, strokes_of
 from recognition.search.correlation_search import CorrelationSearch
+from recognition.search.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.search.line_reader import LineReader
-from recognition.search.line_search import MOST_SCANS, LineSearch
-from recognition.search.part_lines import ReadLine
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
-from recognition.views.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, relief_of
@@ -66,22 +64,13 @@ class TactileReader:
         """
         self.settings = (settings if settings is not None else ReaderSettings()).of("tactile")
         repertoire = Repertoire(self.settings)
-        self.chars, self.grammar = repertoire.chars, repertoire.grammar
         self.places, self.fonts, self.named = repertoire.places, repertoire.fonts, bool(self.settings.fonts)
-        self.templates_judge = self.named and "templates" in (self.settings.experts or EXPERTS)
         self.strokes_of = repertoire.strokes_of
         # all fonts that are named compete for every part
-        self.cache = TemplateCache(most_sets=max(MOST_SETS, len(self.fonts)))
-        network = "network" in (self.settings.experts or EXPERTS)
-        search = LineSearch(
-            self.grammar,
-            self.chars,
-            height_mm=self.settings.height_mm,
-            region=self.settings.region,
-            orientation=self.settings.orientation,
-        )
-        if not network:
-            search = CorrelationSearch(**vars(search), fonts=self.fonts, cache=self.cache)
+        self.predict = lru_cache(max(MOST_SETS, len(self.fonts)))(predict_templates)
+        search = repertoire.search
+        if "network" not in self.settings.experts:
+            search = CorrelationSearch(**vars(search), fonts=self.fonts, predict=self.predict)
         self.lines = LineReader(search, self.settings.asked)
 
     def read_height_map(
@@ -112,7 +101,7 @@ class TactileReader:
             )
         feel = feel or virtual_feel(fidelity=self.settings.fidelity, soil=soil, part_id=part_id)
         best: Reading | None = None
-        for height in heights[:MOST_SCANS]:
+        for height in heights:
             with timer.step("scan"):
                 scan = feel(levelled, height)
             tried = self._read(scan, timer).with_trace(height_map=levelled)
@@ -168,8 +157,8 @@ class TactileReader:
             main = part.main
             if main is not None:
                 if relief is not None:
-                    text = main.belief.lattice.text
-                    felt = felt_line(view, main.line, main.belief.columns, text, self.strokes_of)
+                    text = main.lattice.text
+                    felt = felt_line(view, main.line, main.columns, text, self.strokes_of)
                     part = felt_others(part, felt, self.strokes_of)
                 part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
         reading = reading_of_line(part, self.settings, flags=flags, source="tactile")
@@ -196,11 +185,9 @@ class TactileReader:
         if edges is None:
             return reading
         fresh = reading.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
-        ways = ways_possible(
-            self.settings.orientation, rows_known=rows_known, turned_deg=reading.rotation_deg
+        return weigh_orientation(
+            fresh, felt_view(edges, reading.trace.relief), self.lines, rows_known=rows_known
         )
-        view, accept = felt_view(edges, reading.trace.relief), self.settings.accept_confidence
-        return weigh_orientation(fresh, view, self.lines, ways, accept_confidence=accept)
 
     def may_be_mirrored(self, reading: Reading) -> bool:
         """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""
@@ -212,20 +199,18 @@ class TactileReader:
 
     def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
         """Match the named fonts to a line."""
-        if not self.templates_judge or "templates" in main.belief.by_expert or not main.belief.columns.size:
+        if not self.settings.templates_judge or "templates" in main.by_expert or not main.columns.size:
             return {}
-        line, columns = (main.line, main.belief.columns) if felt is None else (felt.line, felt.columns)
+        line, columns = (main.line, main.columns) if felt is None else (felt.line, felt.columns)
         raised = felt is not None and felt.raised
-        fonts = [font for font in self.fonts if set(self.chars) & set(font.glyphs)]
-        sets = [self._template_set(font, view, line.height_mm, raised=raised) for font in fonts]
-        found = belief_of(
-            [view], line, columns, [[felt_prototypes(one)] for one in sets], main.belief.lattice
-        )
-        if found is None:
+        fonts = [font for font in self.fonts if self.lines.search.chars_of(font)]
+        if not fonts:
             return {}
-        lattice, best = found
+        sets = [self._template_set(font, view, line.height_mm, raised=raised) for font in fonts]
+        prototypes = [[felt_prototypes(one)] for one in sets]
+        lattice, best = match_fonts([view], line, columns, prototypes, main.lattice)
         if felt is not None:
-            together = main.with_experts({"templates": lattice}).belief.lattice
+            together = main.with_experts({"templates": lattice}).lattice
             lattice = with_depths(lattice, together, felt, fonts[best])
         return {"templates": lattice}
 
@@ -233,19 +218,16 @@ class TactileReader:
         self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT
     ) -> TemplateSet:
         """Templates of a font's characters, predicted for the touch of a view."""
-        chars = "".join(c for c in self.chars if c in font.glyphs)
         # the height found differs from part to part, and each new height takes 0.5 s to predict
         height_mm = self.settings.height_mm or height_mm
         key = template_key(font, _touch_of(view), height_mm=height_mm, raised=raised, face=face)
-        return self.cache.get(font, chars, key)
+        return self.predict(font, self.lines.search.chars_of(font), key)
 
     def _with_strokes(self, reading: Reading, main: ReadLine, felt: FeltLine) -> Reading:
         """Lay the text on the line and add evidence for its strokes and those of rival characters."""
         text = [c.char for c in reading.characters]
         laid = laid_text(felt, text, self.fonts, stand_ins=self.strokes_of[len(self.fonts) :])
-        strokes = (
-            () if laid is None else strokes_of(laid, main.belief.lattice, slope=score_of("tactile").slope)
-        )
+        strokes = () if laid is None else strokes_of(laid, main.lattice, slope=score_of("tactile").slope)
         resized = felt.line is not main.line and reading.height_mm == main.line.height_mm
         height_mm = felt.line.height_mm if resized else reading.height_mm
         sized = replace(reading, height_mm=height_mm, raised=felt.raised)
@@ -276,7 +258,7 @@ class TactileReader:
             reading, font=laid.font.name, height_mm=laid.height_mm, rotation_deg=laid.rotation_deg
         )
         # the network judges each character by itself; templates only compare characters that were felt
-        alone = "network" not in main.belief.by_expert
+        alone = "network" not in main.by_expert
         return doubted_guesses(settled, laid, self.places) if alone else settled
 
 

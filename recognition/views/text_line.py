@@ -70,13 +70,6 @@ class TextLine:
         return float(np.linalg.norm(np.diff(self.centre_mm, axis=0), axis=1).sum())
 
     @property
-    def sag_mm(self) -> float:
-        """Greatest distance of the curve's points from the line between its ends."""
-        first, last = self.centre_mm[0], self.centre_mm[-1]
-        along = (last - first) / np.linalg.norm(last - first)
-        return float(np.abs((self.centre_mm - first) @ np.array([-along[1], along[0]])).max())
-
-    @property
     def turned_deg(self) -> float:
         """Rotation of the line from its start to its end, from +x towards +y."""
         across, down = self.centre_mm[-1] - self.centre_mm[0]
@@ -91,25 +84,17 @@ class TextLine:
         """Return the number of columns of its strip."""
         return max(8, math.ceil((self.length_mm / self.height_mm + 2 * margin) * HEIGHT_ROWS))
 
-    def grid_mm(
-        self, columns: Points, rows: Points, *, margin: float = MARGIN, of_rows: float = ROWS
+    def places_mm(
+        self, columns: Points, rows: Points | float, *, margin: float = MARGIN, of_rows: float = ROWS
     ) -> Points:
-        """(rows, columns, 2) x, y of the pixels of its strip, given in pixels from the middle of its first one.
+        """(..., 2) x, y of points of its strip, given in pixels from the middle of its first one.
 
         Args:
-            columns: (columns,) along the line; a curve continues straight beyond its ends.
-            rows: (rows,) down.
+            columns: (n,) along the line; a curve continues straight beyond its ends.
+            rows: (n,) down, or (rows, 1) for a grid of all rows and columns.
             margin: margin of the strip, character heights.
             of_rows: number of rows of the strip.
         """
-        on, down = self._frames(columns, margin)
-        far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)
-        return np.asarray(on + far[:, None, None] * down)
-
-    def places_mm(
-        self, columns: Points, rows: Points, *, margin: float = MARGIN, of_rows: float = ROWS
-    ) -> Points:
-        """(n, 2) x, y of points of its strip at n columns and n rows, as in `grid_mm`."""
         on, down = self._frames(columns, margin)
         far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)
         return np.asarray(on + far[..., None] * down)

@@ -161,7 +161,7 @@ class View:
             return self.halved.strip(line, rows=rows, margin=margin, zoom=zoom)
         rows, columns = round(rows * zoom), round(line.columns(margin=margin) * zoom)
         u, v = ((np.arange(n, dtype=np.float64) + 0.5) / zoom - 0.5 for n in (columns, rows))
-        places = line.grid_mm(u, v, margin=margin, of_rows=rows / zoom)
+        places = line.places_mm(u, v[:, None], margin=margin, of_rows=rows / zoom)
         strip = self.sample(places, line.turned_deg)
         strip[HEIGHTS] /= line.height_mm
         return strip

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
+from recognition.experts.steps import EXPERTS
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,13 +61,13 @@ def test_the_readers_are_told_who_has_a_say() -> None:
     reader = open_reader(ReadSettings(experts="network, templates"))
     assert reader.settings.experts == ("network", "templates")
     named = [
-        open_reader(ReadSettings(font=("gothic",), experts=who)).touch.templates_judge
+        open_reader(ReadSettings(font=("gothic",), experts=who)).settings.templates_judge
         for who in ((), ("network",), ("network", "templates"))
     ]
     assert named == [True, False, True]
     with pytest.raises(MarksError, match="no photograph is read by templates; add the expert network"):
         _ = open_reader(ReadSettings(experts=("templates",))).vision
-    assert open_reader(ReadSettings()).settings.experts == ()
+    assert open_reader(ReadSettings()).settings.experts == EXPERTS
 
 
 def test_settings_that_say_nothing_load_no_library_of_reading() -> None:

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from recognition.combine.line_belief import line_belief, word_gaps
+from recognition.combine.read_line import ReadLine, combine_looks, word_gaps
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
-from recognition.search.part_lines import LineFormat, PartLines, ReadLine
+from recognition.search.part_lines import LineFormat, PartLines
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 CHARS = "AB812"
@@ -45,9 +45,9 @@ def line_of(
         where[2 * k + 1] = columns[k]
         where[2 * k] = columns[k] - 5.0
     where[-1] = columns[-1] + 5.0
-    belief = line_belief([Steps.of(blank, shares, CHARS, where)], grammar)
-    assert belief is not None
-    return ReadLine(at, belief)
+    made = combine_looks(at, [Steps.of(blank, shares, CHARS, where)], grammar)
+    assert made is not None
+    return made
 
 
 def read(
@@ -123,12 +123,12 @@ def test_a_sign_that_is_none_of_the_formats_is_not_taken_for_its_character() -> 
     grammar = Grammar(format="AA9")
     # at the last place hardly anything is heard but that something stands there
     sure = line_of("AB2", grammar=grammar)
-    steps = sure.belief.looks[0]
+    steps = sure.looks[0]
     shares, blank = np.exp(steps.log_chars), np.exp(steps.log_blank)
     shares[5], blank[5] = 0.1 * shares[5], 1e-4
-    belief = line_belief([Steps.of(blank, shares, CHARS, steps.columns)], grammar)
-    assert belief is not None
-    found = read(ReadLine(LINE, belief), grammar=grammar)
+    line = combine_looks(LINE, [Steps.of(blank, shares, CHARS, steps.columns)], grammar)
+    assert line is not None
+    found = read(line, grammar=grammar)
     assert (found.text, found.decision) == ("AB2", Decision.REVIEW)
     assert found.messages() == ("2 at place 3 may be a sign outside the format (compare it with the part)",)
     assert read(sure, grammar=grammar).decision is Decision.ACCEPT
@@ -138,8 +138,8 @@ def test_a_twin_is_what_the_format_makes_of_it() -> None:
     # the place is read as the 8's twin here: B for 8 is none, and is told of
     grammar = Grammar(format="AA9")
     line = line_of("AB8", sure=0.05, rival="ABB", grammar=grammar)
-    assert line.belief.evidence < IN_FORMAT["tactile"]
-    assert line.belief.evidence_of(grammar, alike=("8B",)) > -0.1
+    assert line.evidence < IN_FORMAT["tactile"]
+    assert line.evidence_of(grammar, alike=("8B",)) > -0.1
     assert read(line, grammar=grammar).flags & ReadingFlag.FORMAT_OVERRULED
 
 

@@ -24,7 +24,6 @@ from recognition.senses.settings import ReaderSettings
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view
 
-ACCEPT = 0.98
 SURE = 0.99
 
 
@@ -63,7 +62,7 @@ def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: py
     monkeypatch.setattr(which_way_up, "LEAST_LEAD_NATS", math.inf)
     view = view_of("822800")
     reading, lines = read(view, "999999")
-    found = weigh_orientation(reading, view, lines, tuple(Way), accept_confidence=ACCEPT)
+    found = weigh_orientation(reading, view, lines, rows_known=False)
     assert (found.text, found.decision) == ("822800", Decision.REVIEW)
     assert any("also readable with its rows in the other order: " in m for m in found.messages())
 
@@ -71,7 +70,7 @@ def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: py
 def test_what_a_look_settles_is_no_doubt() -> None:
     view = view_of("471275")
     reading, lines = read(view, "999999")
-    assert weigh_orientation(reading, view, lines, (Way.UPSIDE_DOWN,), accept_confidence=ACCEPT) is reading
+    assert weigh_orientation(reading, view, lines) is reading
 
 
 @pytest.mark.parametrize(
@@ -95,9 +94,7 @@ def test_another_line_that_reads_one_way_settles_it(
     down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
     other = OtherLine("", text, confidence, line=place.reversed if reverse else place)
-    found = weigh_orientation(
-        replace(reading, others=(other,)), both, lines, (Way.UPSIDE_DOWN,), accept_confidence=ACCEPT
-    )
+    found = weigh_orientation(replace(reading, others=(other,)), both, lines)
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
 
 

@@ -13,10 +13,10 @@ from glyphs import stamp
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from recognition.glyph_match.depth_glyphs import depth_glyph
-from recognition.glyph_match.felt_line import SETTLED, FeltLine
+from recognition.glyph_match.felt_line import SETTLED, USUAL, FeltLine
 from recognition.glyph_match.laid_line import with_depths
-from recognition.glyph_match.pose import DEEP, PIXELS, RIGHT, TALL, TURN, WIDE, Glyph, PlaceSamples, pose
-from recognition.glyph_match.predicted import predict_templates, template_key
+from recognition.glyph_match.pose import DEEP, DOWN, PIXELS, RIGHT, TALL, TURN, WIDE, Glyph, PlaceSamples
+from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, predict_templates, template_key
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import TextLine
@@ -46,11 +46,18 @@ def test_depths_of_a_die_are_those_that_a_whisker_feels(name: str, touch: Touch)
     for char, (x, y) in zip(set_.chars, set_.middles_mm, strict=True):
         want = depth_glyph(font, char)[..., 0]
         v, u = (np.indices(want.shape) - [[[want.shape[0] // 2]], [[want.shape[1] // 2]]]) * (
-            set_.height_mm / PIXELS
+            CANONICAL_HEIGHT_MM / PIXELS
         )
         felt_there = -set_.view.sample(np.stack([x + u, y + v], axis=-1), 0.0)[HEIGHTS]
-        near = np.abs(u) < 0.45 * set_.height_mm
+        near = np.abs(u) < 0.45 * CANONICAL_HEIGHT_MM
         assert np.corrcoef(want[near], felt_there[near])[0, 1] > 0.96
+
+
+def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> np.ndarray:
+    """A pose of usual depth on level land."""
+    made = USUAL.copy()
+    made[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
+    return made
 
 
 def samples_of(glyph: Glyph, at: np.ndarray, *, noise: float = 0.0, seed: int = 0) -> PlaceSamples:
@@ -70,17 +77,18 @@ def test_a_pose_is_found_again_and_other_characters_fit_worse(
     struck = pose(right=right, down=down, size=size)
     struck[[TURN, DEEP]] = turn, deep
     place = samples_of(glyphs["R"], struck, noise=1.0, seed=seed)
-    starts = [pose(right=a, down=b) for a in (-0.07, 0.0, 0.07) for b in (-0.07, 0.0, 0.07)]
-    likely, found = place.fit(glyphs["R"], pose(), SETTLED, starts)
+    # correlation finds a character's place to a pixel, and the fit begins there
+    start = pose(right=right + 0.02, down=down - 0.02)
+    likely, found = place.fit(glyphs["R"], USUAL, SETTLED, start)
     np.testing.assert_allclose(found[[RIGHT, 1, TURN, WIDE, TALL, DEEP]], struck[: DEEP + 1], atol=0.05)
-    assert all(place.fit(glyphs[other], pose(), SETTLED, starts)[0] < likely for other in "PBK")
+    assert all(place.fit(glyphs[other], USUAL, SETTLED, start)[0] < likely for other in "PBK")
 
 
 @given(right=SHORT, size=SHORT, turn=SHORT, number=st.integers(0, 8))
 def test_slopes_are_those_of_the_residuals(
     glyph: Glyph, right: float, size: float, turn: float, number: int
 ) -> None:
-    place, at, step = samples_of(glyph, pose()), pose(right=right, size=size), 0.01
+    place, at, step = samples_of(glyph, USUAL), pose(right=right, size=size), 0.01
     at[TURN] = turn
     move = step * (np.arange(at.size) == number)
     differences = (place.residuals(glyph, at + move) - place.residuals(glyph, at - move)) / (2.0 * step)
@@ -91,7 +99,7 @@ def test_slopes_are_those_of_the_residuals(
 
 
 def test_what_lies_far_off_costs_only_so_much(glyph: Glyph) -> None:
-    place = samples_of(glyph, pose())
+    place = samples_of(glyph, USUAL)
     cost, share, bend = place.loss(np.array([0.0, 4.0, 1e4, 1e6]))
     assert cost[0] < cost[1] < cost[2] == cost[3]
     assert share[0] * place.alike > 0.9

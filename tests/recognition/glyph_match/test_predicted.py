@@ -9,7 +9,6 @@ import pytest
 
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
-from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import ideal_relief
 from glyphs.stamping.faces import default_depth_mm, default_die
 from recognition.glyph_match.predicted import (
@@ -18,12 +17,12 @@ from recognition.glyph_match.predicted import (
     TemplateKey,
     TemplateSet,
     ideal_plate,
+    line_of,
     lit_views,
     predict_templates,
     round_to_ladder,
     template_key,
 )
-from recognition.glyph_match.template_cache import TemplateCache
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.views.view import DIRECTIONS, GREY, HEIGHTS, ViewKind
 from whisker_array.estimation.edges import edge_map
@@ -101,9 +100,10 @@ def test_touch_is_free_of_scale(height_mm: float, gothic: Font, touch: Touch, te
 
 def test_the_plate_that_is_felt_is_that_of_the_patches(templates: TemplateSet) -> None:
     """Its strip has every character where `middles_mm` says, with edges and heights."""
-    strip = templates.view.strip(templates.line)
+    line = line_of(templates.middles_mm)
+    strip = templates.view.strip(line)
     assert templates.view.kind is ViewKind.FELT
-    along = np.linalg.norm(templates.middles_mm - templates.line.centre_mm[0], axis=1) / templates.height_mm
+    along = np.linalg.norm(templates.middles_mm - line.centre_mm[0], axis=1) / line.height_mm
     ink = strip[HEIGHTS] < 0.5 * strip[HEIGHTS].min()
     for at, half in zip((along + MARGIN) * HEIGHT_ROWS - 0.5, templates.half_width, strict=True):
         near = slice(round(at - 0.6 * HEIGHT_ROWS), round(at + 0.6 * HEIGHT_ROWS) + 1)
@@ -129,22 +129,8 @@ def test_a_lit_plate_is_bright_where_it_faces_the_lamp(gothic: Font) -> None:
 
 
 def test_near_equal_parts_share_a_set_and_other_touches_do_not(gothic: Font, touch: Touch) -> None:
-    cache = TemplateCache()
-    first = cache.get(gothic, "1", key_of(gothic, touch))
-    assert cache.get(gothic, "1", key_of(gothic, touch, 5.02)) is first
-    slippery = replace(touch, friction=0.1)
-    assert cache.get(gothic, "1", key_of(gothic, slippery)) is not first
-    assert cache.get(gothic, "7", key_of(gothic, touch)) is not first
-    assert cache.get(load_font("futural"), "1", key_of(gothic, touch)) is not first
-
-
-def test_the_cache_forgets_what_was_used_longest_ago(gothic: Font, touch: Touch) -> None:
-    cache = TemplateCache(most_sets=2)
-    one, two = (cache.get(gothic, c, key_of(gothic, touch)) for c in "1I")
-    assert cache.get(gothic, "1", key_of(gothic, touch)) is one
-    cache.get(gothic, "L", key_of(gothic, touch))
-    assert cache.get(gothic, "1", key_of(gothic, touch)) is one
-    assert cache.get(gothic, "I", key_of(gothic, touch)) is not two
+    assert key_of(gothic, touch, 5.02) == key_of(gothic, touch)
+    assert key_of(gothic, replace(touch, friction=0.1)) != key_of(gothic, touch)
 
 
 @pytest.mark.parametrize("step", [0.1, 0.2])

@@ -26,11 +26,11 @@ from recognition.glyph_match.predicted import (
 from recognition.glyph_match.prototypes import (
     LIGHTS,
     Prototypes,
-    belief_of,
     cosines,
     felt_prototypes,
     lattice_of,
     lit_prototypes,
+    match_fonts,
 )
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
@@ -61,10 +61,10 @@ def lamps(gothic: Font) -> tuple[Prototypes, ...]:
     return lit_prototypes(gothic, ALPHANUMERIC)
 
 
-def of_plate(view: View, middles_mm: Floats, height_mm: float) -> tuple[Features, Floats]:
+def of_plate(view: View, middles_mm: Floats) -> tuple[Features, Floats]:
     """Features of a predicted plate, and the columns at which its characters stand."""
-    line = line_of(middles_mm, height_mm)
-    along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / height_mm
+    line = line_of(middles_mm)
+    along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / line.height_mm
     return features_of(view.strip(line)), (along + MARGIN) * HEIGHT_ROWS - 0.5
 
 
@@ -95,8 +95,8 @@ def test_what_is_felt_of_a_fonts_own_plate_is_read_back(
     one = sets(font)
     made = felt_prototypes(one)
     assert made is felt_prototypes(one)
-    assert (made.font, "".join(made.chars)) == (font, ALPHANUMERIC)
-    cosine = cosines(*of_plate(one.view, one.middles_mm, one.height_mm), made)
+    assert "".join(made.chars) == ALPHANUMERIC
+    cosine = cosines(*of_plate(one.view, one.middles_mm), made)
     np.testing.assert_allclose(np.diag(cosine), 1.0, atol=1e-5)
     assert cosine.max() <= 1.0 + 1e-5
     assert leads(cosine).min() > LEAST_LEAD
@@ -107,14 +107,14 @@ def test_what_is_seen_of_a_fonts_own_plate_is_read_back_under_each_light(
 ) -> None:
     plate = ideal_plate(gothic, ALPHANUMERIC, default_die(CANONICAL_HEIGHT_MM, font=gothic))
     for made, view in zip(lamps, lit_views(plate, LIGHTS), strict=True):
-        cosine = cosines(*of_plate(view, plate.middles_mm, CANONICAL_HEIGHT_MM), made)
+        cosine = cosines(*of_plate(view, plate.middles_mm), made)
         np.testing.assert_allclose(np.diag(cosine), 1.0, atol=1e-5)
         assert leads(cosine).min() > LEAST_LEAD
 
 
 def test_a_place_may_lie_off_by_some_steps(sets: Callable[[str], TemplateSet]) -> None:
     one = sets("gothic")
-    features, columns = of_plate(one.view, one.middles_mm, one.height_mm)
+    features, columns = of_plate(one.view, one.middles_mm)
     for steps in range(-3, 4):
         cosine = cosines(features, columns + steps * FEATURE_COLUMNS, felt_prototypes(one))
         np.testing.assert_allclose(np.diag(cosine), 1.0 - 0.007 * abs(steps), atol=1e-5)
@@ -140,19 +140,18 @@ def test_a_dirty_line_is_read_in_the_font_that_is_named(
     part = part_of(dirt)
     view, where = touched(part, touch), stamped_line(part.stamped)
     gothic, timesr = (felt_prototypes(sets(name)) for name in ("gothic", "timesr"))
-    found, _ = belief_of([view], *where, [[gothic]], even(TEXT))
+    found, _ = match_fonts([view], *where, [[gothic]], even(TEXT))
     assert found.text == TEXT
     assert surest_at_least(found) > 0.8
     # of several fonts the one that suits
     for which, fonts in enumerate(([[gothic], [timesr]], [[timesr], [gothic]])):
-        chosen, best = belief_of([view], *where, fonts, even(TEXT))
+        chosen, best = match_fonts([view], *where, fonts, even(TEXT))
         np.testing.assert_array_equal(chosen.log_belief, found.log_belief)
         assert best == which
-    assert surest_at_least(belief_of([view], *where, [[timesr]], even(TEXT))[0]) < surest_at_least(found)
+    assert surest_at_least(match_fonts([view], *where, [[timesr]], even(TEXT))[0]) < surest_at_least(found)
     # two views that show the same say what one says, and without fonts nothing is said
-    twice, _ = belief_of([view, view], *where, [[gothic]], even(TEXT))
+    twice, _ = match_fonts([view, view], *where, [[gothic]], even(TEXT))
     np.testing.assert_allclose(twice.log_belief, found.log_belief, atol=1e-9)
-    assert belief_of([view], *where, [], even(TEXT)) is None
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 100.0, 225.0])
@@ -163,7 +162,7 @@ def test_a_photograph_is_read_wherever_the_lamp_stands(
     width, high = part.height_map.size_mm
     taken = part.photograph(light_azimuth_deg=azimuth_deg, light_elevation_deg=35.0, pixel_mm=0.1)
     view = photo_view(replace(taken, centre_mm=(0.5 * width, 0.5 * high)))
-    found, _ = belief_of([view], *stamped_line(part.stamped), [lamps], even(TEXT))
+    found, _ = match_fonts([view], *stamped_line(part.stamped), [lamps], even(TEXT))
     assert found.text == TEXT
     assert surest_at_least(found) > 0.5
 

@@ -37,8 +37,8 @@ def reader_of(format: str) -> LineReader:
 def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
     part = reader_of(format).read(VIEW)
     assert part.main is not None
-    assert part.main.belief.lattice.text == meant
-    assert [one.belief.open_places[0].text for one in part.others] == [other]
+    assert part.main.lattice.text == meant
+    assert [one.open_places[0].text for one in part.others] == [other]
 
 
 def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
@@ -78,8 +78,8 @@ def test_another_line_is_named_where_it_reads_and_stands_as_asked(
 ) -> None:
     lines = {"lot": LineFormat(Grammar(format=asked), region)}
     part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC), lines).read(VIEW)
-    assert [one.belief.lattice.text for one in part.named.values()] == ([named] if named else [])
-    assert [one.belief.open_places[0].text for one in part.others] == ([] if named else ["2938174"])
+    assert [one.lattice.text for one in part.named.values()] == ([named] if named else [])
+    assert [one.open_places[0].text for one in part.others] == ([] if named else ["2938174"])
 
 
 @pytest.mark.parametrize(("region", "meant"), [(UPPER, "KXB4071"), (LOWER, "2938174")])
@@ -89,7 +89,7 @@ def test_the_serial_stands_in_its_region(
     either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
     part = LineReader(LineSearch(either, ALPHANUMERIC, region=region)).read(VIEW)
     assert part.main is not None
-    assert part.main.belief.lattice.text == meant
+    assert part.main.lattice.text == meant
     assert len(part.others) == 1
 
 
@@ -106,7 +106,7 @@ def test_what_lies_upside_down_is_read() -> None:
     over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
     part = reader_of("AAA9999").read(heights_view(level(over)))
     assert part.main is not None
-    assert part.main.belief.lattice.text == "KXB4071"
+    assert part.main.lattice.text == "KXB4071"
     assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
 
 

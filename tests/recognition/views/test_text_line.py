@@ -123,6 +123,6 @@ def test_a_grid_is_its_places() -> None:
     line = arc(20.0, upper=False)
     columns, rows = np.arange(0.0, 90.0, 8.0), np.arange(-5.0, 50.0, 11.0)
     u, v = np.meshgrid(columns, rows)
-    grid = line.grid_mm(columns, rows)
+    grid = line.places_mm(columns, rows[:, None])
     assert grid.shape == (rows.size, columns.size, 2)
     np.testing.assert_allclose(grid, line.places_mm(u.ravel(), v.ravel()).reshape(*u.shape, 2), atol=EXACT)

@@ -7,7 +7,7 @@ import pytest
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
 from recognition import Reader
-from recognition.views.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
+from recognition.search.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan
 

@@ -11,11 +11,11 @@ is taken and nothing is felt beforehand.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
-from recognition.views.view import View, felt_view, relief_of
+from recognition.search.line_search import LineSearch
+from recognition.views.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity
@@ -48,24 +48,14 @@ def virtual_feel(
     return feel
 
 
-class HeightSearch(Protocol):
-    """A search for lines in a view."""
-
-    @property
-    def height_mm(self) -> float | None:
-        """Character height, if known."""
-
-    def heights_mm(self, view: View) -> list[float]:
-        """Character heights to scan for, most promising first."""
-
-
 def felt_heights_mm(
-    search: HeightSearch,
+    search: LineSearch,
     surface: HeightMap,
     *,
     fidelity: Fidelity = Fidelity.CONTACT,
     soil: Soil | None = None,
     feel: Feel | None = None,
+    most: int = 2,
 ) -> list[float]:
     """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
 
@@ -75,6 +65,7 @@ def felt_heights_mm(
         fidelity: fidelity of the contact.
         soil: dirt into which the tip sinks, and the part's friction, if known.
         feel: scans the surface in place of the default plan and ideal sensors.
+        most: greatest number of heights; each is worth a scan, until a reading is accepted.
 
     Raises:
         MapError: a map that cannot be scanned, a soil on another grid.
@@ -88,7 +79,7 @@ def felt_heights_mm(
         edges = edge_map(scan)
     except MapError:  # nothing was felt
         return []
-    return search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))
+    return search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))[:most]
 
 
 def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None, first_lines: int = 26) -> Scan:

@@ -9,12 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.combine.line_belief import count_places, line_belief, pool
+from recognition.combine.read_line import combine_looks, count_places, pool
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.views.text_line import TextLine
 
 CHARS = "AB8"
+LINE = TextLine.straight(0.0, 5.0, length_mm=20.0, height_mm=5.0)
 SLIP = 1e-4
 EXACT = 1e-9
 
@@ -100,13 +102,13 @@ def test_characters_are_counted(text: str) -> None:
 
 def test_a_line_is_read_with_and_without_a_format() -> None:
     looks = [steps("A8B", sure=0.9, rival="BAA")]
-    free = line_belief(looks, None)
+    free = combine_looks(LINE, looks, None)
     assert free is not None
     assert free.lattice.text == "A8B"
     assert free.evidence == 0.0
     # columns of steps 1, 3 and 5
     np.testing.assert_allclose(free.columns, [14.0, 42.0, 70.0], atol=1.0)
-    forced = line_belief(looks, Grammar(sets=("AB", "AB", "AB")))
+    forced = combine_looks(LINE, looks, Grammar(sets=("AB", "AB", "AB")))
     assert forced is not None
     assert forced.lattice.text == "AAB"
     assert np.isneginf(forced.lattice.log_belief[:, CHARS.index("8")]).all()
@@ -119,19 +121,19 @@ def test_a_line_is_read_with_and_without_a_format() -> None:
 def test_of_several_lengths_the_one_that_explains_most() -> None:
     grammar = Grammar(expression="[AB8]{2}|[AB8]{4}")
     for text in ("AB", "AB8A"):
-        found = line_belief([steps(text)], grammar)
+        found = combine_looks(LINE, [steps(text)], grammar)
         assert found is not None
         assert found.lattice.text == text
         assert set(found.by_expert) == {"network"}
 
 
 def test_a_line_with_no_room_for_the_format_is_no_belief() -> None:
-    assert line_belief([steps("A")], Grammar(sets=("AB",) * 9)) is None
+    assert combine_looks(LINE, [steps("A")], Grammar(sets=("AB",) * 9)) is None
 
 
 def test_several_looks_count_as_one() -> None:
-    once = line_belief([steps("A8B", sure=0.8)], None)
-    thrice = line_belief([steps("A8B", sure=0.8)] * 3, None)
+    once = combine_looks(LINE, [steps("A8B", sure=0.8)], None)
+    thrice = combine_looks(LINE, [steps("A8B", sure=0.8)] * 3, None)
     assert once is not None
     assert thrice is not None
     np.testing.assert_allclose(thrice.lattice.log_belief, once.lattice.log_belief, atol=1e-9)

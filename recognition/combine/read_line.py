@@ -25,17 +25,18 @@ from recognition.experts.ctc import PlaceBelief
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
-from recognition.views.text_line import HEIGHT_ROWS
+from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 Floats = NDArray[np.float64]
 _LEAST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class LineBelief:
-    """Posteriors of a line.
+class ReadLine:
+    """A line and its posteriors.
 
     Attributes:
+        line: the line in its view.
         lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
         columns: (places,) of the lattice, where each stands on the strip.
         evidence: log probability of all that the format allows together; 0 where nothing is known.
@@ -44,6 +45,7 @@ class LineBelief:
         looks: output of the recogniser along the line, for every look at it.
     """
 
+    line: TextLine
     lattice: Lattice
     columns: Floats
     evidence: float
@@ -60,6 +62,13 @@ class LineBelief:
         places = (first[0].chars,) * max(count_places(first)[0], 1)
         lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
         return pool({first[0].expert: lattice}), columns
+
+    def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
+        """The same line with the posteriors of further experts."""
+        if not more:
+            return self
+        by_expert = MappingProxyType({**more, **self.by_expert})
+        return replace(self, lattice=pool(by_expert), by_expert=by_expert)
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
@@ -86,10 +95,11 @@ class LineBelief:
         return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
 
 
-def line_belief(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief | None:
+def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | None) -> ReadLine | None:
     """Combine the recogniser's looks at a line; None where no text fits.
 
     Args:
+        line: the line.
         looks: at the line, all over the same characters.
         grammar: format of the line.
     """
@@ -102,10 +112,9 @@ def line_belief(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief |
     read = _lattice(looks, found)
     if read is None:
         return None
-    lattice, columns = read
-    by_expert = MappingProxyType({looks[0].expert: lattice})
+    by_expert = MappingProxyType({looks[0].expert: read[0]})
     evidence = 0.0 if grammar is None else _evidence(found)
-    return LineBelief(pool(by_expert), columns, evidence, likely, by_expert, tuple(looks))
+    return ReadLine(line, pool(by_expert), read[1], evidence, likely, by_expert, tuple(looks))
 
 
 Posteriors = Sequence[PlaceBelief | None]
@@ -148,17 +157,15 @@ def _with_alike(chars: str, alike: Sequence[str]) -> str:
     return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
-def count_places(looks: Sequence[Steps], *, most_counts: int = 3, most_places: int = 32) -> tuple[int, float]:
+def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
     """The likeliest number of characters, and its probability.
 
     Args:
         most_counts: looks by which characters are counted.
-        most_places: most characters of a line without a format.
     """
-    logs = [np.maximum(steps.count(), -50.0)[: most_places + 1] for steps in looks[:most_counts]]
-    total = np.mean(
-        [np.pad(log, (0, most_places + 1 - log.size), constant_values=-50.0) for log in logs], axis=0
-    )
+    logs = [np.maximum(steps.count(), -50.0) for steps in looks[:most_counts]]
+    most = max(log.size for log in logs)
+    total = np.mean([np.pad(log, (0, most - log.size), constant_values=-50.0) for log in logs], axis=0)
     many = int(np.argmax(total))
     return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
 
