@@ -101,7 +101,7 @@ class Part:
             light: lighting.
             camera: pose and optics of the camera.
             light_azimuth_deg: azimuth of the lamp, if the light is drawn.
-            light_elevation_deg: elevation of the lamp, likewise.
+            light_elevation_deg: elevation of the lamp, if the light is drawn.
             pixel_mm: size of a pixel on the part, if the camera is drawn.
             lights: number of photographs, with the lamp at even angles all round; those after the first become the
                 `others` of the first.

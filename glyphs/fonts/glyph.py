@@ -239,7 +239,7 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
     Args:
         glyph: glyph of the character.
         x: positions in the glyph frame, cap heights; any shape.
-        y: positions likewise, broadcast against x.
+        y: positions in the glyph frame, cap heights; broadcast against x.
         stroke: width of the stroke, cap heights; ignored for contours.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Dirty parts: one soiled surface that is both felt and photographed.
+"""Dirty parts: one soiled surface for touch and camera.
 
 StampedPart --soil_part--> SoiledPart --photograph--> Photo     (glyphs.camera.appearance)
                                |

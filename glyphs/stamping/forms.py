@@ -34,8 +34,7 @@ class PlateForm(OneLine):
 
     Attributes:
         radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: flat.
-        radius_y_mm: radius of the arc along y (a line along a shaft), likewise. Equal signs make a bow or a
-            dish, opposite signs a saddle.
+        radius_y_mm: the same along y (a line along a shaft). Equal signs make a bow or a dish, opposite signs a saddle.
 
     Raises:
         StampError: a radius of zero or not a number.

@@ -48,7 +48,7 @@ class Relief(OneLine, Validated, error=MapError):
     Attributes:
         height_mm: (rows, cols) float32 above the land, negative in a sunk mark; NaN where unknown.
         slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
-        slope_y: (rows, cols) float32 dh/dy, likewise.
+        slope_y: (rows, cols) float32 dh/dy, or None in the same cases along y.
         pitch_mm: pitch of the grid.
         origin_mm: (x, y) of its first sample.
         friction: mu used for the walls.

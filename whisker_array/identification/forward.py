@@ -126,16 +126,16 @@ class Forward:
 
     def exclude_jams(self, bench: Bench) -> None:
         """Exclude samples that are predicted to be near jamming, permanently, so that the fit is smooth."""
-        felt = [
+        masked = [
             replace(
                 trace,
                 measured_n_mm=np.where(np.isnan(mask_jams(p, share=0.98)), np.nan, trace.measured_n_mm),
             )
             for trace, p in zip(self.traces, self.moments(bench), strict=True)
         ]
-        self.traces = tuple(felt)
+        self.traces = tuple(masked)
         self._sweeps = [
-            replace(sweep, jam_load_n_mm=_jam_loads(felt.pop(0) for _ in sweep.whiskers))
+            replace(sweep, jam_load_n_mm=_jam_loads(masked.pop(0) for _ in sweep.whiskers))
             for sweep in self._sweeps
         ]
 

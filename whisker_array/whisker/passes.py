@@ -7,7 +7,7 @@
               start_mm   along_mm[0]             along_mm[1]
 
     rows of a comb are one behind the other (offset_mm): the last row reaches a position long after the first, so the
-    array runs further by the offset of the last row, and moves back by as much
+    array runs further by the offset of the last row, and moves back by the same distance
 
 A raster is a sequence of passes (`RasterPlan.passes`); a stage session runs them one by one, in any order.
 """
