@@ -65,7 +65,7 @@ class Piece(OneLine, Validated, error=MapError):
 
     def __post_init__(self) -> None:
         if not self.angle_deg or not all(0.0 < a < 90.0 for a in self.angle_deg):
-            raise MapError(f"angle_deg is {list(self.angle_deg)}", hint="walls fall at 0 to 90 degrees")
+            raise MapError(f"angle_deg is {list(self.angle_deg)}", hint="give walls of 0 to 90 degrees")
         super().__post_init__()
         if self.kind is PieceKind.BALL and self.depth_mm > self.radius_mm:
             raise MapError(

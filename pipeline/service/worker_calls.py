@@ -125,7 +125,7 @@ class WorkerCalls:
             settings = await self._settings_with(database, job)
             if felt_by is None:
                 return await self.call(read_order, order, settings, self.limits)
-            # a second try would feel the part again
+            # a second try would scan the part again
             return await self.call(read_on_stage, order, settings, self.limits, *felt_by, tries=1)
 
     async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:

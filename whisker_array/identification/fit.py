@@ -300,7 +300,7 @@ def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:
     steps = steps[np.isfinite(steps)]
     if steps.size < 100:
         raise IdentifyError(
-            "hardly a sample of the recording can be used", hint="look at the recording with inspect"
+            "hardly any sample of the recording can be used", hint="look at the recording with inspect"
         )
     spread = float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(2.0))
     level = float(np.nanmedian(np.abs(np.concatenate([t.measured_n_mm for t in traces]))))

@@ -154,7 +154,7 @@ class RecordingReader(CheckedFile):
     def _touch(self, group: str) -> Touch:
         compliance = self.numbers(f"{group}/compliance_mm_per_n", (3, 3))
         arm = self.numbers(f"{group}/moment_arm_mm", (3,))
-        with self.naming("its whisker is not possible: "):
+        with self.naming("its whisker is impossible: "):
             return Touch(
                 tip=TipModel(compliance_mm_per_n=compliance, moment_arm_mm=arm),
                 preload_mm=self.attribute("preload_mm", group=group),

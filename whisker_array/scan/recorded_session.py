@@ -88,7 +88,7 @@ class RecordedSession:
         """
         if self.ended:
             problem = self._log.problem
-            raise StageError(problem or "the recording ends here", "" if problem else "feel the part again")
+            raise StageError(problem or "the recording ends here", "" if problem else "scan the part again")
         recorded = self._log.passes[self._next]
         if not _same(order, recorded.order):
             raise StageError(

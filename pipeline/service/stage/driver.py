@@ -212,7 +212,7 @@ class LinkedStage:
             self._connection.send(question)
             answer = self._connection.recv()
         except _LOST as error:
-            raise StageError("the service has released the stage", "feel the part again") from error
+            raise StageError("the service has released the stage", "scan the part again") from error
         if isinstance(answer, StageError):
             raise answer
         return answer

@@ -60,7 +60,7 @@ def test_wear_is_told_beyond_its_limit_and_what_chance_does_is_not() -> None:
     [
         ('kind = "hole"', "says kind = 'hole'"),
         ('kind = "pits"\ndepht_mm = 1', "has the unknown key depht_mm"),
-        ('kind = "pits"\nangle_deg = [95]', "walls fall at 0 to 90 degrees"),
+        ('kind = "pits"\nangle_deg = [95]', "give walls of 0 to 90 degrees"),
         ('kind = "ball"\ndepth_mm = 9', "more than half of a ball"),
         ("kind =", "is not TOML"),
     ],

@@ -188,7 +188,7 @@ def renumber(values: list[int]) -> Edit:
         (put("whisker/kind", np.full(2 * N, 0.5)), "not whole numbers"),
         (drop("whisker_1"), "has no dataset /whisker_1"),
         (drop("whisker_1/moment_arm_mm"), "has no dataset /whisker_1/moment_arm_mm"),
-        (put("whisker_1/compliance_mm_per_n", -np.eye(3)), "whisker is not possible"),
+        (put("whisker_1/compliance_mm_per_n", -np.eye(3)), "whisker is impossible"),
         (attribute("preload_mm", -1.0, "whisker_1"), "preload_mm"),
         (put("passes/pushed", np.zeros(3, dtype=np.uint8)), "/passes/pushed has shape"),
         (put("passes/pushed", np.zeros(MIXED.n_passes)), "not whole numbers"),

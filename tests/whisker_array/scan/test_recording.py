@@ -231,7 +231,7 @@ BROKEN: dict[str, tuple[Edit, str]] = {
     "unknown unit": (attribute("units", "lbf*in"), "lbf"),
     "volts alone": (attribute("units", "V"), "calibrate"),
     "no preload": (attribute("preload_mm", -1.0, "whisker"), "preload"),
-    "no compliance": (put("whisker/compliance_mm_per_n", -np.eye(3)), "whisker is not possible"),
+    "no compliance": (put("whisker/compliance_mm_per_n", -np.eye(3)), "whisker is impossible"),
     "dead gain": (
         lambda f: (put("calibration/gain", np.zeros(3))(f), put("calibration/offset_n_mm", np.zeros(3))(f))[
             0
