@@ -303,5 +303,5 @@ def test_refusals() -> None:
     out = np.array([[0.0, 0.0, 0.0], [-10.0, 0.0, 2.0], [-12.0, -3.0, 2.0]])
     with pytest.raises(WhiskerError, match="leaves the plane"):
         whisker_modes(Chain(out, Rectangle(0.3, 1.8)))
-    with pytest.raises(WhiskerError, match="from 1 to"):
+    with pytest.raises(WhiskerError, match="give 1 to"):
         whisker_modes(WHISKER, held=0)
