@@ -30,7 +30,7 @@ def test_height_map_leaves_a_float32_source_writeable():
     [
         (np.zeros(5), 0.1, "rows and columns"),
         (np.zeros((1, 5)), 0.1, "rows and columns"),
-        (np.full((3, 3), np.nan), 0.1, "dropout"),
+        (np.full((3, 3), np.nan), 0.1, "no finite height"),
         (np.full((3, 3), np.inf), 0.1, "infinit"),
         (np.zeros((3, 3), complex), 0.1, "real numbers"),
         (np.array([["a", "b"], ["c", "d"]]), 0.1, "real numbers"),
