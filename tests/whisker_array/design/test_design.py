@@ -201,6 +201,11 @@ def test_the_first_order_of_the_beams_error_is_that_of_the_elastica(beta_deg: fl
     assert linear_force_error(whisker, lift_mm=lift, mu=mu) == pytest.approx(exact, abs=1.5e-5)
 
 
+def test_round_wire_slides_sideways() -> None:
+    with pytest.raises(DesignError, match=r"round wire.*slides.*take a ribbon"):
+        design_whisker(ASKED, section="round")
+
+
 def test_round_wire_serves_where_slides_are_allowed() -> None:
     made = design_whisker(ASKED, section="round", limits=Limits(slide_lines=40.0))
     assert isinstance(made.whisker.section, Round)
