@@ -100,12 +100,6 @@ def test_another_line_that_the_serials_format_does_not_allow_is_named_and_holds_
     assert twice.messages() == ("another line reads “BB221”",)
 
 
-def test_doubt_is_not_accepted() -> None:
-    found = read(line_of("A8B2", sure=0.6, rival="BB81"))
-    assert found.text == "A8B2"
-    assert found.decision is Decision.REVIEW
-
-
 def test_a_format_that_changes_what_was_read_says_so() -> None:
     grammar = Grammar(format="AA9")
     # the second is an 8 for sure, which the format does not allow there
