@@ -108,31 +108,25 @@ class Reader:
         from glyphs.surface.maps import HeightMap
         from whisker_array.scan.scan import Scan
 
-        given: dict[type, HeightMap | Scan | Photo] = {}
-        for one in (part, *more):
-            kind = next((k for k in (HeightMap, Scan, Photo) if isinstance(one, k)), None)
-            if kind is None:
+        given = (part, *more)
+        for one in given:
+            if not isinstance(one, HeightMap | Scan | Photo):
                 raise TypeError(f"a {type(one).__name__} cannot be read; give a HeightMap, a Scan or a Photo")
-            first = given.get(kind)
-            if isinstance(one, Photo) and isinstance(first, Photo):
-                given[kind] = replace(first, others=(*first.others, one))
-                continue
-            if first is not None:
-                raise ValueError(f"two of {kind.__name__} are given; read one part at a time")
-            given[kind] = one
-        surface, scan, photo = given.get(HeightMap), given.get(Scan), given.get(Photo)
-        touch = None
-        if isinstance(scan, Scan):
-            touch = self.touch.read_scan(scan)
-        elif isinstance(surface, HeightMap):
-            touch = self.touch.read_height_map(surface, soil=soil, part_id=part_id)
-        if not isinstance(photo, Photo):
-            assert touch is not None
-            return self.apply_certificate(touch)
-        if isinstance(surface, HeightMap):
-            photo = centre_on(photo, surface)
-        vision = self.vision.read_photo(photo)
-        return self.apply_certificate(vision if touch is None else self.fuse(touch, vision))
+        surfaces = [one for one in given if isinstance(one, HeightMap)]
+        scans = [one for one in given if isinstance(one, Scan)]
+        photos = [one for one in given if isinstance(one, Photo)]
+        for kind in (surfaces, scans):
+            if len(kind) > 1:
+                raise ValueError(f"two of {type(kind[0]).__name__} are given; read one part at a time")
+        made = []
+        if scans:
+            made.append(self.touch.read_scan(scans[0]))
+        elif surfaces:
+            made.append(self.touch.read_height_map(surfaces[0], soil=soil, part_id=part_id))
+        if photos:
+            photo = replace(photos[0], others=(*photos[0].others, *photos[1:]))
+            made.append(self.vision.read_photo(centre_on(photo, surfaces[0]) if surfaces else photo))
+        return self.apply_certificate(self.fuse(*made) if len(made) == 2 else made[0])
 
     def apply_certificate(self, reading: Reading) -> Reading:
         """Send a reading to review if the certificate of the settings does not cover it."""

@@ -191,7 +191,7 @@ def enrol(
         exemplars=sum(map(len, used.values())),
         felt="".join(c for c in sorted(used) if used[c]),
         never_felt="" if learned is None else "".join(c for c in learned.never_felt if c.isalnum()),
-        trusted=learned is not None and learned.is_trusted,
+        trusted=learned is not None and learned.hand.is_own,
         like="" if learned is None else learned.hand.font.name,
         likeness=0.0 if learned is None else learned.hand.likeness,
         agreement=agreement([e.char for e in taught], used),

@@ -13,10 +13,9 @@ from __future__ import annotations
 from torch import Tensor, nn
 
 from recognition.learning.network import Drawn
+from recognition.lines.find import FINDER_ROWS
 from recognition.views.view import LAYERS
 
-FINDER_ROWS = 12
-CELL = 4
 FINDINGS = 4
 _DILATIONS = (1, 2, 4, 1, 2)
 

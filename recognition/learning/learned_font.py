@@ -26,8 +26,8 @@ from recognition.learning.exemplars import ExemplarError
 FEWEST_SIBLINGS = 3
 """Least number of agreeing exemplars that need no comparison with a known font."""
 TRUSTED_LIKENESS = 0.94
-"""Least likeness of the nearest font to be the die's own, worn or not; then its other characters are no guesses:
-gothic worn to a third of its depth reaches 0.97, another maker's letters 0.9."""
+"""Least likeness of the nearest font to be the die's own: gothic worn to a third of its depth reaches 0.97, another
+maker's letters 0.9."""
 OUTLINE_SHARE = 0.3
 """Share of the depth at which the outline is drawn."""
 RIM_HEIGHTS = 0.1
@@ -70,6 +70,11 @@ class Hand:
     likeness: float
     gain: float = 1.0
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the known font is the die's own, worn or not; then its other characters are no guesses."""
+        return self.likeness >= TRUSTED_LIKENESS
+
     def relief(self, char: str, size: tuple[int, ...]) -> Patch | None:
         """Relief of a character, in character heights; None if the font lacks it or it has no ink."""
         glyph = self.font.glyphs.get(char)
@@ -100,11 +105,6 @@ class Learned:
     def never_felt(self) -> str:
         """Characters that come only from the known font."""
         return "".join(sorted(c for c, g in self.font.glyphs.items() if g.inked and not self.used.get(c)))
-
-    @property
-    def is_trusted(self) -> bool:
-        """Whether these are also the die's own, not guesses."""
-        return self.hand.likeness >= TRUSTED_LIKENESS
 
 
 def learn_font(
@@ -173,7 +173,7 @@ def _glyphs(shapes: Mapping[str, Patch], hand: Hand, size: tuple[int, ...]) -> I
     """The felt characters, and the others from the known font."""
     for char in dict.fromkeys([*hand.font.glyphs, *shapes]):
         base, patch = hand.font.glyphs.get(char), shapes.get(char)
-        guess = patch is None and hand.likeness < TRUSTED_LIKENESS
+        guess = patch is None and not hand.is_own
         if patch is None:
             patch = hand.relief(char, size)
         made = None if patch is None else _glyph(char, patch, base, guessed=guess)
@@ -207,7 +207,7 @@ def _is_credible(
     if guess is None:
         return True
     own = align_relief(guess, patch)[0]
-    if own < hand.likeness - (worn_fall if hand.likeness >= TRUSTED_LIKENESS else foreign_fall):
+    if own < hand.likeness - (worn_fall if hand.is_own else foreign_fall):
         return False
     rivals = (hand.relief(c, patch.shape) for c in shapes if c != char)
     return (

@@ -14,7 +14,7 @@ from torch.nn import functional as f
 from torch.utils.data import IterableDataset, get_worker_info
 
 from recognition.learning.augment import noisy
-from recognition.learning.finder_network import CELL, FINDER_ROWS, FINDINGS, Finder
+from recognition.learning.finder_network import FINDINGS, Finder
 from recognition.learning.training_loop import DEVICE, Task, Training, export, load_batches
 from recognition.learning.training_samples import (
     VIEW_ROWS,
@@ -24,6 +24,7 @@ from recognition.learning.training_samples import (
     read_samples,
     rounds,
 )
+from recognition.lines.find import CELL, FINDER_ROWS
 from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, LAYERS
 

@@ -32,7 +32,7 @@ from recognition.glyph_match.correlation import (
 from recognition.glyph_match.predicted import TemplateKey, TemplateSet, template_key
 from recognition.glyph_match.spacing import place_bounds
 from recognition.lines.find import overlap
-from recognition.search.line_search import LineSearch, is_convincing, of_other_scales, promise_of
+from recognition.search.line_search import LineSearch, is_convincing, of_other_scales, rank
 from recognition.search.part_lines import about_region
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
@@ -121,7 +121,7 @@ class CorrelationSearch(LineSearch):
         seen: list[ReadLine] = []
         for style, sizes in self._tries:
             lines = self._candidates(view, style, sizes)
-            seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
+            seen = rank([*seen, *self._looks(view, lines, style)])
             if is_convincing(self.in_region(view, seen), self.limits.sure):
                 break
         return seen
@@ -130,7 +130,7 @@ class CorrelationSearch(LineSearch):
         """Read each line once; the most promising comes first."""
         seen: list[ReadLine] = []
         for style in STYLES:
-            seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
+            seen = rank([*seen, *self._looks(view, lines, style)])
             if is_convincing(seen, self.limits.sure):
                 break
         return seen
@@ -229,7 +229,7 @@ class CorrelationSearch(LineSearch):
             for font in self._fonts(style)
             if (one := self._look(view, line, font, style)) is not None
         ]
-        return sorted(seen, key=promise_of, reverse=True)
+        return rank(seen)
 
     def _look(self, view: View, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
         """Read a line, after moving it to the line through its characters if they lie off it."""

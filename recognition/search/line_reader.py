@@ -19,7 +19,7 @@ from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.language.grammar import Grammar
 from recognition.lines.find import overlap
 from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
-from recognition.search.part_lines import NO_LINES, LineFormat, PartLines, stands_in
+from recognition.search.part_lines import LineFormat, PartLines, stands_in
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
@@ -39,7 +39,7 @@ class LineReader:
     """
 
     search: LineSearch
-    lines: Mapping[str, LineFormat] = field(default_factory=lambda: NO_LINES)
+    lines: Mapping[str, LineFormat] = field(default_factory=dict)
     moves: tuple[Move, ...] = ((0.08, 1.0, 2), (-0.08, 1.0, 5), (0.0, 1.1, 3), (0.0, 0.91, 2))
     between: Move = (0.0, 1.0, 3)
 

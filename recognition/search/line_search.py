@@ -7,8 +7,9 @@ view --find_lines--> lines --read once each--> most promising first --moved, len
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
@@ -25,6 +26,8 @@ from recognition.search.part_lines import Region, about_region, stands_in
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 
+Try: TypeAlias = tuple[Callable[[], list[TextLine]], float]
+"""Proposes lines; and the share of the greatest promise from which it is not asked."""
 UPSIDE_DOWN_DEG = 105.0
 """Rotation from level beyond which a line is upside down. One that runs straight up or down, a little askew, is not."""
 
@@ -125,39 +128,37 @@ class LineSearch:
             # reading the same ink in another way adds nothing, but the part may have other lines. Without a format
             # the length of the line is unknown
             rest = _other_text(found, seen[0].line)
-            return _rank([*seen, *self.read_once(view, rest)])
+            return rank([*seen, *self.read_once(view, rest)])
         # the two best lines are also read as arcs
         others = [*_straight_and_bent(found[1:2]), *(one.line for one in found[2:])]
-        seen = _rank([*seen, *self.read_once(view, others)])
-        tries = [
-            (self._whole, self.limits.plain),
-            (self._upside_down, self.limits.plain),
-            (self._faint, self.limits.sure),
-            (self._running_down, self.limits.some),
-            (self._slanted, self.limits.some),
+        seen = rank([*seen, *self.read_once(view, others)])
+        limits, known = self.limits, self.height_mm is not None
+        tries: list[Try] = [
+            (lambda: [] if known else whole_view(view), limits.plain),
+            (lambda: [one.line.reversed for one in seen[: limits.most_turned]], limits.plain),
+            (lambda: self._faint(view), limits.sure),
+            (lambda: self._in_directions(view, (90.0,)), limits.some),
+            (lambda: self._in_directions(view, self._slants_deg(view)), limits.some),
         ]
         # a line fills much of a scan, but may be small in a photograph
-        small = [(self._smaller, self.limits.some)]
+        small: list[Try] = [(lambda: self._in_tiles(view, fine=False), limits.some)]
         # a known height is one scale, which the first of these has searched
-        if (
-            self.height_mm is None
-            and max((one.score for one in found), default=0.0) < self.limits.clear_heights
-        ):
+        if not known and max((one.score for one in found), default=0.0) < limits.clear_heights:
             # a line may be read at twice its height, and say much
-            small.append((self._small, self.limits.plain))
+            small.append((lambda: self._in_tiles(view, fine=True), limits.plain))
         at = 2 if view.kind is ViewKind.PHOTO else len(tries)
         tries[at:at] = small
         guesses: list[ReadLine] = []
-        for candidates, enough in tries:
+        for propose, enough in tries:
             if is_convincing(self.in_region(view, seen), enough):
                 break
-            looked = self.read_once(view, candidates(view, seen))
-            if (candidates, enough) in small:
+            looked = self.read_once(view, propose())
+            if (propose, enough) in small:
                 # the best of many noisy tiles looks better than the whole: without promise it is only a guess
                 promising = sum(promise_of(one) > 0.0 for one in looked)
                 guesses += looked[promising:]
                 looked = looked[:promising]
-            seen = _rank([*seen, *looked])
+            seen = rank([*seen, *looked])
         # on a scan, a guess would cause a blank plate to be scanned as finely as small marks
         return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
 
@@ -178,15 +179,9 @@ class LineSearch:
         inside = find_lines(near, height_mm=self.height_mm)[: self.limits.most_lines]
         return [*inside, *(one for one in whole if not any(overlap(one.line, o.line) for o in inside))]
 
-    def _faint(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+    def _faint(self, view: View) -> list[TextLine]:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[: self.limits.most_lines]
         return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
-
-    def _smaller(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return self._in_tiles(view, fine=False)
-
-    def _small(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return self._in_tiles(view, fine=True)
 
     def _in_tiles(
         self, view: View, *, fine: bool, most_small: int = 16, most_reversed: int = 4
@@ -198,19 +193,10 @@ class LineSearch:
         lines = [one.line for one in found[:most_small]]
         return [*lines, *(line.reversed for line in lines[:most_reversed])]
 
-    def _whole(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return whole_view(view) if self.height_mm is None else []
-
-    def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return [one.line.reversed for one in seen[: self.limits.most_turned]]
-
-    def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return self._in_directions(view, (90.0,))
-
-    def _slanted(self, view: View, seen: Sequence[ReadLine], *, slanted_sides: float = 2.5) -> list[TextLine]:
+    def _slants_deg(self, view: View, *, slanted_sides: float = 2.5) -> tuple[float, ...]:
         # slanted_sides: ratio of the view's sides from which there is no room for a slanted line
         short, long = sorted(view.size_mm)
-        return self._in_directions(view, self.limits.slants_deg) if long < slanted_sides * short else []
+        return self.limits.slants_deg if long < slanted_sides * short else ()
 
     def _in_directions(self, view: View, turns_deg: Sequence[float]) -> list[TextLine]:
         found = [
@@ -224,7 +210,7 @@ class LineSearch:
         """Read each line once; the most promising comes first."""
         lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
         read = [combine_looks(line, [self._steps(view, line)], self.grammar) for line in lines]
-        return _rank([one for one in read if one is not None])
+        return rank([one for one in read if one is not None])
 
     def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; drop those that a move has taken out of the region."""
@@ -251,17 +237,17 @@ class LineSearch:
         if promise_of(best) < self.limits.hopeless * best.lattice.n_places:
             return best
         for one in seen[: self.limits.most_moved]:
-            best = _rank([best, self._refit_to_ink(view, one)])[0]
+            best = rank([best, self._refit_to_ink(view, one)])[0]
             if is_convincing([best], self.limits.settled):
                 break
         if not is_convincing([best], self.limits.sure):
             for one in seen[: self.limits.most_moved]:
-                best = _rank([best, *self._read_inside(view, variants(one.line))])[0]
+                best = rank([best, *self._read_inside(view, variants(one.line))])[0]
                 if is_convincing([best], self.limits.sure):
                     break
         elif self.grammar is None:
             # the length is unknown, so another word may follow after a gap
-            best = _rank([best, *self._read_inside(view, longer(best.line))])[0]
+            best = rank([best, *self._read_inside(view, longer(best.line))])[0]
         if self.height_mm is None and view.kind is ViewKind.PHOTO:
             best = self._resize(view, best)
         for _ in range(self.limits.most_growths):
@@ -351,7 +337,8 @@ def is_convincing(seen: Sequence[ReadLine], enough: float) -> bool:
     return best.promise > enough * places and places > 1
 
 
-def _rank(seen: Sequence[ReadLine]) -> list[ReadLine]:
+def rank(seen: Sequence[ReadLine]) -> list[ReadLine]:
+    """Sort lines, most promising first."""
     return sorted(seen, key=promise_of, reverse=True)
 
 

@@ -81,9 +81,6 @@ def about_region(
     return view.cut(across, down)
 
 
-NO_LINES: Mapping[str, LineFormat] = MappingProxyType({})
-
-
 @dataclass(frozen=True, eq=False)
 class PartLines:
     """Lines read on a view.

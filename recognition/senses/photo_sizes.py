@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +23,10 @@ _HARDLY_LARGER = 1.5
 
 def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
     """Read at increasing sizes until the line has enough pixels."""
-    for small in _sizes(photo):
+    rows, cols = photo.shape
+    sizes = [size for size in SIZES[:-1] if rows * cols > _HARDLY_LARGER * size]
+    for size in (*sizes, SIZES[-1]):
+        small = shrunk(photo, size)
         seen = read(small)
         line = seen.trace.line
         if line is not None and line.height_mm / photo_pitch_mm(small) >= ENOUGH_ROWS:
@@ -46,11 +49,3 @@ def shrunk(photo: Photo, pixels: int) -> Photo:
     size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}
     others = tuple(shrunk(other, pixels) for other in photo.others)
     return replace(photo, pixels=made, centre_mm=photo_middle_mm(photo), others=others, **size_of_pixels)
-
-
-def _sizes(photo: Photo) -> Iterator[Photo]:
-    rows, cols = photo.shape
-    for size in SIZES[:-1]:
-        if rows * cols > _HARDLY_LARGER * size:
-            yield shrunk(photo, size)
-    yield shrunk(photo, SIZES[-1])

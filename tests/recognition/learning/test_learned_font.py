@@ -42,7 +42,7 @@ def test_a_font_is_recovered_from_its_own_blows(gothic, touch):
 def test_characters_never_felt_come_from_the_nearest_font():
     made = learned("K7B2", known=(load_font("timesr"), GOTHIC))
     assert made.hand.font is GOTHIC
-    assert made.is_trusted
+    assert made.hand.is_own
     assert "Q" in made.never_felt
     assert "K" not in made.never_felt
     assert likeness(made.font.glyphs["Q"].relief, drawn("Q", GOTHIC)) > 0.9
@@ -52,7 +52,7 @@ def test_characters_never_felt_come_from_the_nearest_font():
 
 def test_after_a_font_that_is_only_like_it_they_are_guesses():
     made = learned("K7B2", known=(load_font("timesr"),))
-    assert not made.is_trusted
+    assert not made.hand.is_own
     assert [c for c in "K7B2Q" if made.font.glyphs[c].guessed] == ["Q"]
 
 

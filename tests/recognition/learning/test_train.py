@@ -269,7 +269,8 @@ def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Pa
 
 def test_the_finder_is_trained_by_the_same_command(tmp_path: Path) -> None:
     """A few seconds of training find no lines; what is written says of every cell of any view what the network says."""
-    from recognition.learning.finder_network import CELL, FINDINGS, Finder
+    from recognition.learning.finder_network import FINDINGS, Finder
+    from recognition.lines.find import CELL
     from recognition.lines.networks import open_network
 
     rng = np.random.default_rng(0)
