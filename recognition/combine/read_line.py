@@ -61,14 +61,14 @@ class ReadLine:
         first = self.looks[:1]
         places = (first[0].chars,) * max(count_places(first)[0], 1)
         lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
-        return pool({first[0].expert: lattice}), columns
+        return combine_experts({first[0].expert: lattice}), columns
 
     def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
         """The same line with the posteriors of further experts."""
         if not more:
             return self
         by_expert = MappingProxyType({**more, **self.by_expert})
-        return replace(self, lattice=pool(by_expert), by_expert=by_expert)
+        return replace(self, lattice=combine_experts(by_expert), by_expert=by_expert)
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
@@ -114,7 +114,7 @@ def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | Non
         return None
     by_expert = MappingProxyType({looks[0].expert: read[0]})
     evidence = 0.0 if grammar is None else _evidence(found)
-    return ReadLine(line, pool(by_expert), read[1], evidence, likely, by_expert, tuple(looks))
+    return ReadLine(line, combine_experts(by_expert), read[1], evidence, likely, by_expert, tuple(looks))
 
 
 Posteriors = Sequence[PlaceBelief | None]
@@ -170,7 +170,7 @@ def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, 
     return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
 
 
-def pool(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
+def combine_experts(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
     """Geometric mean of the experts' posteriors; a place counts as read if any expert has read it.
 
     Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.

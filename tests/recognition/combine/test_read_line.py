@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.combine.read_line import combine_looks, count_places, pool
+from recognition.combine.read_line import combine_experts, combine_looks, count_places
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -51,7 +51,7 @@ def rows() -> st.SearchStrategy[tuple[float, ...]]:
 
 def test_two_that_agree_are_as_sure_as_one_and_disagreement_is_doubt() -> None:
     one, same, other = lattice((0.8, 0.15, 0.05)), lattice((0.8, 0.1, 0.1)), lattice((0.1, 0.8, 0.1))
-    agreed, torn = (pool({"network": one, "templates": more}, slip=SLIP) for more in (same, other))
+    agreed, torn = (combine_experts({"network": one, "templates": more}, slip=SLIP) for more in (same, other))
     assert share(agreed, 0, "A") == pytest.approx(0.8, abs=0.02)
     assert share(torn, 0, "A") < share(one, 0, "A")
     assert share(torn, 0, "B") < share(other, 0, "B")
@@ -63,22 +63,22 @@ def test_two_that_agree_are_as_sure_as_one_and_disagreement_is_doubt() -> None:
 @given(rows())
 def test_an_expert_that_says_the_same_changes_nothing(row: tuple) -> None:
     own = lattice(row)
-    alone, both = pool({"network": own}), pool({"network": own, "templates": own})
+    alone, both = combine_experts({"network": own}), combine_experts({"network": own, "templates": own})
     np.testing.assert_allclose(both.log_belief, alone.log_belief, atol=1e-9)
 
 
 @given(rows(), rows())
 def test_the_order_of_experts_does_not_matter(a: tuple, b: tuple) -> None:
     given_ = {"network": lattice(a), "templates": lattice(b)}
-    first = pool(given_).log_belief
+    first = combine_experts(given_).log_belief
     for order in itertools.permutations(given_):
-        made = pool({n: given_[n] for n in order})
+        made = combine_experts({n: given_[n] for n in order})
         np.testing.assert_allclose(made.log_belief, first, atol=EXACT)
     assert (np.exp(first).sum(axis=1) <= 1.0 + EXACT).all()
 
 
 def test_what_no_expert_may_read_stays_impossible() -> None:
-    made = pool(
+    made = combine_experts(
         {"network": lattice((0.0, 1.0 - 1e-9, 1e-9)), "templates": lattice((0.0, 1.0, 1e-12))}, slip=SLIP
     )
     assert np.isneginf(made.log_belief[0, 0])
@@ -88,7 +88,7 @@ def test_what_no_expert_may_read_stays_impossible() -> None:
 
 def test_templates_by_themselves_count_in_full() -> None:
     own = lattice((0.7, 0.2, 0.1))
-    made = pool({"templates": own}, slip=SLIP)
+    made = combine_experts({"templates": own}, slip=SLIP)
     np.testing.assert_allclose(made.log_belief, own.log_belief, atol=2.0 * SLIP / 0.1)
 
 
