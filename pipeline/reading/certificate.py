@@ -23,7 +23,12 @@ from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import differences, file_sha256, reader_versions
 from pipeline.errors import require_file
-from recognition.decision.certification import KindOfParts, ThresholdTest, certified_threshold, share_bounds
+from pipeline.reading.certificate_statistics import (
+    KindOfParts,
+    ThresholdTest,
+    certified_threshold,
+    share_bounds,
+)
 from recognition.decision.contracts import CertifiedAcceptance
 
 FORMAT_VERSION = 1

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pipeline.reading.certificate import Certificate, certificate_of
-from recognition.decision.certification import Unlike, unlike
+from pipeline.reading.certificate_statistics import Unlike, unlike
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings

@@ -27,8 +27,7 @@ from pipeline.formats.glyph_database import (
     save_database,
 )
 from recognition.learning.exemplars import Cut, ExemplarError, cut_height_map, cut_scan
-from recognition.learning.learned_font import learn_font
-from recognition.learning.lot import agreement
+from recognition.learning.learned_font import agreement, learn_font
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
@@ -73,7 +72,7 @@ class EnrolReport:
         trusted: whether that font is near enough for these not to count as guesses.
         like: the nearest known font.
         likeness: mean correlation with the fitted shapes of that font.
-        agreement: share of exemplars that agree with others of their character (`recognition.learning.lot.agreement`).
+        agreement: share of exemplars that agree with others of their character.
     """
 
     font: str

@@ -22,6 +22,14 @@ from pipeline.common.version import reader_versions
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
+from pipeline.reading.certificate_statistics import (
+    THRESHOLDS,
+    KindOfParts,
+    ThresholdTest,
+    certified_threshold,
+    parts_missing,
+    threshold_tests,
+)
 from pipeline.reading.readers import open_reader
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
@@ -30,14 +38,6 @@ from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
-from recognition.decision.certification import (
-    THRESHOLDS,
-    KindOfParts,
-    ThresholdTest,
-    certified_threshold,
-    parts_missing,
-    threshold_tests,
-)
 
 
 class CertificationJournal(Journal[ReadPart]):

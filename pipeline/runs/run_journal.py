@@ -23,9 +23,9 @@ from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.errors import describe_fault
 from pipeline.runs.journal import Journal, set_aside, writing
+from pipeline.runs.lot import is_better
 from pipeline.runs.tables import SUFFIXES, WORKBOOK, form_of, grows, write_table
 from pipeline.runs.workbook import write_workbook
-from recognition.learning.lot import is_better
 
 
 def unfinished(table: Path) -> Path:

@@ -16,11 +16,11 @@ from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.errors import is_url
 from pipeline.formats.part_files import PartFiles, split_name
+from pipeline.runs.lot import FEWEST_PARTS, LEAST_AGREEMENT, needs_another, teachers
 from pipeline.runs.options import RunOptions
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder
 from pipeline.workers.executors import Executor, ordered_map
-from recognition.learning.lot import FEWEST_PARTS, LEAST_AGREEMENT, needs_another, teachers
 
 if TYPE_CHECKING:
     from pipeline.reading.enrolment import EnrolReport

@@ -5,7 +5,7 @@
     land, photograph -------weight--+
 
 Some twenty measures are named: posteriors, strokes, size and depth of marks, rough land. The score weighs some of them;
-all are compared between parts that were certified and parts that are read (`recognition.decision.certification`).
+all are compared between parts that were certified and parts that are read (`pipeline.reading.certificate_statistics`).
 
 Each quantity counts along straight lines, always in one direction: a better one never lowers the score. Touch, the
 camera and both together each have their own weights. They stand in `score.fit.json`, with what they were fitted on;

@@ -9,6 +9,7 @@ lines and raised marks follow by themselves. The outline serves whatever draws t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -167,6 +168,19 @@ def learn_font(
     source = f"learned from {len(kept)} exemplars of {''.join(sorted(shapes))}; other characters after {hand.font.name}"
     aside = tuple(k for k in range(len(chars)) if k not in kept)
     return Learned(Font(name, glyphs, 0.0, source), used, aside, hand)
+
+
+def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
+    """Share of the exemplars that agree with their siblings; 1 if none has enough of them.
+
+    Args:
+        chars: character of each exemplar.
+        used: for each character the indices of those that agree (`Learned.used`).
+    """
+    many = {char: n for char, n in Counter(chars).items() if n >= FEWEST_SIBLINGS}
+    if not many:
+        return 1.0
+    return sum(len(used.get(char, ())) for char in many) / sum(many.values())
 
 
 def _glyphs(shapes: Mapping[str, Patch], hand: Hand, size: tuple[int, ...]) -> Iterator[tuple[str, Glyph]]:

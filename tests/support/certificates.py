@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import reader_versions
 from pipeline.reading.certificate import Certificate, settings_described, write_certificate
-from recognition.decision.certification import KindOfParts, certified_threshold, threshold_tests
+from pipeline.reading.certificate_statistics import KindOfParts, certified_threshold, threshold_tests
 from recognition.decision.score import Measure
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.common.shares import CONFIDENCE_LEVEL, Share
-from recognition.decision.certification import share_bounds
+from pipeline.reading.certificate_statistics import share_bounds
 
 RESAMPLES = 2000
 _SEED = 20240229

@@ -20,7 +20,7 @@ from pipeline.common.shares import Share
 from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 from pipeline.reading.certificate import Certificate
-from recognition.decision.certification import LEAST_PARTS, P_VALUE, KindOfParts, Shown
+from pipeline.reading.certificate_statistics import LEAST_PARTS, P_VALUE, KindOfParts, Shown
 
 PROGRAM = "tactile-marks"
 

@@ -42,9 +42,9 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
+from pipeline.reading.certificate_statistics import parts_needed
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
-from recognition.decision.certification import parts_needed
 from recognition.decision.score import Measure
 
 WRONG_LIMIT = 0.001

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from collections.abc import Iterable
+
+from pipeline.common.reading_records import ReadingRecord
 
 FEWEST_PARTS = 12
 """Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
@@ -22,31 +23,7 @@ agree in nine of ten and more, of two dies each set aside the other's."""
 _MOST_LOOKED_AT = 2000
 
 
-class ReadText(Protocol):
-    """A part that was read: its record or row."""
-
-    @property
-    def part(self) -> str:
-        """Name of the part."""
-
-    @property
-    def text(self) -> str:
-        """The serial that was read."""
-
-    @property
-    def decision(self) -> str:
-        """Accept, review or reject; empty with an error."""
-
-    @property
-    def confidence(self) -> float:
-        """Probability that the text is right, 0 to 1."""
-
-    @property
-    def error(self) -> str:
-        """Reason why there is no reading; otherwise empty."""
-
-
-def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
+def teachers(readings: Iterable[ReadingRecord]) -> dict[str, str]:
     """Parts whose characters the lot learns from, and their texts, by name.
 
     Those that were accepted, surest first, as long as each adds a character that is still rare.
@@ -67,12 +44,12 @@ def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
     return dict(sorted(chosen.items()))
 
 
-def needs_another(reading: ReadText) -> bool:
+def needs_another(reading: ReadingRecord) -> bool:
     """Whether a part must be read again: accepted and unreadable parts are not."""
     return reading.decision != "accept" and not reading.error
 
 
-def is_better(second: ReadText, first: ReadText) -> bool:
+def is_better(second: ReadingRecord, first: ReadingRecord) -> bool:
     """Whether a part's second reading replaces its first.
 
     It does where it is accepted, or surer of the same text; never where the first was accepted.
@@ -80,18 +57,3 @@ def is_better(second: ReadText, first: ReadText) -> bool:
     if not needs_another(first) or second.error:
         return False
     return second.decision == "accept" or (second.text == first.text and second.confidence > first.confidence)
-
-
-def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
-    """Share of the exemplars that agree with their siblings; 1 if none has enough of them.
-
-    Args:
-        chars: character of each exemplar.
-        used: for each character the indices of those that agree (`recognition.learning.learned_font.Learned.used`).
-    """
-    from recognition.learning.learned_font import FEWEST_SIBLINGS  # slow to import
-
-    many = {char: n for char, n in Counter(chars).items() if n >= FEWEST_SIBLINGS}
-    if not many:
-        return 1.0
-    return sum(len(used.get(char, ())) for char in many) / sum(many.values())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from recognition.decision.certification import (
+from pipeline.reading.certificate_statistics import (
     LEAST_PARTS,
     THRESHOLDS,
     KindOfParts,

@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from recognition.learning.exemplars import ExemplarError
-from recognition.learning.learned_font import Learned, learn_font
-from recognition.learning.lot import (
+from pipeline.runs.lot import (
     EXEMPLARS_EACH,
     LEAST_AGREEMENT,
     MOST_TEACHERS,
-    agreement,
     is_better,
     needs_another,
     teachers,
 )
+from recognition.learning.exemplars import ExemplarError
+from recognition.learning.learned_font import Learned, agreement, learn_font
 from tests.recognition.learning.blows import blow
 
 GOTHIC, TIMES = load_font("gothic"), load_font("timesr")
