@@ -60,28 +60,23 @@ class VisionReader:
         # a height in mm says nothing about a photograph of unknown scale
         self._unscaled = replace(self._scaled, search=replace(repertoire.search, height_mm=None))
 
-    def read_photo(self, photo: Photo, *, about: TextLine | None = None) -> Reading:
-        """Read a photograph, with no more pixels than its characters need.
-
-        Args:
-            photo: photograph of a part.
-            about: where the line lies, if touch or the stage has found it.
-        """
+    def read_photo(self, photo: Photo) -> Reading:
+        """Read a photograph, with no more pixels than its characters need."""
         codes = codes_of(shrunk(photo, SIZES[-1]))
-        made = read_at_sizes(photo, lambda small: self._read(small, about, codes))
+        made = read_at_sizes(photo, lambda small: self._read(small, codes))
         return checked_by_codes(made, codes)
 
-    def _read(self, photo: Photo, about: TextLine | None, codes: Sequence[Code]) -> Reading:
+    def _read(self, photo: Photo, codes: Sequence[Code]) -> Reading:
         """Read the photograph with and without its stains; the second counts only if it is clearly surer."""
         bare = without_codes(photo, codes)
         views, left_out = photo_views(bare)
         timer = StepTimer()
-        made = self._of_views(photo, views, about, timer, left_out=left_out)
+        made = self._of_views(photo, views, timer, left_out=left_out)
         # where it is sure, and in review for a contract, another text must not get round that contract
         if made.confidence < self.settings.accept_confidence and not photo.others:
             clean = stainless_view(bare)
             if clean is not None:
-                other = self._of_views(photo, [clean], about, timer)
+                other = self._of_views(photo, [clean], timer)
                 surer = log_odds(other.confidence) > log_odds(made.confidence) + CLEARLY_NATS
                 # the same text again is no further evidence: it is the same photograph
                 if surer and other.text != made.text:
@@ -92,7 +87,6 @@ class VisionReader:
         self,
         photo: Photo,
         views: Sequence[View],
-        about: TextLine | None,
         timer: StepTimer,
         *,
         left_out: tuple[int, ...] = (),
@@ -100,7 +94,7 @@ class VisionReader:
         scaled = photo.pitch_mm is not None
         lines = self._scaled if scaled else self._unscaled
         with timer.step("read"):
-            part = lines.read(*views, about=about, twice=self.settings.templates_judge)
+            part = lines.read(*views, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")

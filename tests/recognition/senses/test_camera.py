@@ -19,7 +19,6 @@ from recognition.decision.reading import Reading
 from recognition.senses import camera
 from recognition.senses.camera import VisionReader
 from recognition.senses.settings import ReaderSettings
-from recognition.views.text_line import TextLine
 
 TEXT = "K7B29"
 SETTINGS = ReaderSettings(fonts=("gothic",), format="A9A99", height_mm=5.0)
@@ -154,18 +153,6 @@ def test_a_turned_line_under_grime_is_read(
     found = reader.read_photo(taken(grey * (1.0 - grime), part))
     assert found.text == TEXT
     assert found.rotation_deg > 0.0
-
-
-def test_a_place_known_beforehand_is_kept_to(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
-    part, picture = photo
-    boxes = np.array(part.boxes_mm)
-    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    about = TextLine.straight(x0, 0.5 * (y0 + y1), length_mm=x1 - x0, height_mm=part.height_mm)
-    found = reader.read_photo(picture, about=about)
-    assert found.text == TEXT
-    assert found.trace.line is not None
-    assert found.trace.line.turned_deg == pytest.approx(0.0, abs=1e-9)
-    check_places(found, part)
 
 
 def test_a_real_serial_is_read_with_its_format() -> None:
