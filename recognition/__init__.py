@@ -13,8 +13,8 @@ The rooms in the order in which a part walks through them::
     marks        poses, strokes, depths and grades of the characters
     decision     format, contracts and score --> a Reading: accept, review or reject
 
-`language` has the formats, `senses` the readers by touch and by camera, `active` touch that chooses its passes, and
-`learning` what is learned: networks, and the shapes of a die.
+`language` has the formats, `senses` the readers by touch and by camera, `active` touch that chooses its passes, `enrol`
+the shapes of a die that parts teach, and `learning` the training of the networks.
 """
 
 import lazy_loader

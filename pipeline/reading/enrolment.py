@@ -26,8 +26,8 @@ from pipeline.formats.glyph_database import (
     load_database,
     save_database,
 )
-from recognition.learning.exemplars import Cut, ExemplarError, cut_height_map, cut_scan
-from recognition.learning.learned_font import agreement, learn_font
+from recognition.enrol.exemplars import Cut, ExemplarError, cut_height_map, cut_scan
+from recognition.enrol.learned_font import agreement, learn_font
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings

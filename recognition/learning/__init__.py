@@ -1,1 +1,1 @@
-"""Training of the recogniser and the line finder; learning the shapes of a die."""
+"""Training of the recogniser and the line finder."""

@@ -17,9 +17,9 @@ from pipeline.runs.lot import (
     needs_another,
     teachers,
 )
-from recognition.learning.exemplars import ExemplarError
-from recognition.learning.learned_font import Learned, agreement, learn_font
-from tests.recognition.learning.blows import blow
+from recognition.enrol.exemplars import ExemplarError
+from recognition.enrol.learned_font import Learned, agreement, learn_font
+from tests.recognition.enrol.blows import blow
 
 GOTHIC, TIMES = load_font("gothic"), load_font("timesr")
 

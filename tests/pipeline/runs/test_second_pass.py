@@ -19,7 +19,7 @@ from pipeline.runs.run import Run, open_run
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass, runs_second_pass
 from pipeline.runs.task import RunOrder
-from recognition.learning.exemplars import ExemplarError
+from recognition.enrol.exemplars import ExemplarError
 from tests.support.fake_executor import FakeExecutor
 from tests.support.run_tables import read_rows
 

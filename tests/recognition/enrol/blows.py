@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
-from recognition.learning.learned_font import Hand
+from recognition.enrol.learned_font import Hand
 
 SIZE = (53, 65)
 

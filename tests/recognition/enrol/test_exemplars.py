@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from recognition.learning.exemplars import ExemplarError, cut_height_map
-from recognition.learning.learned_font import align_relief, likeness
+from recognition.enrol.exemplars import ExemplarError, cut_height_map
+from recognition.enrol.learned_font import align_relief, likeness
 
 
 def cut(part, text):

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
+from recognition.enrol.exemplars import ExemplarError
+from recognition.enrol.learned_font import learn_font, likeness
 from recognition.glyph_match.predicted import predict_templates, template_key
-from recognition.learning.exemplars import ExemplarError
-from recognition.learning.learned_font import learn_font, likeness
-from tests.recognition.learning.blows import blow, drawn
+from tests.recognition.enrol.blows import blow, drawn
 
 GOTHIC = load_font("gothic")
 

@@ -21,8 +21,8 @@ from scipy import ndimage
 from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph, signed_distance
 from glyphs.stamping.die import die_glyph
 from glyphs.stamping.faces import default_die, relief_mm
+from recognition.enrol.exemplars import ExemplarError
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
-from recognition.learning.exemplars import ExemplarError
 
 FEWEST_SIBLINGS = 3
 """Least number of agreeing exemplars that need no comparison with a known font."""
@@ -122,7 +122,7 @@ def learn_font(
         name: its name.
         chars: (n,) what each exemplar is, one at least.
         reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
-            not known (`recognition.learning.exemplars.Cut.relief`).
+            not known (`recognition.enrol.exemplars.Cut.relief`).
         known: known fonts; the nearest one provides characters that were never felt.
         vouching: whether it may vouch for exemplars with fewer than `FEWEST_SIBLINGS` that agree; else these teach
             nothing.
