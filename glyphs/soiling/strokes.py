@@ -1,4 +1,4 @@
-"""Draw thin objects on a grid: points along a line and across it; each sample keeps the largest value."""
+"""Draw thin objects on a grid as points along and across a line; each sample keeps the largest value."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def record_array(**columns: NDArray[Any]) -> Any:
 
 
 def across(width_mm: float, pitch_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Symmetric offsets (n,) across a line of a width, closer than a sample, and their spacing, mm."""
+    """Symmetric offsets (n,) across a line of this width, at most 0.6 samples apart, and their spacing, mm."""
     half = 0.5 * width_mm + 0.5 * pitch_mm
     count = 2 * int(np.ceil(half / (0.6 * pitch_mm))) + 1
     offsets = np.linspace(-half, half, count)

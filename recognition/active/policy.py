@@ -26,14 +26,14 @@ class Progress:
     """Steps and confidences so far.
 
     Attributes:
-        fitting: fitting of the stage.
+        fitting: whiskers and field of the stage.
         lines: lines per half character height of each way that was felt.
-        stage_s: spent.
+        stage_s: stage seconds spent.
         text: text of the last look.
         confidence: confidence of the last look; 0 without one.
         confidences: confidences of all looks.
-        steady: number of looks before the last one that read the same text with a probability above 0.5.
-        steps: way of each step, its lines after it.
+        steady: number of looks in a row, just before the last, with its text and a confidence above 0.5.
+        steps: way of each step, and lines of that way after it.
     """
 
     fitting: Fitting
@@ -62,26 +62,26 @@ class Progress:
         )
 
     def believing(self, confidence: float) -> Progress:
-        """The progress if a full reading is surer than the last look."""
+        """Replace the confidence of the last look by a full reading's, if that is higher."""
         best = max(confidence, self.confidences[-1])
         return replace(self, confidences=(*self.confidences[:-1], best))
 
     @property
     def history(self) -> tuple[tuple[Way, int, float], ...]:
-        """Way of every step, its lines after it, and the confidence of the look that followed."""
+        """Way of every step, lines of that way after it, and confidence of the look that followed."""
         return tuple(
             (way, lines, sure) for (way, lines), sure in zip(self.steps, self.confidences, strict=True)
         )
 
     def candidates(self, region_mm: Region, ways: Iterable[Way] = Way) -> list[Step]:
-        """The next step of each direction that adds lines."""
+        """The next step of each direction that has room for more lines."""
         joins = bool(self.lines)
         steps = [next_step(self.fitting, region_mm, w, self.lines.get(w, 0), joins=joins) for w in ways]
         return [step for step in steps if step is not None]
 
 
 def first_step(progress: Progress, region_mm: Region) -> Step | StopReason:
-    """The first step: along or across, whichever is cheaper for the comb."""
+    """The first step: along or across, whichever takes less stage time."""
     steps = progress.candidates(region_mm, (Way.ALONG, Way.CROSS))
     return min(steps, key=lambda step: step.stage_s, default=StopReason.ALL_FELT)
 
@@ -93,7 +93,7 @@ class Policy(Protocol):
         """Return the next step, or the reason to stop.
 
         Args:
-            progress: so far.
+            progress: progress so far.
             region_mm: where the line lies.
             left_s: stage seconds left of the budget.
         """
@@ -104,7 +104,7 @@ class Ladder:
     """Steps in a fixed order.
 
     Attributes:
-        rungs: ways, and the lines per half character height that each is brought to, in order.
+        rungs: ways in order, each with the lines per half character height at which it ends.
     """
 
     rungs: tuple[tuple[Way, int], ...]
@@ -122,7 +122,7 @@ class Drawn:
     """Steps drawn at random, with equal chances for each direction; the first step is that of `Greedy`.
 
     Attributes:
-        seed: seed of the draws; the steps of a part depend on the number of draws.
+        seed: seed of the draws; the n-th draw is the same for every part.
     """
 
     seed: int
@@ -141,9 +141,9 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Greedy:
-    """Choose the step with the greatest gain per stage time, one step ahead, as long as it is worth its time.
+    """Choose the step with the greatest gain per stage time; stop if none is worth its time.
 
-    What a step brings is the chance that the serial is sure within the next looks (`recognition.active.gain`).
+    The gain is the chance that the serial is sure within the next `LOOKS_AHEAD` looks (`recognition.active.gain`).
 
     Attributes:
         gain: predicted gain of the steps.

@@ -1,4 +1,4 @@
-"""The threshold for a part that is read repeatedly while it is felt."""
+"""The acceptance threshold for a part that is read repeatedly while it is felt."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from recognition.decision.reading import Reading
 from recognition.decision.score import serial_is_sure
 
 EVEN = 0.5
-"""Least confidence of a candidate text."""
+"""Confidence above which a text is a candidate."""
 
 
 class Trust:
-    """Raise the threshold with the number of candidate texts: many looks are many chances to be wrong.
+    """Raise the threshold with the number of candidate texts.
 
-    Beliefs that hold may be asked for as often as one likes; those that change their mind are one chance each
-    (Bonferroni): of k texts the last may be doubted a k-th as much as one that was believed from the first.
+    Reading the same text again costs nothing. Each new text is one more chance to be wrong: after k candidate texts,
+    1/k of the error is allowed (Bonferroni).
     """
 
     def __init__(self, accept_confidence: float) -> None:
         """Start with a new part.
 
         Args:
-            accept_confidence: least confidence of an accepted reading if no look preferred another text.
+            accept_confidence: least confidence of an accepted reading if there is only one candidate text.
         """
         self._accept = accept_confidence
         self._believed: set[str] = set()
 
     def takes(self, reading: Reading) -> bool:
-        """Whether the serial is sure."""
+        """Count the text as a candidate, and return whether the serial is sure."""
         if reading.confidence > EVEN:
             self._believed.add(reading.text)
         least = 1.0 - (1.0 - self._accept) / max(len(self._believed), 1)

@@ -3,8 +3,8 @@
     float network --strips: least and greatest of every layer--> scales --> network of eight-bit convolutions
     x -> x / sqrt(2) -> erf -> + 1 -> * x -> / 2, five passes over a layer --joined--> Gelu, one
 
-Kept in floating point is what costs little and would lose most: the first convolutions, which see the strip itself,
-those that weigh channels by their means, those that work on each channel alone, and the last.
+Some convolutions stay in floating point, because they cost little and would lose most: the first, which see the strip
+itself, those of squeeze-and-excitation, the depthwise ones, and the last.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ FIRST, LAST = 6, 3
 def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> None:
     """Write a network with eight-bit convolutions.
 
-    Weights have seven bits, for processors whose eight-bit products would overflow.
+    Weights use only seven bits: on some processors sums of eight-bit products overflow.
 
     Args:
         source: ONNX file of the network.
-        out: ONNX file.
+        out: ONNX file to write.
         strips: (LAYERS, ROWS, columns) each, of all kinds of views: they give the range of every layer.
     """
     import onnx
@@ -94,7 +94,7 @@ def show_features(path: Path) -> None:
 
 
 def _float_layers(graph: Any) -> list[str]:
-    """Names of the convolutions that stay as they are."""
+    """Names of the convolutions that stay in floating point."""
     made_by = {name: node for node in graph.node for name in node.output}
     shapes = {one.name: one.dims for one in graph.initializer}
     convolutions = [node for node in graph.node if node.op_type == "Conv"]

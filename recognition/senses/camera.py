@@ -47,12 +47,12 @@ class VisionReader:
 
         Raises:
             FontError: as in the reader by touch.
-            MarksError: `experts` lacks the network, without which no photograph is read.
+            MarksError: `experts` lacks the network; only it reads photographs.
         """
         self.settings = (settings if settings is not None else ReaderSettings()).of("vision")
         if "network" not in self.settings.experts:
             raise MarksError(
-                f"no photograph is read by {', '.join(self.settings.experts)}",
+                f"{', '.join(self.settings.experts)} cannot read photographs",
                 hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
@@ -67,12 +67,12 @@ class VisionReader:
         return checked_by_codes(made, codes)
 
     def _read(self, photo: Photo, codes: Sequence[Code]) -> Reading:
-        """Read the photograph with and without its stains; the second counts only if it is clearly surer."""
+        """Read the photograph; if it is not sure, read it without stains too, which must be clearly surer to count."""
         bare = without_codes(photo, codes)
         views, left_out = photo_views(bare)
         timer = StepTimer()
         made = self._of_views(photo, views, timer, left_out=left_out)
-        # where it is sure, and in review for a contract, another text must not get round that contract
+        # a sure reading may be in review for a contract: another text must not bypass it
         if made.confidence < self.settings.accept_confidence and not photo.others:
             clean = stainless_view(bare)
             if clean is not None:
@@ -115,7 +115,7 @@ class VisionReader:
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
-        """Prototypes of each named font, under several lights; made for the first line that needs them."""
+        """Prototypes of each named font, under several lights; made when a line first needs them."""
         chars_of = self._scaled.search.chars_of
         return tuple(lit_prototypes(font, chars) for font in self.fonts if (chars := chars_of(font)))
 
@@ -127,7 +127,7 @@ class VisionReader:
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:
-    """Notes on the files of a photograph and its others, each once."""
+    """Notes on the files of all photographs, each once."""
     return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))
 
 

@@ -1,11 +1,11 @@
-r"""Five numbers of a drawn whisker's tip that combine lengths, angle and stiffness.
+r"""Five numbers of an L-shaped whisker's tip that combine its lengths, angle and stiffness.
 
     d = D11 / D11_yy,     q = (ln(d_xx - d_xy^2), d_xy, ln d_zz, arm_x / arm_y),   arm_y / D11_yy
     moment = (arm_y / D11_yy) * (a function of the other four, from the contact)
 
-So contact is simulated for the first four only, and the fifth is a factor. Numbers that no signal can separate (a
-length from an angle, a stiffness from a gain) are then not separated by noise of finite differences either. D11 is
-positive definite for any first four.
+So contact is simulated for the first four only, and the fifth is a factor. No signal can separate some unknowns (a
+length from an angle, a stiffness from a gain). With these five, the noise of finite differences does not separate them
+either. D11 is positive definite for any values of the first four.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from whisker_array.identification.bench import Bench
 from whisker_array.whisker.shapes import LShaped, TipModel
 
 SHAPE = 4
-"""Number of the tip's numbers that are not a factor."""
+"""How many of the five numbers are not a factor."""
 _PROBE = 1e-3
-"""Step of a finite difference of the tip's numbers, which are smooth, in prior standard deviations."""
+"""Step of the finite differences, in standard deviations of the cloud."""
 
 
 def tip_numbers(tip: TipModel) -> NDArray[np.float64]:
-    """(5,) the numbers q of the module's docstring."""
+    """(5,) the five numbers of the module's docstring."""
     d, arm = tip.compliance_mm_per_n / tip.compliance_mm_per_n[1, 1], tip.moment_arm_mm
     shape = math.log(d[0, 0] - d[0, 1] ** 2), d[0, 1], math.log(d[2, 2]), arm[0] / arm[1]
     return np.array([*shape, arm[1] / tip.compliance_mm_per_n[1, 1]])
@@ -41,7 +41,7 @@ def tip_of_numbers(q: NDArray[np.float64]) -> TipModel:
 def tip_derivatives(
     at: Bench, before: NDArray[np.float64], drawn: NDArray[np.intp], nominal: LShaped
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(5,) the tip's numbers, and (5, drawn) their derivatives by the drawn numbers of the whisker."""
+    """(5,) the tip's numbers, and (5, drawn) their derivatives by the unknowns at the indices `drawn`."""
     vector = at.vector()
 
     def of(step: NDArray[np.float64]) -> NDArray[np.float64]:

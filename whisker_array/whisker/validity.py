@@ -20,12 +20,12 @@ LINEAR_ERROR_LIMIT = 0.02
 for its whisker, a 0.3 mm wire with k = 1/12 bent by 10 % of l1, the force is wrong by 1.8 %. It is also below the 3 %
 by which the gains of real whiskers differ, so the beam is not the largest error of the sensor."""
 PRELOAD_MARGIN = 1.2
-"""Least preload over mark depth, so that contact is kept on the groove floor (Assumption 3)."""
+"""Least ratio of preload to mark depth that keeps contact on the groove floor (Assumption 3)."""
 QUASI_STATIC_SHARE = 0.1
-"""Largest signal frequency over the first bending frequency (Assumption 5). A sine then has an error of 1 %;
-the edge map of a stamped groove, whose corners contain higher frequencies, has one of 2 to 3 % at 45 degrees and of 6
-to 9 % at 60 degrees (`whisker_array.simulation.dynamic_speed`). It is used because a search cannot simulate every
-whisker."""
+"""Largest ratio of signal frequency to first bending frequency (Assumption 5). The error of a sine is then 1 %. That
+of an edge map is 2 to 3 % at walls of 45 degrees and 6 to 9 % at 60 degrees, because the corners of a groove contain
+higher frequencies (`whisker_array.simulation.dynamic_speed`). A design search needs this limit because it cannot
+simulate every whisker."""
 
 
 def land_force_n(whisker: Whisker, *, preload_mm: float, mu: float) -> Vector:
@@ -35,7 +35,7 @@ def land_force_n(whisker: Whisker, *, preload_mm: float, mu: float) -> Vector:
 
 
 def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float:
-    """Tip deflection |D11 f| on the land over l1 (other whiskers: their reach), for Assumption 1."""
+    """Ratio of the tip deflection |D11 f| on the land to l1 (other whiskers: to their reach), for Assumption 1."""
     force = land_force_n(whisker, preload_mm=preload_mm, mu=mu)
     return float(np.linalg.norm(whisker.tip_model().compliance_mm_per_n @ force)) / whisker.reach_mm
 
@@ -47,7 +47,7 @@ class LumpedWhisker(OneLine):
     Attributes:
         joints_mm: (n, 3) ends of the pieces, base to tip, without the base.
         mass_t: (n,) mass of the joints, t (N s^2 / mm).
-        strain: (6 (n - 1) ..., 3 n) weighted strain of every piece under unit forces on the joints.
+        strain: (6 n, 3 n) weighted strain of every piece under unit forces on the joints.
     """
 
     joints_mm: Matrix
@@ -61,9 +61,10 @@ class LumpedWhisker(OneLine):
 
 
 def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
-    """Divide a whisker into pieces with half their mass at either end; the flexibility between joints is exact.
+    """Divide a whisker into pieces, and lump half the mass of each at either end.
 
-    strain^T strain is the flexibility: two Gauss points per piece, because M = r x f is linear along it.
+    strain^T strain is the flexibility. It is exact for constant sections: M = r x f is linear along a piece, so two
+    Gauss points suffice.
     """
     if parts < 1:
         raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
@@ -92,14 +93,14 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
 def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, parts: int = 24) -> float:
     """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5.
 
-    Mass is lumped at the joints of `parts` pieces per segment; the flexibility between the joints is exact. For a
-    straight whisker it is within 0.2 % of 3.516 / (2 pi l^2) sqrt(EI / rho A). Rotary inertia is left out.
+    Mass is lumped at the joints of `parts` pieces per segment. For a straight whisker the result is within 0.2 % of
+    3.516 / (2 pi l^2) sqrt(EI / rho A). Rotary inertia is left out.
 
     Args:
         whisker: the whisker, clamped at its base.
-        tip_held: whether contact holds the tip in height, as while tracing (Assumption 3), so that only modes between
-            two held ends can ring. The frequency is then 4.4 times higher for a straight whisker (except sideways for
-            round wire).
+        tip_held: whether contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
+            frequency of a straight whisker is then 4.4 times higher. Its sideways frequency, the lowest of round
+            wire, does not change.
         parts: number of pieces per segment.
     """
     lumped = lumped_whisker(whisker, parts=parts)

@@ -40,11 +40,11 @@ def scatter_bumps(
 
     Args:
         coat: the plate.
-        density: mean number on a square of one character height.
+        density: mean number per square of one character height.
         rng: the only source of randomness; the draws do not depend on the amount.
-        width: median, in character heights.
+        width: median width, in character heights.
         spread: standard deviation of the width's logarithm.
-        slope: median of height over radius.
+        slope: median ratio of height to radius.
         blunt: smallest `blunt`; the largest is 1.
         born: smallest `born`; the largest is 0.8 more.
     """
@@ -64,13 +64,13 @@ def scatter_bumps(
 
 
 def union_mm(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
-    """Union of the bumps at their present size, mm; `ragged` makes their outlines irregular."""
+    """Height of the union of the bumps at an age, mm; `ragged` makes their outlines irregular."""
     rows, cols = coat.shape
     grid = np.zeros(rows * cols, dtype=np.float32)
     grown = np.clip((age - bumps.born) / (1.05 - bumps.born), 0.0, 1.0)
     alive = np.flatnonzero(grown > 0.0)
     radius = bumps.radius_mm * grown**0.5
-    # patches of similar size together
+    # bumps of similar size share one window
     for some in np.array_split(alive[np.argsort(radius[alive])], 10):
         if not some.size:
             continue

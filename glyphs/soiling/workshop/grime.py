@@ -32,10 +32,10 @@ def add_grime(
 
         land ____                ____   patches (rank above 1 - share) fill from their edge inwards:
                  \\  .::::::.    /        partly, then to the brim, and in the middle slightly above it
-                  \\::::::::::__/   between patches a residue stays in the corners
+                  \\::::::::::__/   between patches a thin residue stays in grooves
 
-    A patch is correlated noise above a threshold, so that more grime enlarges the same patches. `most_caked` and
-    `most_stained` are the shares of the plate that are caked and stained at amount 1.
+    Patches are where correlated noise exceeds a threshold. More grime lowers it, so the same patches grow.
+    `most_caked` and `most_stained` are the shares of the plate that are caked and stained at amount 1.
     """
     size = coat.height_mm
     wide = coat.noise(rng.uniform(0.45, 1.1) * size, rng)
@@ -70,7 +70,7 @@ def add_grime(
     fill = np.maximum(fill + lumps, 0.0).astype(np.float32)
 
     caked = ramp(fill, 0.004, 0.03)
-    # a film of micrometres, visible but not felt: smears and spatter, denser near the patches
+    # a film too thin to be felt, but visible: smears and spatter, denser near the patches
     film = share((smear + spattered * spatter) / np.hypot(np.float32(1.0), np.float32(spattered)))
     bare = 1.0 - most_stained * (1.0 - (1.0 - amount) ** 3)
     opaque = np.clip(0.55 + 0.5 * amount + 0.22 * thin, 0.2, 0.98)

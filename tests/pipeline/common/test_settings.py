@@ -65,7 +65,7 @@ def test_the_readers_are_told_who_has_a_say() -> None:
         for who in ((), ("network",), ("network", "templates"))
     ]
     assert named == [True, False, True]
-    with pytest.raises(MarksError, match="no photograph is read by templates; add the expert network"):
+    with pytest.raises(MarksError, match="templates cannot read photographs; add the expert network"):
         _ = open_reader(ReadSettings(experts=("templates",))).vision
     assert open_reader(ReadSettings()).settings.experts == EXPERTS
 
