@@ -63,7 +63,7 @@ class Camera(OneLine, Validated, error=MapError):
 
         ::
 
-            pixel -> nominal mm about the middle -> perspective -> turn back -> shift back -> plate
+            pixel -> nominal mm about the middle -> perspective -> shift back -> turn back -> plate
         """
         (rows, cols), (mx, my) = self.frame(height_map)
         p = self.pitch_mm

@@ -1,4 +1,4 @@
-"""Light reflected towards a camera straight above, from heights and `Look`.
+"""Light reflected towards a camera straight above, computed from heights and a `Look`.
 
 The sum of a directional light and a dome of ambient light, each reflected diffusely (Lambert) and by microfacets
 (Trowbridge-Reitz, also called GGX, with Schlick's Fresnel factor)::
@@ -35,7 +35,7 @@ class Light(OneLine, Validated, error=MapError):
         elevation_deg: elevation of the lamp above the plate, 1 to 90.
         ambient: light from all round, as a share of all light that falls on a flat plate, 0..1.
         size_deg: angular radius of the lamp, 0.1 to 60; a large lamp gives soft glints and soft shadows.
-        gradient: share by which the ambient light is brighter towards the lamp, 0..1.
+        gradient: share by which mirrored ambient light is brighter towards the lamp, 0..1.
         shadows: whether ridges cast shadows.
         colour: red, green, blue of the light, > 0.
 
@@ -109,7 +109,7 @@ def _normals(z: Field, pitch_mm: float) -> tuple[Field, Field, Field]:
 
 
 def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
-    """Density of microfacet normals at an angle from the mean normal, given its cosine, per steradian."""
+    """Density of microfacet normals per steradian, at an angle (its cosine) from the mean normal."""
     a2 = alpha * alpha
     below = cosine * cosine * (a2 - 1.0) + 1.0
     return np.asarray(a2 / (np.pi * below * below), dtype=np.float32)
@@ -118,8 +118,8 @@ def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
 def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
     """Visible share of the lamp at every sample, 0..1: ridges towards the lamp hide it.
 
-    It compares the highest angle to the surface towards the lamp with the lamp's elevation, softened by the lamp's
-    size. Heights are looked up at the nearest sample.
+    It compares the lamp's elevation with that of the horizon below it; a larger lamp gives a softer edge. Heights are
+    looked up at the nearest sample.
     """
     lx, ly, _ = light.towards
     across = math.hypot(lx, ly)
@@ -144,7 +144,7 @@ def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
 
 
 def openness(z: Field, *, pitch_mm: float) -> Field:
-    """Visible share of the dome at every sample, 0..1, from its depth below its surroundings."""
+    """Visible share of the dome at every sample, 0..1, from the sample's depth below its surroundings."""
     from glyphs.surface.blur import gaussian_blur
 
     share = np.ones_like(z)

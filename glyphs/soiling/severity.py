@@ -1,7 +1,7 @@
 """Severity: one scale, 0 to 1, for all soils.
 
-At a given severity, every soil lowers the probability that a fixed reference reader gives to the true characters by as
-much as the workshop's dirt does. The reader is the generic recognition network of RapidOCR, on the ideal height map.
+At the same severity all built-in soils are equally hard for a fixed reader: its mean probability of the true characters
+falls as far as under `workshop`. The reader is RapidOCR's generic recognition network, on the ideal height map.
 `python tests/benchmarks/soil_severity.py --write` measures this and writes the amounts beside this module.
 """
 

@@ -33,7 +33,7 @@ def create_app(service: Service) -> FastAPI:
         description="Times are in UTC, lengths in mm. Every failure is application/problem+json (RFC 9457).",
         version=program_version(),
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        docs_url=None,  # its pages would load scripts from the internet; ours is pages.interface
+        docs_url=None,  # its page would load scripts from the internet; ours is at /docs
         redoc_url=None,
         openapi_url="/openapi.json",
         servers=[{"url": settings.root_path}] if settings.root_path else None,
@@ -41,13 +41,13 @@ def create_app(service: Service) -> FastAPI:
         max_body_size=settings.limits.upload_bytes,
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
-        # included routers would make every route, and the schemas of its answers, a second time
+        # include_router would build every route, and the schemas of its answers, a second time
         routes=[route for router in routers for route in router.routes],
     )
     app.state.problem_page = frame.refusal
     add_problem_handlers(app)
     app.openapi = lambda: _describe_api(app, asked=service.access.required)  # type: ignore[method-assign]
-    # the last one lies outermost
+    # the one added last is outermost
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
@@ -87,7 +87,7 @@ def _describe_api(app: FastAPI, *, asked: bool) -> dict[str, Any]:
     about = "tactile-marks tokens add NAME --scope write"
     made["components"]["securitySchemes"] = {
         "token": {"type": "http", "scheme": "bearer", "description": about},
-        "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "the operator page's"},
+        "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "operator page login"},
     }
     if asked:
         made["security"] = [{"token": []}, {"page": []}]

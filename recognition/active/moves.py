@@ -1,13 +1,13 @@
 """Possible next steps: one or more passes between those that were felt before.
 
-A step adds one line per half character height: with whiskers half a height apart that is one travel of the
-array for each block of the region, with whiskers a height apart it is two::
+A step adds one line per half character height. With whiskers half a height apart, this takes one travel of the
+array for each block of the region; with whiskers a height apart, two::
 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
 
-The first direction begins with `FIRST` such lines, 8 per character height: fewer show no shapes. One that joins it
-begins with `JOINED`.
+The first direction begins with `FIRST` such lines, 8 per character height: fewer show no shapes. Each later one begins
+with `JOINED`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Way(StrEnum):
 
     Attributes:
         direction: direction in which the whiskers are dragged.
-        shift: shift of its lines, in spacings of eight per half character height: lines on the way back lie between the
+        shift: shift of its lines, in sixteenths of a character height: lines on the way back lie half way between the
             first eight.
         purpose: purpose of the step, in words.
     """
@@ -53,13 +53,13 @@ class Way(StrEnum):
         shift: float = 0.0,
         purpose: str = "",
     ) -> Self:
-        """Make a member from its name in records and its attributes."""
+        """Make a member from its recorded name and its attributes."""
         made = str.__new__(cls, value)
         made._value_, made.direction, made.shift, made.purpose = value, direction, shift, purpose
         return made
 
     ALONG = "along", TraceDirection.FORWARD_X, 0.0, "lines along x between those felt"
-    BACK = "back", TraceDirection.BACK_X, 0.5, "the walls' other side"
+    BACK = "back", TraceDirection.BACK_X, 0.5, "the other side of the walls"
     CROSS = "cross", TraceDirection.FORWARD_Y, 0.0, "across the line"
     CROSS_BACK = "cross back", TraceDirection.BACK_Y, 0.5, "across the line, the other way"
 
@@ -82,21 +82,21 @@ class Step:
 
     @property
     def stage_s(self) -> float:
-        """The cost of the step."""
+        """Stage time of the step."""
         return math.fsum(p.stage_s for p in self.passes)
 
 
 def next_step(
     fitting: Fitting, region_mm: Region, way: Way, lines: int, *, joins: bool = False
 ) -> Step | None:
-    """Next planned step in a direction; None if there is none.
+    """Plan the next step in a direction; None if it has all lines.
 
     Args:
         fitting: whiskers, and the field that can be felt.
         region_mm: region to be felt.
         way: direction.
         lines: lines per half character height that this direction has already.
-        joins: another direction was felt before.
+        joins: whether another direction was felt before.
     """
     if lines >= MOST:
         return None
@@ -112,7 +112,7 @@ def next_step(
 
 def between(k: int) -> float:
     """0, 1/2, 1/4, 3/4, 1/8 ...: each as far from those before it as can be (van der Corput)."""
-    # its binary digits mirrored at the point
+    # the binary digits of k, mirrored at the point
     return int(f"{k:b}"[::-1], 2) / 2.0 ** k.bit_length()
 
 
@@ -121,7 +121,7 @@ def _stretch_to_cover(
 ) -> tuple[float, float]:
     """Range across the travel that lines must cover: the region without the land at its rims.
 
-    A region about a line that is cut at one rim of the field has no land to spare there.
+    Where the field cuts off one rim of a region, no land is left out at that rim.
     """
     cut = [abs(a - b) < 1e-6 for a, b in zip(across, field, strict=True)]
     low = across[0] + (0.0 if cut == [True, False] else rim_mm)
@@ -130,7 +130,7 @@ def _stretch_to_cover(
 
 
 def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
-    """Passes that cover a region with lines a whisker's pitch apart; all regions of a field share their lines."""
+    """Passes that cover a region with lines a whisker's pitch apart, on one raster for the whole field."""
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
     (x0, y0, x1, y1), field = region_mm, fitting.field_mm
@@ -139,8 +139,8 @@ def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) ->
     origin, pitch = within[0], array.pitch_mm
     low, high = _stretch_to_cover(across, within, rim_mm=RIM_HEIGHTS * height)
     blocks = max(1, math.ceil((high - low) / (pitch * array.n_whiskers) - 1e-9))
-    # the middle of this travel's own lines as near to the middle of what is needed as whole pitches allow: together
-    # the travels of a step then lay every line of the blocks' width, evenly to both sides
+    # centre this travel's lines on the range to cover, as nearly as whole pitches allow: so all travels of a step
+    # together cover the blocks' width, evenly to both sides
     lines = blocks * array.n_whiskers
     first = round((0.5 * (low + high) - origin) / pitch - share - 0.5 * (lines - 1))
     step_mm = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH

@@ -1,7 +1,7 @@
 """The line that is being scanned: its position and posterior, updated after every pass.
 
-A look at a line takes a few milliseconds, a full reading some hundred: so that the stage need not wait, the line is
-looked at where it was last, and at a few places beside it in turns.
+Reading a line once takes a few milliseconds, a full reading hundreds. So that the stage need not wait, a look reads the
+line only at its last position and at one variant of it, another each time.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class Look:
     """The best line and text after a step.
 
     Attributes:
-        read: the line and the beliefs of all experts, a look each.
-        choice: their texts in the format.
-        others: there may be lines beside it; few lines of samples do not show whether they can be read.
+        read: the line and its posteriors, by the recogniser alone.
+        choice: the best text in the format, and its rivals.
+        others: whether other lines were found; with few scan lines, their text may not show yet.
     """
 
     read: ReadLine
@@ -37,7 +37,7 @@ class Look:
 
     @property
     def text(self) -> str:
-        """The best serial that is allowed."""
+        """The best text that the format allows."""
         return self.choice.text
 
     @property
@@ -50,15 +50,15 @@ class LineWatch:
     """Follow one line while it is felt.
 
     Attributes:
-        line: the line, as far as it is known.
-        is_sure: whether there is a line with text.
+        line: its last position; None if unknown.
+        is_sure: whether to follow the line, not search for it.
     """
 
     def __init__(self, lines: LineReader, *, line: TextLine | None = None) -> None:
         """Begin.
 
         Args:
-            lines: knows the format and the experts.
+            lines: reader of lines, with the format.
             line: where the line lies, if that is known.
         """
         self.lines, self.line = lines, line
@@ -66,26 +66,26 @@ class LineWatch:
         self._looks = count()
 
     def follow(self, line: TextLine | None, *, confidence: float, followed: float = 0.05) -> None:
-        """Continue with the line of a full reading if its confidence is above 0.5.
+        """Continue with the line of a full reading if it is confident enough.
 
         Args:
             line: line of the reading, if there is one.
             confidence: confidence of the reading.
-            followed: confidence of a reading from which its line is followed: it is seldom another by then.
+            followed: confidence above which the line is followed: it is then seldom a wrong one.
         """
         if line is not None and confidence > followed:
             self.line, self.is_sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:
-        """Return the best text so far; None without a line.
+        """Return the best text so far; None without any.
 
         Args:
-            most_found: lines of a first view that are looked at.
+            most_found: lines that are read while none is followed.
         """
         known = [] if self.line is None else [self.line]
         if self.is_sure:
             tried = variants(known[0])
-            near = [*known, tried[next(self._looks) % len(tried)]]  # one place beside the line, in turns
+            near = [*known, tried[next(self._looks) % len(tried)]]  # one variant, in turns
         else:
             near = [*known, *self.lines.search.candidates(view)[:most_found]]
         seen = self.lines.search.read_once(view, near)

@@ -1,13 +1,13 @@
-"""Profile and differentiator in one array: height, slope and friction of every sample.
+"""Profiler and differentiator in one array: height, slope and friction of every sample.
 
-A profiler and a differentiator trace the same line, dragged, turned about or pushed back::
+A profiler and a differentiator trace the same line, dragged either way or pushed back::
 
     profiler          m / m_land = lift / d0                      the height, for any slope and friction
     differentiator    m = lift G(theta)                           theta = s tau + e phi of `estimate`
-                      s = +1, -1 as the base is ahead in +x, -x;  e = +1, -1 dragged, pushed
+                      s = +1, -1: base ahead in +x, -x;  e = +1, -1: dragged, pushed
 
-Two ways that differ in s or e give both tau and phi by least squares; one way gives tau, with phi from the land's
-friction. In contact the tips are deflected along the trace, each by its own force; every sample is moved to the
+Sweeps with different products s e give tau and phi by least squares; otherwise phi is that of the land, and only tau is
+solved for. In contact each tip is deflected along the trace by its own force, so every sample is moved to the
 position of its tip.
 """
 
@@ -42,7 +42,7 @@ from whisker_array.whisker.touch import Touch
 Lines = NDArray[np.float64]
 
 ROUNDS = 4
-"""Iterations between tip positions and leans; each changes a tenth or less of the previous one."""
+"""Iterations between tip positions and leans; each changes them at most a tenth as much as the previous one."""
 
 
 def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
@@ -171,7 +171,7 @@ def _without_snags(
 ) -> Lines:
     """Remove from a pushed view the walls on which it nearly jams, because there it sticks and slips.
 
-    It is kept where lifting the tip takes less than 1 / `least_give` of the force on level land.
+    A sample is kept if lifting the tip there takes less than 1 / `least_give` of the force without any lean.
     """
     if view.friction_sign > 0.0:
         return lean
@@ -223,7 +223,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
 
 
 def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
-    """Shift of each tip from the commanded position, which is set up on the land at the nominal friction."""
+    """Shift of each tip from its commanded position, which allows for the lag on land at nominal friction."""
     if friction_sign > 0.0:
         lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
     else:

@@ -1,4 +1,4 @@
-"""Memory of gauges: hysteresis, creep, and the shift of the zero by both.
+"""Memory of gauges: hysteresis, creep, and the zero shift that both cause.
 
     load x --+-- w0 ---------------------------+
              |                                 |
@@ -16,7 +16,7 @@ Kuhnen, European Journal of Control 9, 2003, 407-418)::
 
     p_j(n) = max(x(n) - r_j, min(x(n) + r_j, p_j(n - 1))),      h = w0 x + sum_j w_j p_j
 
-with w0 such that the first rise to the largest load L gives a reading of L. Creep is a chain of Kelvin-Voigt elements
+with w0 such that the first rise to the largest load L gives h = L. Creep is a chain of Kelvin-Voigt elements
 behind it (the generalised standard linear solid, a Prony series; Findley, Lai and Onaran, Creep and Relaxation of
 Nonlinear Viscoelastic Materials, 1976, chapter 5)::
 
@@ -39,7 +39,7 @@ from glyphs.ranges import freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
 
 RELAX_S = (0.3, 3.0, 60.0)
-"""Relaxation times of the creep terms, one per decade from a pass to a scan; the first two have equal shares."""
+"""Relaxation times of the creep terms, roughly from a pass's duration to a scan's; the first two have equal shares."""
 PLAYS = (0.1, 0.2, 0.3, 0.4)
 """Half widths of the plays, as shares of the largest load; equal weights, so that small loads shift the zero less."""
 HOLD_S = 11.0
@@ -102,7 +102,7 @@ class SensorMemory(OneLine):
 
 @dataclass(eq=False, repr=False)
 class SensorState(OneLine):
-    """State of the gauges of an array; `measure` updates it, like its random generator.
+    """State of the gauges of an array; `measure` updates it in place.
 
     Attributes:
         play_n_mm: (n, plays) float64, p_j.
@@ -128,7 +128,7 @@ class SensorState(OneLine):
 def read_gauges(
     load_n_mm: NDArray[np.floating], *, memory: SensorMemory, state: SensorState, step_s: float
 ) -> NDArray[np.float64]:
-    """Compute the reading of a load: the equations of the module, sample by sample.
+    """Compute the reading of a load, sample by sample, by the equations of the module.
 
     Args:
         load_n_mm: (whiskers, samples), N mm; NaN (no contact) stays NaN and counts as no load.
@@ -183,16 +183,17 @@ def fit_memory(
 ) -> SensorMemory:
     """Fit the memory to figures of each whisker, and to `SHIFT_AFTER_CYCLES` for all.
 
-    Creep during the hold remains right after it, so hysteresis causes the rest of the first zero shift:
-    sum_j w_j r_j = zero_shift - creep. After n holds of T and rests of T the state of a term is::
+    The creep of a hold is still there right after it, so hysteresis causes the rest of the first zero shift:
+    sum_j w_j r_j = zero_shift - creep. After n holds of T, with rests of T between them, the state of a term is::
 
         g_n(tau) = (1 - exp(-T / tau)) sum_(k < n) exp(-2 k T / tau)
 
-    and the shares f of the quick terms and s of the slow one solve f g_1 + s g_1 = creep and f g_10 + s g_10 = the
-    shift after ten cycles minus that of hysteresis. Creep of the load left in the plays is ignored (0.05 % of L).
+    and the shares f of the quick terms (g: their mean) and s of the slow one (g') solve f g_1 + s g'_1 = creep and
+    f g_10 + s g'_10 = the shift after ten cycles minus that of hysteresis. Creep of the load left in the plays is
+    ignored (0.05 % of L).
 
     Args:
-        creep: (n,) growth of the reading of a held load within `HOLD_S`, share of the largest load, within `CREEP`.
+        creep: (n,) growth of a held load's reading in `HOLD_S`, share of the largest load, within `CREEP`.
         zero_shift: (n,) reading right after unloading, within `ZERO_SHIFT`, at least the creep.
         largest_n_mm: L, N mm.
 

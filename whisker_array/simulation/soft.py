@@ -1,4 +1,4 @@
-r"""Dirt that yields under the tip: sinkage of a ball, in the pointwise fidelity and in general.
+r"""Dirt that yields under the tip: how far a ball sinks in, and the track that it leaves.
 
 The law of a ball indentation test: the dirt carries the mean pressure H on the ball's contact area 2 pi r s, so a
 ball of radius r pressed with f_n sinks by s, but no deeper than the bottom of the dirt::
@@ -14,8 +14,8 @@ Between top and bottom f_n = (d0 + h) / e, e = e_y.D11 (n - mu t) of eq. (7), an
     s = (d0 + h_top) / (1 + kappa e),      grad h = (1 - phi) (grad h_top + s / kappa grad kappa),
     phi = 1 / (1 + kappa e)
 
-so the softer the dirt is compared with the whisker, the less a slope of the top has an effect. Ploughing in front of
-the ball is part of the friction coefficient.
+so the softer the dirt compared with the whisker, the less a slope of its top matters. Ploughing in front of the ball is
+part of the friction coefficient.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ROUNDS = 6
 
 
 def indenting_radius_mm(tip_radius_mm: float, *, pitch_mm: float) -> float:
-    """Radius of the ball that sinks in: the tip's radius, but at least half a sample, the finest resolved."""
+    """Radius of the ball that sinks in: the tip's, but at least half a sample, the finest that the grid resolves."""
     return max(tip_radius_mm, 0.5 * pitch_mm)
 
 
@@ -51,7 +51,7 @@ def carrying_stiffness_n_per_mm(soil: Soil, *, tip_radius_mm: float, pitch_mm: f
         from scipy import ndimage
 
         width = 2 * reach + 1
-        # floats of 64 bits: running sums over hardnesses of many magnitudes
+        # 64 bits, because the filter sums hardnesses that differ by orders of magnitude
         weight = soil.thickness_mm.astype(np.float64)
         total = ndimage.uniform_filter(weight, width, mode="nearest")
         mean = ndimage.uniform_filter(weight * hardness, width, mode="nearest")
