@@ -76,8 +76,8 @@ def reading_of_line(
     part: PartLines,
     settings: LineSettings,
     *,
-    flags: ReadingFlag,
     source: str,
+    flags: ReadingFlag = ReadingFlag.NONE,
     least_places: int = 4,
     least_serial_evidence: float = -12.0,
 ) -> Reading:
@@ -86,8 +86,8 @@ def reading_of_line(
     Args:
         part: the part's lines.
         settings: acceptance threshold, format of the serial, further lines that the part should have.
-        flags: flags that are known beforehand.
         source: source of the reading: "tactile" or "vision".
+        flags: flags that are known beforehand.
         least_places: length from which a line without a format counts as text even if it is unsure.
         least_serial_evidence: log probability of the format on a line, below which the line is not the serial. The exam
             has 41 second lines of six characters where the format has eight: they reach -19.5 at most, their serials

@@ -32,10 +32,6 @@ from recognition.language.check_digits import blind_pairs
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
-MOST_TESTS = 2_000
-"""Most strings tested one by one, for a check digit that needs the whole text."""
-WORTH_WARNING = 0.01
-"""Least probability for a warning about a character that the check digit cannot distinguish."""
 ROUNDING = 1e-12
 """Greatest error of a place's sum of probabilities."""
 
@@ -82,7 +78,7 @@ class Choice:
 
 
 def choose(
-    lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = MOST_TESTS
+    lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = 2_000
 ) -> Choice:
     """Find the best strings that the grammar allows, with their probabilities.
 
@@ -90,7 +86,8 @@ def choose(
         lattice: beliefs of places.
         grammar: None allows every string of the lattice's characters.
         k: number of strings to name, the best among them.
-        most_tests: bounds the work with an opaque check digit; `Choice.exhausted` tells when it ended there.
+        most_tests: most strings tested one by one, for a check digit that needs the whole text; `Choice.exhausted`
+            tells when it ended there.
 
     Raises:
         ValueError: k or most_tests below 1.
@@ -203,7 +200,7 @@ def _log(value: float) -> float:
     return math.log(value) if value > 0.0 else -math.inf
 
 
-def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WARNING) -> dict[int, str]:
+def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = 0.01) -> dict[int, str]:
     """Warn, by place, of each character that no check digit distinguishes from another probable one.
 
     Args:

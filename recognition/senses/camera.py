@@ -15,7 +15,6 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.decide import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import log_odds, with_score
@@ -97,7 +96,7 @@ class VisionReader:
             part = lines.read(*views, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
-        made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")
+        made = reading_of_line(part, self.settings, source="vision")
         places = () if made.characters else part.candidates
         notes = (
             *made.notes,

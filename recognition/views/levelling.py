@@ -2,46 +2,107 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.surface.maps import HeightMap
-from recognition.views.levelling_fit import (
-    BRACKET,
-    Terms,
-    median_near,
-    tukey,
-)
+
+Floats: TypeAlias = NDArray[np.float64]
 
 
-def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
+def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12, bracket: float = 0.05) -> HeightMap:
     """Remove tilt and slight dome: a robust polynomial through the land; dropouts stay NaN.
 
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
     grid. This mounts the part; it is no edge filter.
+
+    Args:
+        height_map: surface of the part.
+        degree: of the polynomial.
+        rounds: of the fit.
+        bracket: range to either side of the last median, in spreads, in which the next one is searched first.
     """
     z = height_map.z_mm
     rows, cols = z.shape
     step = max(1, int(np.sqrt(z.size / 40_000)))
     thin = np.ascontiguousarray(z[::step, ::step], dtype=np.float64)
     row_terms, col_terms = np.linspace(-1.0, 1.0, rows), np.linspace(-1.0, 1.0, cols)
-    terms = Terms(col_terms[::step], row_terms[::step], degree)
+    terms = _Terms(col_terms[::step], row_terms[::step], degree)
     known = np.isfinite(thin)
-    all_known = bool(known.all())
     weight = known.astype(np.float64)
     weighted = np.where(known, thin, 0.0)
     middle = spread = 0.0
-    for _ in range(12):
+    for _ in range(rounds):
         normal = terms.normal(weight)
         normal[np.diag_indices_from(normal)] += 1e-10 * np.count_nonzero(known)
         coefficients = np.asarray(np.linalg.solve(normal, terms.right(weighted)))
         over = thin - terms.surface(coefficients)
-        residual = over.ravel() if all_known else over[known]
-        middle = median_near(residual, middle, BRACKET * spread)
-        spread = 1.4826 * median_near(residual, spread / 1.4826, BRACKET * spread, about=middle)
+        middle = _median_near(over[known], middle, bracket * spread)
+        off = np.abs(over[known] - middle)
+        spread = 1.4826 * _median_near(off, spread / 1.4826, bracket * spread)
         if spread <= 0.0:
             break
-        weight, weighted = tukey(thin, over, middle, 3.0 * spread)
+        weight, weighted = _tukey(thin, over, middle, 3.0 * spread)
     out = z.copy()
     out -= terms.form(coefficients, col_terms, row_terms)
     out.flags.writeable = False  # so that it is not copied
     return HeightMap(out, height_map.pitch_mm)
+
+
+class _Terms:
+    """Products u^i v^j with i + j up to a degree on a grid, and the sums over the grid that a fit needs.
+
+    Attributes:
+        power_u, power_v: (terms,) i and j.
+    """
+
+    def __init__(self, u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> None:
+        """Return the polynomial's terms at coordinates (cols,) and (rows,)."""
+        pairs = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+        self.power_u, self.power_v = np.array(pairs).T
+        self._u, self._v = (np.vander(a, 2 * degree + 1, increasing=True) for a in (u, v))
+        self._n = degree + 1
+
+    def normal(self, weight: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(terms, terms) sums of weight times product of two terms; weight (rows, cols)."""
+        sums = self._v.T @ (weight @ self._u)
+        i, j = self.power_u, self.power_v
+        return np.asarray(sums[j[:, None] + j, i[:, None] + i])
+
+    def right(self, weighted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(terms,) sums of (rows, cols) times a term."""
+        sums = self._v[:, : self._n].T @ (weighted @ self._u[:, : self._n])
+        return np.asarray(sums[self.power_v, self.power_u])
+
+    def surface(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The polynomial, (rows, cols)."""
+        table = np.zeros((self._n, self._n))
+        table[self.power_v, self.power_u] = coefficients
+        return np.asarray(self._v[:, : self._n] @ (table @ self._u[:, : self._n].T))
+
+    def form(self, coefficients: Floats, u: Floats, v: Floats) -> NDArray[np.float32]:
+        """The polynomial at other coordinates, summed term by term in single precision."""
+        out = np.zeros((v.size, u.size), dtype=np.float32)
+        for c, i, j in zip(coefficients.astype(np.float32), self.power_u, self.power_v, strict=True):
+            out += c * np.outer(v**j, u**i).astype(np.float32)
+        return out
+
+
+def _tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, Floats]:
+    """Tukey's biweights of heights `over` a fit, 0 beyond `cut`, and the weighted heights."""
+    off = (over - middle) / cut
+    weight = np.fmax(1.0 - off * off, 0.0) ** 2  # nought for NaN, too
+    return weight, np.where(weight > 0.0, weight * z, 0.0)
+
+
+def _median_near(values: NDArray[np.float64], guess: float, reach: float) -> float:
+    """The median of values: exact, and quick if the guess is near."""
+    n = values.size
+    near, below = values[np.abs(values - guess) <= reach], int(np.count_nonzero(values < guess - reach))
+    if not below <= (n - 1) // 2 <= n // 2 < below + near.size:
+        near, below = values, 0
+    upper = n // 2 - below
+    parted = np.partition(near, upper)
+    return float(parted[upper] if n % 2 else 0.5 * (parted[upper] + parted[:upper].max()))
