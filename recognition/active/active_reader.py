@@ -3,9 +3,9 @@
     session --feel--> passes so far --edge map--> view --look--> posterior --sure? no gain?--> stop
                            ^-------------------- next step <------------------'
 
-A look is a quick reading of some 50 milliseconds. When it is sure, a full reading decides, as for any scan. A look may
-miss what a full reading sees, because it has fewer experts and only follows one line. So a full reading is also made
-now and then, and before giving up; later looks follow the line that it found.
+A look is a quick reading of some 50 milliseconds. If it is sure, a full reading makes the decision, as for any scan. A
+look may miss what a full reading sees, because it has fewer experts and only follows one line. So a full reading is
+also made after every few unsure looks, and before giving up. Later looks follow the line that it found.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
 
 MARGIN_HEIGHTS = (0.8, 0.5)
-"""Margin of land that is felt around a line that was found, along it and across it; character heights."""
+"""Margin of land to feel around a found line, along it and across it, character heights."""
 FIRST_LOOK_DOUBT = 0.1
-"""Share of the doubt permitted for acceptance below which a single look triggers a full reading. With few scan lines a
-look may be sure of a wrong text, but seldom twice."""
+"""A single look triggers a full reading only if its doubt is below this share of the doubt allowed for acceptance.
+With few scan lines a look may be sure of a wrong text, but seldom twice."""
 LOOKS_PER_READING = 4
-"""Looks from one full reading to the next if none of them is sure: a full reading takes as long as four looks."""
+"""Number of looks between two full readings if no look is sure: a full reading takes as long as four looks."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.FORMAT_OVERRULED
@@ -52,7 +52,7 @@ TOUCHABLE = (
     | ReadingFlag.NOT_WHOLE
     | ReadingFlag.TOO_FEW_LINES
 )
-"""Doubts that further passes may resolve."""
+"""Flags that further passes may clear."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class ActiveSettings:
     """Settings of active touch.
 
     Attributes:
-        budget_s: most stage time for one part, s.
+        budget_s: maximum stage time for one part, s.
         policy: policy that chooses the steps, and stops when no step is worth its stage time.
-        until_sure: whether to stop as soon as the serial is sure; if not, only the policy and the budget stop it.
+        until_sure: whether to stop as soon as the serial is sure; if not, only the policy or the budget ends touch.
 
     Raises:
         ValueError: the budget is not positive.
@@ -80,7 +80,7 @@ class ActiveSettings:
 
 
 class ActiveReader:
-    """Reader of parts on a stage that chooses each pass.
+    """Reader that chooses each pass over a part on a stage.
 
     Example::
 
@@ -90,7 +90,7 @@ class ActiveReader:
     """
 
     def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
-        """Set the tactile reader, which keeps its templates between parts, and the settings."""
+        """Store the tactile reader, which keeps its templates between parts, and the settings."""
         self.reader = reader
         self.settings = settings if settings is not None else ActiveSettings()
 
@@ -102,7 +102,7 @@ class ActiveReader:
         Args:
             session: stage session with the part mounted.
             region_mm: (x0, y0, x1, y1) around the line in the plate frame, if known; nothing else is felt or read.
-            line: line as the camera sees it; unless `region_mm` is given, the region is made around it.
+            line: line that the camera found; default region: the surroundings of this line.
         """
         if region_mm is None and line is not None:
             region_mm = region_around(line, session.fitting.field_mm)
@@ -111,28 +111,27 @@ class ActiveReader:
 
 @dataclass
 class _Part:
-    """One part while it is felt."""
+    """State of reading one part."""
 
     active: ActiveReader
     session: StageSession
-    asked_mm: Region | None
+    requested_mm: Region | None
     line: TextLine | None
-    felt: list[Sweep] = field(default_factory=list)
+    sweeps: list[Sweep] = field(default_factory=list)
     passes: list[PassFelt] = field(default_factory=list)
     reading: Reading | None = None
     problem: str = ""
 
     def __post_init__(self) -> None:
         self.fitting = self.session.fitting
-        self.region = self.asked_mm if self.asked_mm is not None else self.fitting.field_mm
+        self.region = self.requested_mm if self.requested_mm is not None else self.fitting.field_mm
         self.watch = LineWatch(self.active.reader.lines, line=self.line)
         self.progress = Progress(self.fitting)
         lines = self.active.reader.lines
-        # a region of the part, or further lines to read, need the whole part
-        self.may_shrink = self.asked_mm is None and lines.search.region is None and not lines.lines
-        self.looks_since = (
-            LOOKS_PER_READING  # the first look must find the line, which a full reading does best
-        )
+        # feel the whole region if the caller set it, if the search has its own, or if there are further lines to read
+        self.may_shrink = self.requested_mm is None and lines.search.region is None and not lines.lines
+        # a full reading follows the first look, because it finds the line best
+        self.looks_since = LOOKS_PER_READING
         self.trust = Trust(self.active.reader.settings.accept_confidence)
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
@@ -140,7 +139,7 @@ class _Part:
         self.missing: tuple[LackingLines, ...] = ()
 
     def read(self) -> ActiveReading:
-        stop = self._feel_on()
+        stop = self._make_steps()
         sure_at_look = stop is StopReason.SURE
         if self.reading is None or self.looks_since:
             self._look()
@@ -150,7 +149,7 @@ class _Part:
             sure = (
                 self.active.settings.until_sure
                 and stop is not StopReason.STAGE_FAILED
-                and self.trust.takes(reading)
+                and self.trust.accepts(reading)
             )
             if sure and not self._places_lacking_lines(reading):
                 stop = StopReason.SURE
@@ -167,27 +166,27 @@ class _Part:
             problem=self.problem, scan=self.scan,
         )  # fmt: skip
 
-    def _feel_on(self) -> StopReason:
-        """Make one step after the other; return the reason for stopping."""
+    def _make_steps(self) -> StopReason:
+        """Make steps until there is a reason to stop; return it."""
         settings = self.active.settings
         while True:
             chosen = self._next(left_s=settings.budget_s - self.progress.stage_s)
             if isinstance(chosen, StopReason):
-                # read what was felt before giving up
+                # before giving up, make a full reading of all passes
                 if chosen is not StopReason.NO_GAIN or not self.looks_since or not settings.until_sure:
                     return chosen
                 ended = self._stop_reason()
             elif self._feel(chosen):
-                ended = self._think(chosen)
+                ended = self._judge(chosen)
             else:
                 return StopReason.STAGE_FAILED
             if ended is not None:
                 return ended
 
-    def _think(self, step: Step) -> StopReason | None:
-        """Look at the scan after a step, and read it if that is due; return a reason to stop, or None."""
+    def _judge(self, step: Step) -> StopReason | None:
+        """Look at the scan after a step, and make a full reading if it is due; return a reason to stop, or None."""
         until_sure = self.active.settings.until_sure
-        # without early stopping, looks only serve to find the region of the line
+        # without early stopping, looks are only needed to find the region of the line
         look = self._look() if until_sure or self.region == self.fitting.field_mm else None
         self.progress = self.progress.after(step, look)
         self.looks_since += 1
@@ -197,8 +196,8 @@ class _Part:
         return ended
 
     def _next(self, *, left_s: float) -> Step | StopReason:
-        """Choose the next step: lines still missing to exclude rivals of a sure text, or else the policy's choice."""
-        # a dead whisker's lines stay missing after any number of steps, so the number of steps is limited
+        """Choose the cheapest step that adds lines missing to exclude rivals of a sure text, or else ask the policy."""
+        # the lines of a dead whisker stay missing whatever is felt, so a way gets at most FIRST lines here
         ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
         wanted = [way for way in ways if any(way in one.ways for one in self.missing)]
         steps = self.progress.candidates(self.region, wanted)
@@ -211,11 +210,11 @@ class _Part:
         return () if self.scan is None else places_lacking_lines(reading, self.scan)
 
     def _feel(self, step: Step) -> bool:
-        """Feel the passes of a step and keep them; return whether all succeeded."""
+        """Feel and keep the passes of a step; return whether all succeeded."""
         spent = self.progress.stage_s
         for order in step.passes:
             try:
-                self.felt.append(self.session.feel(order))
+                self.sweeps.append(self.session.feel(order))
             except StageError as error:
                 self.problem = str(error)
                 return False
@@ -224,9 +223,9 @@ class _Part:
         return True
 
     def _look(self) -> Look | None:
-        if not self.felt:
+        if not self.sweeps:
             return None
-        raw = scan_of(self.fitting, self.felt)
+        raw = scan_of(self.fitting, self.sweeps)
         self.faults = find_faults(raw)
         self.scan = flag_faults(raw, self.faults)
         try:
@@ -257,8 +256,8 @@ class _Part:
         reading = self.reading = self._full_reading()
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
-        self.progress = self.progress.believing(reading.confidence)
-        sure = self.trust.takes(reading)
+        self.progress = self.progress.with_confidence(reading.confidence)
+        sure = self.trust.accepts(reading)
         self.missing = self._places_lacking_lines(reading) if sure else ()
         if sure:
             return None if self.missing else StopReason.SURE
@@ -294,7 +293,7 @@ def region_around(line: TextLine, field_mm: Region) -> Region:
 
 
 def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:
-    """Combine the passes felt so far into one scan."""
+    """Combine the passes so far into one scan."""
     line_pitch_mm = fitting.height_mm / LINES_PER_HEIGHT
     return Scan(
         sweeps=gather_sweeps(felt),

@@ -16,10 +16,10 @@ if TYPE_CHECKING:  # the service's pages need only the messages
 
 
 class StopReason(WordedEnum):
-    """Reasons to feel no further pass."""
+    """Reasons to end touch."""
 
     SURE = "sure", "the serial is sure"
-    NO_GAIN = "no gain", "more touch would not settle what is in doubt"
+    NO_GAIN = "no gain", "more touch would not resolve the doubt"
     BUDGET = "budget", "the stage time allowed is used up"
     ALL_FELT = "all felt", "every pass of the plan was felt"
     NOTHING_FOUND = "nothing found", "no characters were felt"
@@ -28,11 +28,11 @@ class StopReason(WordedEnum):
 
 @dataclass(frozen=True)
 class PassFelt:
-    """One pass, and the most probable text after it.
+    """A pass and the most probable text after it.
 
     Attributes:
         order: the pass.
-        stage_s: stage seconds spent up to its end.
+        stage_s: stage time spent up to its end, s.
         why: reason for this pass, in words.
         text: most probable text after it.
         confidence: probability that the whole text is right; 0 before any text is read.
@@ -54,9 +54,9 @@ class ActiveReading:
         passes: the passes in the order in which they were felt.
         stop: reason for stopping.
         steps: for each step its direction, its lines per half character height, and the confidence after it.
-        sure_at_look: whether the full reading followed a look that was sure; otherwise touch had ended first.
+        sure_at_look: whether a full reading between two steps was sure and ended touch.
         problem: message of the stage if it failed; otherwise empty.
-        scan: all passes as one scan; None without a pass.
+        scan: all passes as one scan; None if there was no pass.
     """
 
     reading: Reading
@@ -71,7 +71,7 @@ class ActiveReading:
 
     @property
     def stage_s(self) -> float:
-        """Stage seconds spent: travel, run-in and turnaround of every pass."""
+        """Stage time spent, s: travel, run-in and turnaround of every pass."""
         return self.passes[-1].stage_s if self.passes else 0.0
 
     def describe(self) -> str:

@@ -2,10 +2,10 @@
 
     chance = 1 / (1 + exp(-z)),   z = way + new + slope lines/16 + a s + b s^2 + c log2(looks)
 
-s is the logarithm of the best confidence of the last looks, from 0 (a ten-thousandth) to 1. How sure the reader has
-become tells most; how often it was looked at in vain, and how dense the lines of a way lie already, tell when nothing
-more will come. The numbers stand in `gain.fit.json`; `python tests/benchmarks/fit_gain.py` fits them on simulated
-parts that are felt by steps drawn at random.
+s is the logarithm of the best confidence of the last three looks, scaled: 0 at a confidence of 1e-4, 1 at 1. It says
+most. Many looks without success, and many lines of a way already felt, show that further steps will bring nothing. The
+coefficients are in `gain.fit.json`. `python tests/benchmarks/fit_gain.py` fits them on simulated parts that are felt by
+steps drawn at random.
 """
 
 from __future__ import annotations
@@ -23,11 +23,18 @@ FITTED = Path(__file__).with_name("gain.fit.json")
 LOOKS_AHEAD = 4
 """Number of looks within which a step must make the serial sure."""
 _LEAST = 1e-4
+"""Confidence at which s is 0; lower ones count as this."""
 
 
 @dataclass(frozen=True)
 class WayGain:
-    """Gain of one way: of any step, extra for the first, and change with its lines."""
+    """Coefficients of one way.
+
+    Attributes:
+        usual: for every step.
+        new: added for the first step of the way.
+        lines: factor of the way's lines so far, as a share of `MOST`.
+    """
 
     usual: float
     new: float
@@ -39,7 +46,7 @@ class Gain:
     """Expected gains of steps.
 
     Attributes:
-        ways: factor of each way.
+        ways: coefficients of each way.
         sure: factor of s.
         surer: factor of s squared.
         looks: factor of the binary logarithm of the number of looks.
@@ -67,10 +74,10 @@ class Gain:
 
 
 def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
-    """Compute s of the module's docstring.
+    """Compute s, which the module docstring defines.
 
     Args:
-        recent: number of last looks; the surest of them counts.
+        recent: number of last looks, of which the best confidence counts.
     """
     best = max(confidences[-recent:])
     return 1.0 + math.log10(max(best, _LEAST)) / 4.0

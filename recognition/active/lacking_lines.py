@@ -1,11 +1,11 @@
 """Lines that must be scanned before a text can be distinguished from its rivals.
 
-    O or Q?     along x ------>  meets walls that run up and down       a wall shows where a whisker crosses it: a
-                across  |        meets walls that run along the line    tail, a bar or a gap that lies along the only
-                        v                                               felt travel supports neither text
+    O or Q?     along x ------>  meets walls that run up and down       a wall shows only where a whisker crosses it:
+                across  |        meets walls that run along the line    if all travels run along a tail, a bar or a
+                        v                                               gap, it supports neither text
 
 A place has a rival if the format allows another character that is easily confused with the one read, or that
-is still believed. There, lines of both axes must lie close together from edge to edge of the character.
+is still probable. There, lines of both axes must lie close together from edge to edge of the character.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ AXES = ((Way.ALONG, Way.BACK), (Way.CROSS, Way.CROSS_BACK))
 
 @dataclass(frozen=True)
 class LackingLines:
-    """A place whose rivals are not excluded by the lines felt.
+    """A place with too few scan lines to exclude its rivals.
 
     Attributes:
         place: index of the place, from 0.
-        ways: directions, each of which adds the lines that are missing.
+        ways: directions, either of which adds the missing lines.
     """
 
     place: int
@@ -41,16 +41,16 @@ class LackingLines:
 
 
 def places_lacking_lines(
-    reading: Reading, scan: Scan, *, telling_gap_heights: float = 0.3
+    reading: Reading, scan: Scan, *, widest_gap_heights: float = 0.3
 ) -> tuple[LackingLines, ...]:
-    """Places with rivals over which lines of an axis are missing.
+    """Find places with rivals over which lines of an axis are missing.
 
     Args:
-        reading: with the strokes of its rivals; where these are not known, every place has some.
-        scan: all that was felt.
-        telling_gap_heights: widest gap between lines of an axis over a character, character heights: a little more
-            than a quarter, as `JOINED` lays them. Of 180 dirty parts two were accepted wrong from lines of one axis
-            alone; at 0.26 and at 0.13 neither was.
+        reading: reading with the strokes of its rivals; if they are unknown, every place counts as having rivals.
+        scan: all passes.
+        widest_gap_heights: widest gap allowed between lines of an axis over a character, character heights: a little
+            more than the quarter at which `JOINED` lays them. Of 180 dirty parts, two wrong serials were accepted from
+            lines of one axis alone; neither was with a gap of 0.26 or 0.13.
     """
     strokes = reading.trace.strokes
     places = [k for k in range(len(reading.characters)) if not strokes or strokes[k].rivals]
@@ -58,7 +58,7 @@ def places_lacking_lines(
         LackingLines(k, ways)
         for k in places
         for ways in AXES
-        if _gap_mm(scan, reading.characters[k].box, ways) > telling_gap_heights * reading.height_mm
+        if _gap_mm(scan, reading.characters[k].box, ways) > widest_gap_heights * reading.height_mm
     )
 
 

@@ -1,7 +1,7 @@
 """Possible next steps: one or more passes between those that were felt before.
 
-A step adds one line per half character height. With whiskers half a height apart, this takes one travel of the
-array for each block of the region; with whiskers a height apart, two::
+A step adds one line per half character height. If the whiskers are half a height apart, this takes one travel of the
+array for each block of the region; if they are a height apart, it takes two. A block is as wide as the array::
 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
@@ -25,11 +25,16 @@ from whisker_array.whisker.passes import Pass
 
 Region = tuple[float, float, float, float]
 
-FIRST, JOINED, MOST = 4, 2, 16
-"""Lines per half character height: at the start of the first direction, of any other, and at most."""
+FIRST = 4
+"""Lines per half character height of the first step of all."""
+JOINED = 2
+"""Lines per half character height of the first step in each further direction."""
+MOST = 16
+"""Maximum number of lines per half character height in one direction."""
 LEAD_HEIGHTS = 0.3
+"""Lead-in and lead-out of a pass, character heights."""
 RIM_HEIGHTS = 0.5
-"""Land at either rim of a region that need not be felt: less than a character."""
+"""Width at either edge of a region that need not be felt, character heights: too narrow for a character."""
 
 
 class Way(StrEnum):
@@ -71,7 +76,7 @@ class Step:
     Attributes:
         way: their direction.
         lines: lines per half character height in this direction after the step.
-        passes: in order.
+        passes: the passes in order.
     """
 
     way: Way
@@ -82,7 +87,7 @@ class Step:
 
     @property
     def stage_s(self) -> float:
-        """Stage time of the step."""
+        """Stage time of the step, s."""
         return math.fsum(p.stage_s for p in self.passes)
 
 
@@ -92,8 +97,8 @@ def next_step(
     """Plan the next step in a direction; None if it has all lines.
 
     Args:
-        fitting: whiskers, and the field that can be felt.
-        region_mm: region to be felt.
+        fitting: whiskers and field of the stage.
+        region_mm: region to feel.
         way: direction.
         lines: lines per half character height that this direction has already.
         joins: whether another direction was felt before.
@@ -111,7 +116,7 @@ def next_step(
 
 
 def between(k: int) -> float:
-    """0, 1/2, 1/4, 3/4, 1/8 ...: each as far from those before it as can be (van der Corput)."""
+    """Return term k of the van der Corput sequence: 0, 1/2, 1/4, 3/4, 1/8 ..., each far from all before it."""
     # the binary digits of k, mirrored at the point
     return int(f"{k:b}"[::-1], 2) / 2.0 ** k.bit_length()
 
@@ -119,7 +124,7 @@ def between(k: int) -> float:
 def _stretch_to_cover(
     across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
 ) -> tuple[float, float]:
-    """Range across the travel that lines must cover: the region without the land at its rims.
+    """Range across the travel that lines must cover: the region without the land at its edges.
 
     Where the field cuts off one rim of a region, no land is left out at that rim.
     """

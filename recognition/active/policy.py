@@ -18,7 +18,7 @@ from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
 WORTH_S = 100.0
-"""Value of one more accepted serial, stage seconds: half the time of the whole plan."""
+"""Stage time that one more accepted serial is worth, s: half the time of the whole plan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class Progress:
     Attributes:
         fitting: whiskers and field of the stage.
         lines: lines per half character height of each way that was felt.
-        stage_s: stage seconds spent.
+        stage_s: stage time spent, s.
         text: text of the last look.
         confidence: confidence of the last look; 0 without one.
         confidences: confidences of all looks.
-        steady: number of looks in a row, just before the last, with its text and a confidence above 0.5.
+        steady: number of consecutive looks just before the last that had its text and a confidence above 0.5.
         steps: way of each step, and lines of that way after it.
     """
 
@@ -61,8 +61,8 @@ class Progress:
             steps=(*self.steps, (step.way, step.lines)),
         )
 
-    def believing(self, confidence: float) -> Progress:
-        """Replace the confidence of the last look by a full reading's, if that is higher."""
+    def with_confidence(self, confidence: float) -> Progress:
+        """Replace the confidence of the last look by that of a full reading, if that is higher."""
         best = max(confidence, self.confidences[-1])
         return replace(self, confidences=(*self.confidences[:-1], best))
 
@@ -87,15 +87,15 @@ def first_step(progress: Progress, region_mm: Region) -> Step | StopReason:
 
 
 class Policy(Protocol):
-    """Chooses steps."""
+    """Rule that chooses the steps."""
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
         """Return the next step, or the reason to stop.
 
         Args:
             progress: progress so far.
-            region_mm: where the line lies.
-            left_s: stage seconds left of the budget.
+            region_mm: region around the line.
+            left_s: stage time left in the budget, s.
         """
 
 
@@ -104,7 +104,7 @@ class Ladder:
     """Steps in a fixed order.
 
     Attributes:
-        rungs: ways in order, each with the lines per half character height at which it ends.
+        rungs: ways in order, each with its final number of lines per half character height.
     """
 
     rungs: tuple[tuple[Way, int], ...]
@@ -119,7 +119,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Steps drawn at random, with equal chances for each direction; the first step is that of `Greedy`.
+    """Steps drawn at random, each direction equally likely; the first step is that of `Greedy`.
 
     Attributes:
         seed: seed of the draws; the n-th draw is the same for every part.
@@ -147,10 +147,10 @@ class Greedy:
 
     Attributes:
         gain: predicted gain of the steps.
-        worth_s: stage seconds that one more serial read without a person is worth.
+        worth_s: stage time that one more accepted serial is worth, s.
 
     Raises:
-        ValueError: a worth that is not positive.
+        ValueError: `worth_s` is not positive.
     """
 
     gain: Gain = field(default_factory=fitted_gain)
@@ -167,14 +167,14 @@ class Greedy:
         steps = progress.candidates(region_mm)
         if not steps:
             return StopReason.ALL_FELT
-        usual_s = min(step.stage_s for step in steps)
+        cheapest_s = min(step.stage_s for step in steps)
         within = [step for step in steps if step.stage_s <= left_s]
         if not within:
             return StopReason.BUDGET
 
         def value(step: Step) -> float:
             chance = self.gain.chance(step.way, progress.lines, progress.confidences)
-            return chance / (step.stage_s + (LOOKS_AHEAD - 1) * usual_s)
+            return chance / (step.stage_s + (LOOKS_AHEAD - 1) * cheapest_s)
 
         best = max(within, key=value)
         return best if value(best) * self.worth_s >= 1.0 else StopReason.NO_GAIN

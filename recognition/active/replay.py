@@ -1,7 +1,7 @@
-"""Record a part that is felt pass by pass, with every choice, and replay the recording.
+"""Record how a part is felt pass by pass, with every choice, and replay the recording.
 
 session --KeptSession--> ActiveReader --> ActiveReading --kept--> Scan with its log of passes
-the scan --RecordedSession--> ActiveReader --> the same passes, beliefs and stop
+the scan --RecordedSession--> ActiveReader --> the same passes, texts and stop reason
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from whisker_array.scan.session import StageSession
 
 
 def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) -> ActiveReading:
-    """Feel and read a part; the scan has its log, so that a recording of it can be replayed. The session stays open.
+    """Feel and read a part, and log its passes in the scan, so that it can be replayed. The session stays open.
 
     Args:
         reader: reader by touch.
-        session: with the part mounted.
-        budget_s: most stage seconds.
+        session: stage session with the part mounted.
+        budget_s: maximum stage time, s.
     """
     kept = KeptSession(session)
     found = ActiveReader(reader, ActiveSettings(budget_s=budget_s)).read(kept)
@@ -32,8 +32,8 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
         return found
     log = PassLog(
         tuple(
-            LoggedPass(order, sweep, believed.why, believed.text, believed.confidence)
-            for (order, sweep), believed in zip(kept.felt, found.passes, strict=True)
+            LoggedPass(order, sweep, one.why, one.text, one.confidence)
+            for (order, sweep), one in zip(kept.felt, found.passes, strict=True)
         ),
         array=kept.fitting.array,
         height_mm=kept.fitting.height_mm,
@@ -48,14 +48,15 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
 def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
     """Replay a recording: the same passes are chosen again, one after the other.
 
-    A reader of other settings or of another version may choose otherwise: it is then given all passes at once.
+    A reader with other settings or of another version may choose other passes. It then reads all recorded passes at
+    once.
 
     Args:
         reader: reader by touch.
-        scan: with a log of passes.
+        scan: scan with a log of passes.
 
     Raises:
-        StageError: it has none.
+        StageError: the scan has no log.
     """
     session = RecordedSession(scan)
     log = scan.log

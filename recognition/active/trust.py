@@ -11,7 +11,7 @@ EVEN = 0.5
 
 
 class Trust:
-    """Raise the threshold with the number of candidate texts.
+    """Acceptance threshold that rises with the number of candidate texts.
 
     Reading the same text again costs nothing. Each new text is one more chance to be wrong: after k candidate texts,
     1/k of the error is allowed (Bonferroni).
@@ -21,21 +21,21 @@ class Trust:
         """Start with a new part.
 
         Args:
-            accept_confidence: least confidence of an accepted reading if there is only one candidate text.
+            accept_confidence: threshold while there is only one candidate text.
         """
         self._accept = accept_confidence
-        self._believed: set[str] = set()
+        self._candidates: set[str] = set()
 
-    def takes(self, reading: Reading) -> bool:
+    def accepts(self, reading: Reading) -> bool:
         """Count the text as a candidate, and return whether the serial is sure."""
         if reading.confidence > EVEN:
-            self._believed.add(reading.text)
-        least = 1.0 - (1.0 - self._accept) / max(len(self._believed), 1)
+            self._candidates.add(reading.text)
+        least = 1.0 - (1.0 - self._accept) / max(len(self._candidates), 1)
         return serial_is_sure(reading) and reading.confidence >= least
 
     def apply_trust(self, reading: Reading) -> Reading:
         """Send an accepted reading to review if it is not sure enough."""
-        if reading.decision is not Decision.ACCEPT or self.takes(reading):
+        if reading.decision is not Decision.ACCEPT or self.accepts(reading):
             return reading
         before = Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: an earlier look read another text")
         return reading.with_findings(before)

@@ -1,4 +1,4 @@
-"""The line that is being scanned: its position and posterior, updated after every pass.
+"""The line that is being scanned: its position and posterior, updated after every step.
 
 Reading a line once takes a few milliseconds, a full reading hundreds. So that the stage need not wait, a look reads the
 line only at its last position and at one variant of it, another each time.
@@ -47,7 +47,7 @@ class Look:
 
 
 class LineWatch:
-    """Follow one line while it is felt.
+    """Tracker of one line while it is felt.
 
     Attributes:
         line: its last position; None if unknown.
@@ -55,7 +55,7 @@ class LineWatch:
     """
 
     def __init__(self, lines: LineReader, *, line: TextLine | None = None) -> None:
-        """Begin.
+        """Start with a new part.
 
         Args:
             lines: reader of lines, with the format.
@@ -65,15 +65,15 @@ class LineWatch:
         self.is_sure, self._others = line is not None, False
         self._looks = count()
 
-    def follow(self, line: TextLine | None, *, confidence: float, followed: float = 0.05) -> None:
-        """Continue with the line of a full reading if it is confident enough.
+    def follow(self, line: TextLine | None, *, confidence: float, least: float = 0.05) -> None:
+        """Continue with the line of a full reading if its confidence is high enough.
 
         Args:
             line: line of the reading, if there is one.
             confidence: confidence of the reading.
-            followed: confidence above which the line is followed: it is then seldom a wrong one.
+            least: confidence above which a line is followed: from there it is seldom a wrong one.
         """
-        if line is not None and confidence > followed:
+        if line is not None and confidence > least:
             self.line, self.is_sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:

@@ -124,12 +124,12 @@ def test_what_no_look_sees_is_read_all_the_same(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_text_after_others_must_be_surer() -> None:
     trust, sure = Trust(0.98), replace(read().reading, confidence=0.985)
-    assert trust.takes(sure)
-    assert not trust.takes(replace(sure, confidence=0.97))
+    assert trust.accepts(sure)
+    assert not trust.accepts(replace(sure, confidence=0.97))
     other = replace(sure, confidence=0.6, characters=sure.characters[::-1])
     assert other.text != sure.text
-    trust.takes(other)
-    assert not trust.takes(sure)
+    trust.accepts(other)
+    assert not trust.accepts(sure)
     doubted = trust.apply_trust(sure)
     assert doubted.decision is Decision.REVIEW
     assert any("an earlier look read another text" in message for message in doubted.messages())

@@ -104,8 +104,8 @@ def test_a_ladder_goes_up_rung_by_rung_and_ends() -> None:
 
 def test_a_reading_that_is_surer_than_the_look_counts() -> None:
     looked = felt(confidences=(0.01, 0.3))
-    assert looked.believing(0.8).confidences == (0.01, 0.8)
-    assert looked.believing(0.1).confidences == looked.confidences
+    assert looked.with_confidence(0.8).confidences == (0.01, 0.8)
+    assert looked.with_confidence(0.1).confidences == looked.confidences
 
 
 def test_drawn_steps_are_the_same_for_a_seed() -> None:

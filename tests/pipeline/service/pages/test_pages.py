@@ -536,7 +536,7 @@ def test_what_was_felt_is_shown_pass_by_pass(shop: Shop, page: str) -> None:
     part_id = shop.add(readings=(by_touch,), evidence=(picture,))
     shown = html.unescape(shop.client.get(f"/{page}/{part_id}").text)
     assert 'Felt in 2 passes</b>, <span class="num">1.8 s</span> of stage time' in shown
-    assert "more touch would not settle what is in doubt" in shown
+    assert "more touch would not resolve the doubt" in shown
     # (x - x0) / mm + 0.5 pixels, see META
     assert "translate(0.5 0.5) scale(20.0) translate(-1.0 -2.0)" in shown
     assert 'd="M3.000 4.000H38.000M3.000 6.000H38.000"' in shown
