@@ -302,8 +302,6 @@ def score(
 
     source: ListedParts | DesignedParts
     if truth is not None:
-        if truth.resolve() in (path.resolve() for path in readings):
-            raise UsageError(f"score: {truth} is the truth and a table of answers", "name the other table")
         source = ListedParts.of_table(truth)
         items = source.items()
     else:

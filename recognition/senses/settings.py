@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -20,9 +20,11 @@ from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.search.line_search import LineSearch
 from recognition.search.part_lines import LineFormat, Region, check_region
 from whisker_array.simulation.traces import Fidelity
+
+if TYPE_CHECKING:
+    from recognition.search.line_search import LineSearch
 
 STAND_INS = ("gothic", "futuram", "timesr")
 """Built-in fonts that stand in for an unnamed one: depths are measured along their strokes."""
@@ -148,7 +150,6 @@ class Repertoire:
         fonts: loaded; without named ones, a few that stand in.
         strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
         places: characters at each place; None if their number is not fixed.
-        search: search for lines of all characters that may occur.
     """
 
     def __init__(self, settings: ReaderSettings) -> None:
@@ -162,19 +163,28 @@ class Repertoire:
         stand_ins = [load_font(font) for font in STAND_INS]
         known = {font.name for font in self.fonts}
         self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
-        others = {char for line in settings.asked.values() for char in line.grammar.characters}
-        # characters that the format forbids are searched for as well, so that one on the part is noticed
-        own = SIGNS if settings.grammar is None else settings.grammar.characters
-        self.search = LineSearch(
-            settings.grammar,
-            "".join(sorted({*ALPHANUMERIC, *others, *own})),
-            height_mm=settings.height_mm,
-            region=settings.region,
-            orientation=settings.orientation,
-        )
+        self._settings = settings
         self.places = None if settings.grammar is None else settings.grammar.fixed_places
         for font in self.fonts if settings.fonts else ():
             lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:
                 asked = settings.format if isinstance(settings.format, str) else "given"
                 raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {asked!r} needs")
+
+    @cached_property
+    def search(self) -> LineSearch:
+        """Search for lines of all characters that may occur."""
+        # it loads OpenCV, which a check of the settings does not need
+        from recognition.search.line_search import LineSearch
+
+        settings = self._settings
+        others = {char for line in settings.asked.values() for char in line.grammar.characters}
+        # characters that the format forbids are searched for as well, so that one on the part is noticed
+        own = SIGNS if settings.grammar is None else settings.grammar.characters
+        return LineSearch(
+            settings.grammar,
+            "".join(sorted({*ALPHANUMERIC, *others, *own})),
+            height_mm=settings.height_mm,
+            region=settings.region,
+            orientation=settings.orientation,
+        )
