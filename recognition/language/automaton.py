@@ -3,11 +3,11 @@
     place        0          1          2
               .--A--> o --7--> o --4--.        layer i holds the states after i characters; a path through the
     start -> o        |         `--9--> o      layers is a string, each string is one path; states from which
-              `--B--> o --1--> o --0--'        nothing can be finished are left out
+              `--B--> o --1--> o --0--'        the end cannot be reached are left out
 
-With a belief for every character at every place, a path's belief is the product of its steps. The sum over all
-paths, what of it runs through each step, and the best paths in order follow from sweeps over the layers, without
-writing out the strings: 36^8 strings with a check character are 8 layers of 37 states.
+A path's probability is the product of the probabilities of its characters at their places. Sweeps over the layers give
+the sum over all paths, the part of it that passes through each step, and the best paths in order. The strings are never
+listed: 36^8 strings with a check character are 8 layers of 37 states.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Machine(Protocol):
     """One rule as a state machine over characters."""
 
     def start(self, n_places: int) -> int:
-        """The state before the first of a number of characters."""
+        """The state before the first of `n_places` characters."""
 
     def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> Places:
         """(states, C): the next state of each state and character at this place; -1 where not allowed."""
 
     def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        """(states,): where the text may end."""
+        """(states,): whether the text may end in this state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,8 @@ class Automaton:
 
     Attributes:
         chars: (C,) characters.
-        steps: one per place, (states before, C) int64: the state after it, -1 where there is none. The first has
-            one state before it, or none if no string is allowed; at the end every state is good.
+        steps: one per place, (states before, C) int64: the state after each character, -1 where it is not allowed.
+            The first has one row, or none if no string is allowed. A string may end in every state after the last.
     """
 
     chars: tuple[str, ...]
@@ -78,11 +78,11 @@ class Automaton:
         return np.asarray(state >= 0)
 
     def log_mass(self, log_belief: Beliefs) -> float:
-        """Logarithm of the summed beliefs of all strings; -inf if there are none."""
+        """Logarithm of the summed probabilities of all strings; -inf if there are none."""
         return float(self._after(log_belief, best=False)[0][0]) if not self.empty else -np.inf
 
     def log_marginals(self, log_belief: Beliefs) -> Beliefs:
-        """(places, C): logarithm of the summed beliefs of all strings with this character at this place."""
+        """(places, C): logarithm of the summed probabilities of all strings with this character at this place."""
         out = np.full(log_belief.shape, -np.inf)
         if self.empty:
             return out
@@ -95,10 +95,10 @@ class Automaton:
         return out
 
     def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
-        """Yield strings and their log probabilities, best first, until all possible ones are done.
+        """Yield strings and their log probabilities, best first, without impossible ones.
 
-        Best-first search whose bound is exact: the best that can still follow is known for every state, so
-        nothing is looked at that does not lead to the next string.
+        Best-first search with an exact bound: the best continuation of every state is known, so only prefixes of
+        the next string are extended.
         """
         if self.empty:
             return
@@ -106,7 +106,7 @@ class Automaton:
         ranked: dict[tuple[int, int], list[tuple[float, float, int, int]]] = {}
 
         def children(place: int, state: int) -> list[tuple[float, float, int, int]]:
-            """(best to the end, probability, character, next state) of the possible next characters, best first."""
+            """(best sum to the end, log probability, character, next state) of possible next characters, best first."""
             if (place, state) not in ranked:
                 to = self.steps[place][state]
                 whole = np.where(to >= 0, log_belief[place] + after[place + 1][to], -np.inf)
@@ -115,7 +115,7 @@ class Automaton:
                 ranked[place, state] = [(float(w), float(v), int(k), int(t)) for w, v, k, t in found]
             return ranked[place, state]
 
-        # waiting: a beginning and the rank of the character to follow it; the next rank waits when it is taken
+        # an entry is a prefix and the rank of its next character; when it is popped, the next rank is pushed
         waiting: list[tuple[float, tuple[int, ...], int, int, float]] = []
 
         def wait(path: tuple[int, ...], state: int, rank: int, so_far: float) -> None:
@@ -150,7 +150,7 @@ class WordList:
 
     Attributes:
         chars: (C,) characters.
-        words: each once.
+        words: distinct words.
     """
 
     chars: tuple[str, ...]
@@ -198,18 +198,18 @@ class WordList:
 
 
 Strings = Automaton | WordList
-"""Allowed strings of one length, either way."""
+"""Allowed strings of one length, as an automaton or as a list."""
 
 
 def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:
-    """(words, places) int64 indices of characters; all words of one length, of these characters only."""
+    """(words, places) int64 indices of characters; the words have one length and only these characters."""
     number = {c: k for k, c in enumerate(chars)}
     flat = np.fromiter((number[c] for word in words for c in word), dtype=np.int64)
     return flat.reshape(len(words), -1)
 
 
 def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
-    """Combine machines to all strings of a length that each of them allows.
+    """Combine machines to one automaton of the strings of a length that all of them allow.
 
     Raises:
         FormatError: the rules together need more than `MOST_STATES` states at a place, or more than `MOST_CELLS` steps.
@@ -250,7 +250,7 @@ def _distinct(pairs: Places) -> tuple[Places, Places]:
     """Distinct rows, and the index of each row among them."""
     if pairs.shape[1] == 0:
         return pairs[:1], np.zeros(pairs.shape[0], dtype=np.int64)
-    # one number a row: far faster than comparing rows
+    # one number per row: far faster than comparing rows
     code = pairs[:, 0]
     for k in range(1, pairs.shape[1]):
         code = code * (int(pairs[:, k].max()) + 1) + pairs[:, k]
@@ -259,7 +259,7 @@ def _distinct(pairs: Places) -> tuple[Places, Places]:
 
 
 def _log_sum(values: Beliefs, axis: int) -> Beliefs:
-    """Logarithm of the sum of exponentials; -inf for nothing."""
+    """Logarithm of the sum of exponentials; -inf if all are -inf."""
     top = values.max(axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):

@@ -16,7 +16,7 @@ class Box:
 
     def __post_init__(self) -> None:
         if self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm:
-            raise ValueError(f"box {self} runs backwards")
+            raise ValueError(f"{self} ends before it begins; x0 <= x1 and y0 <= y1 are needed")
 
     def __repr__(self) -> str:
         return f"Box({self.x0_mm:.6g}, {self.y0_mm:.6g}, {self.x1_mm:.6g}, {self.y1_mm:.6g})"

@@ -1,20 +1,20 @@
-"""Check digits as machines that run along the text, so that a search can use them.
+"""Check digits as state machines that advance with each character, so that a search can use them.
 
 Every built-in rule has a remainder that each character updates; the text is valid if the remainder
-ends at one value. `stdnum:NAME` asks python-stdnum whether a whole text is good, and cannot be asked earlier.
+ends at one value. `stdnum:NAME` uses python-stdnum, which can only check a whole text.
 
     rule              text                                              source
     vin               17 of A-Z 0-9 without I O Q, ninth 0-9 or X       49 CFR 565.15, ISO 3779
-    luhn              figures                                           ISO/IEC 7812-1 annex B
-    gs1               figures (GTIN-8, -12, -13, -14, SSCC)             GS1 General Specifications 7.9
-    iso7064mod11_2    figures, the last may be X                        ISO 7064 pure systems
+    luhn              digits                                            ISO/IEC 7812-1 annex B
+    gs1               digits (GTIN-8, -12, -13, -14, SSCC)              GS1 General Specifications 7.9
+    iso7064mod11_2    digits, the last may be X                         ISO 7064 pure systems
     iso7064mod37_2    A-Z 0-9, the last may be *
-    iso7064mod97_10   A-Z 0-9, the last two are figures
-    iso7064mod11_10   figures                                           ISO 7064 hybrid systems
+    iso7064mod97_10   A-Z 0-9, the last two are digits
+    iso7064mod11_10   digits                                            ISO 7064 hybrid systems
     iso7064mod37_36   A-Z 0-9
-    stdnum:NAME       whatever stdnum.NAME.validate takes               python-stdnum
+    stdnum:NAME       whatever stdnum.NAME.is_valid accepts             python-stdnum
 
-`luhn@3-8` looks at places 3 to 8 only, `luhn@3-` from place 3 to the end.
+`luhn@3-8` checks places 3 to 8 only, `luhn@3-` place 3 to the end.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ _FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
 
 @dataclass(frozen=True)
 class CheckDigit:
-    """A rule and its places; a machine for `recognition.language.automaton`.
+    """A rule and the places it checks; a `recognition.language.automaton.Machine` except for stdnum.
 
     Attributes:
         name: one of `CHECK_DIGITS`.
-        first_place: counted from 1.
-        last_place: counted from 1; None for the last of the text.
+        first_place: first place that is checked, counted from 1.
+        last_place: last place that is checked; None for the end of the text.
 
     Raises:
-        FormatError: a name that is not known, python-stdnum missing, places that run backwards.
+        FormatError: an unknown name, python-stdnum missing, a last place before the first.
     """
 
     name: str
@@ -109,7 +109,7 @@ class CheckDigit:
         return self.first_place - 1 + self.remainder.length
 
     def holds(self, text: str) -> bool:
-        """Whether the text without blanks is valid."""
+        """Whether a text is valid; it must have no blanks."""
         if self.remainder is None:
             return bool(_stdnum_module(self.name).is_valid(text[self.first_place - 1 : self.last_place]))
         state = self.start(len(text))
@@ -187,11 +187,11 @@ def _stdnum_module(name: str) -> ModuleType:
 
 
 def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
-    """Pairs of characters that the check digit does not distinguish, with their place, from 1.
+    """Pairs of characters that the check digit does not distinguish, with their place (counted from 1).
 
     Args:
         check: the rule.
-        allowed: the characters that may stand at each place.
+        allowed: the characters allowed at each place.
 
     Raises:
         FormatError: a rule that needs the whole text.

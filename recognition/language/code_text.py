@@ -5,7 +5,7 @@
     [)>␞12␝MFR 0AB12␝SER KB7402␞␄                     format 12 or DD: text elements (ATA Spec 2000, MIL-STD-130)
     MFR 0AB12/SER KB7402                              text elements without an envelope
     https://id.gs1.org/01/09501101530003/21/KB7402    GS1 Digital Link; other addresses: last path segment and query
-    SN: KB7402; 4711                                  anything else, between separators
+    SN: KB7402; 4711                                  anything else, split at separators
 
 Control characters appear as their Unicode pictures (U+2400 and up), as `recognition.views.codes` returns them.
 """
@@ -25,7 +25,7 @@ TEXT_ELEMENTS = SERIAL_KEYS | ENDING_KEYS | {
 }  # fmt: skip
 """Identifiers of text elements that are recognised without an envelope."""
 URL_KEY = "url"
-"""Key of a part of an address that has no name of its own."""
+"""Key of a part of a web address that is not known to be a serial."""
 _ENVELOPE = re.compile(r"\[\)>(?:␞|<RS>)?(?P<format>0[56]|12|DD)(?:␝|<GS>)(?P<fields>.*)", re.DOTALL)
 _SEPARATORS = re.compile(r"[␝␞␄]|<(?:GS|RS|EOT)>")
 _AI = re.compile(r"\((\d{2,4})\)")

@@ -10,11 +10,10 @@
     probability of s = w(s) / (Z + N)
 
 The best *allowed* string is found, not the best string checked afterwards, and Z is exact: see `automaton`. N is
-exact for formats and sets; elsewhere it is an upper bound, for what stands at the other places is held to the
-places' characters only. Strings that are not allowed have probability 0: the format is assumed to hold. How far
-the lattice believes in it is the valid mass, Z: where it is small something else was read than the format allows.
-The reward that a string deserves for being one of few (a check digit holds by chance in one of 37) is left out, on
-the safe side.
+exact for formats and sets; otherwise it is an upper bound, because it also counts combinations of characters that are
+not allowed together. Strings that are not allowed have probability 0: the format is assumed to hold. The lattice's own
+probability of the format is the valid mass, Z: if it is small, the line probably has another text. A string deserves
+more trust if few are allowed (a check digit holds by chance in 1 of 37); this is left out, to be safe.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
 ROUNDING = 1e-12
-"""Greatest error of a place's sum of probabilities."""
+"""Greatest rounding error of a place's sum of probabilities."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +49,15 @@ class Choice:
 
     Attributes:
         text: the best allowed string; empty when there is none.
-        probability: w / (Z + N), see the module. With an opaque check digit, a lower bound: what was not asked
-            counts against it.
+        probability: w / (Z + N), see the module. With an opaque check digit, a lower bound: strings that
+            were not tested count against it.
         rivals: the next best, best first.
         chars: (C,) characters.
         places: (places, C) belief in each character at each place under the grammar: its share of Z, times
-            a_i / (a_i + r_i). What is missing to 1 in a row is "no character", or not known.
-        valid_mass: Z, what the lattice alone believes of all allowed strings together (an upper bound with an
+            a_i / (a_i + r_i). The rest of a row to 1 is "no character", or unknown.
+        valid_mass: Z, the lattice's own probability of all allowed strings together (an upper bound with an
             opaque check digit).
-        exhausted: too many strings fit to ask an opaque check digit about them all.
+        exhausted: whether an opaque check digit could not be tested on all strings, because there are too many.
     """
 
     text: str
@@ -83,17 +82,16 @@ def choose(
     """Find the best strings that the grammar allows, with their probabilities.
 
     Args:
-        lattice: beliefs of places.
+        lattice: probabilities of the characters at each place.
         grammar: None allows every string of the lattice's characters.
-        k: number of strings to name, the best among them.
-        most_tests: most strings tested one by one, for a check digit that needs the whole text; `Choice.exhausted`
-            tells when it ended there.
+        k: number of strings to return, including the best.
+        most_tests: most strings on which an opaque check digit is tested; `Choice.exhausted` if there are more.
 
     Raises:
         ValueError: k or most_tests below 1.
     """
     if k < 1 or most_tests < 1:
-        raise ValueError(f"k is {k} and most_tests is {most_tests}; both are at least 1")
+        raise ValueError(f"k is {k} and most_tests is {most_tests}; both must be at least 1")
     log, chars, n = lattice.log_belief, lattice.chars, lattice.n_places
     grammar = grammar if grammar is not None else Grammar(alphabet="".join(chars))
     strings = grammar.strings(n, chars) if n and chars else None
@@ -107,11 +105,11 @@ def choose(
     log_d = float(np.logaddexp(log_z, log_n))
     exhausted = False
     if grammar.opaque and grammar.lexicon is None:
-        asked = _ask(strings.best(log), log_z, log_d, grammar, lattice, most_tests)
-        found, exhausted = asked.found[:k], asked.gave_up
-        of_z = asked.good + asked.left
+        tested = _test_strings(strings.best(log), log_z, log_d, grammar, lattice, most_tests)
+        found, exhausted = tested.found[:k], tested.gave_up
+        of_z = tested.good + tested.left
         log_d = float(np.logaddexp(log_z + _log(of_z), log_n))
-        share = asked.by_place / max(of_z, 1e-300)
+        share = tested.by_place / max(of_z, 1e-300)
         log_z += _log(of_z)
     else:
         found = list(islice(strings.best(log), k))
@@ -130,10 +128,10 @@ def choose(
 
 
 @dataclass
-class _Asked:
-    """Strings tried one by one; masses as shares of Z.
+class _Tested:
+    """Strings tested one by one; masses as shares of Z.
 
-    `good` is the mass of those found good, `left` of those not asked, `by_place` of the good ones by place.
+    `good` is the mass of the valid strings, `left` of those not tested, `by_place` of the valid ones by place.
     """
 
     by_place: NDArray[np.float64]
@@ -143,7 +141,7 @@ class _Asked:
     gave_up: bool = False
 
 
-def _ask(
+def _test_strings(
     strings: Iterator[tuple[str, float]],
     log_z: float,
     log_d: float,
@@ -152,32 +150,32 @@ def _ask(
     most_tests: int,
     *,
     resolved: float = 1e-4,
-) -> _Asked:
-    """Try string by string, best first, until the rest is negligible.
+) -> _Tested:
+    """Test string by string, best first, until the rest is negligible.
 
     Args:
-        resolved: share of belief in strings not yet asked at which that search may end.
+        resolved: share of probability in untested strings at which the search may end.
     """
     number = {c: i for i, c in enumerate(lattice.chars)}
-    asked = _Asked(np.zeros(lattice.log_belief.shape))
+    tested = _Tested(np.zeros(lattice.log_belief.shape))
     for text, weight in islice(strings, most_tests):
         share = math.exp(weight - log_z)
-        # sums of shares are right to some 1e-12: a smaller rest is never treated as zero
-        asked.left = max(asked.left - share, 1e-12)
+        # sums of shares are accurate to about 1e-12: a smaller rest is not treated as zero
+        tested.left = max(tested.left - share, 1e-12)
         if all(check.holds(text) for check in grammar.opaque):
-            asked.found.append((text, weight))
-            asked.good += share
-            asked.by_place[np.arange(len(text)), [number[c] for c in text]] += share
-        beside = asked.good + math.exp(log_d - log_z) - 1.0
-        if asked.found and asked.left <= resolved * (asked.left + beside):
-            return asked
-    asked.gave_up = next(strings, None) is not None
-    asked.left *= asked.gave_up
-    return asked
+            tested.found.append((text, weight))
+            tested.good += share
+            tested.by_place[np.arange(len(text)), [number[c] for c in text]] += share
+        beside = tested.good + math.exp(log_d - log_z) - 1.0
+        if tested.found and tested.left <= resolved * (tested.left + beside):
+            return tested
+    tested.gave_up = next(strings, None) is not None
+    tested.left *= tested.gave_up
+    return tested
 
 
 def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rest of each place's probabilities to 1; a rounding error of some 1e-16 counts as 0."""
+    """Return the rest of each place's probabilities to 1; one within the rounding error counts as 0."""
     left = 1.0 - np.exp(log).sum(axis=1)
     return np.where(left > ROUNDING, left, 0.0)
 
@@ -192,7 +190,7 @@ def _log_with_holes(log_allowed: NDArray[np.float64], nothing: NDArray[np.float6
     """Logarithm of N."""
     whole = float(log_allowed.sum())
     more = float(_log_added(log_allowed, nothing).sum()) - whole
-    # log(exp(more) - 1), good for small and large
+    # log(exp(more) - 1), accurate for small and large values
     return whole + more + math.log(-math.expm1(-more)) if more > 0.0 else -math.inf
 
 
@@ -205,8 +203,8 @@ def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = 0.01) -> 
 
     Args:
         choice: the result.
-        grammar: it was chosen under; without check digits there is nothing to warn of.
-        least: belief in the other character from which it is named.
+        grammar: grammar that it was chosen under; without check digits there are no warnings.
+        least: least probability of the other character for a warning.
     """
     rules = [check for check in grammar.checks if check.remainder is not None]
     if not choice.text or not rules:

@@ -2,10 +2,10 @@ r"""Text elements and application identifiers as formats: markings whose fields 
 
     fields:SER                        SER KB740215            ATA Spec 2000, MIL-STD-130
     fields:MFR/SER AA999999           MFR 0AB12/SER KB740215  several in a line; a mask narrows a value
-    fields:(01)(17)(21)AA999999       (01)09501101530003(17)271231(21)KB740215   GS1, as it is written for people
+    fields:(01)(17)(21)AA999999       (01)09501101530003(17)271231(21)KB740215   GS1, in its human-readable form
 
-They become a regular expression, a check digit where one is prescribed, and the blanks that stand after names.
-GS1: General Specifications 3.2; of the characters of X..20 the usual ones, a mask names others. Text elements: the
+They become a regular expression, the check digits that are prescribed, and blanks after names. GS1: General
+Specifications 3.2; fields of type X..20 take only A-Z, 0-9 and - . / unless a mask allows others. Text elements:
 lengths of the DoD Guide to Uniquely Identifying Items (part number 32, serial 30, lot 20, UII 50, DUNS 9, CAGE 5).
 """
 
@@ -67,7 +67,7 @@ ELEMENTS = {
 }
 """Supported fields of formats: identifier, and regular expression of the value."""
 CHECKED = ("00", "01")
-"""Fields whose value ends with a check digit of GS1."""
+"""Fields whose value ends with a GS1 check digit."""
 _BRACKETED = re.compile(r"\((\d{2,4})\)([^(]*)")
 _BETWEEN = re.compile(r"/(?=[A-Z]{3}(?:[ /]|$))")
 
@@ -76,7 +76,7 @@ def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
     """Regular expression and check digits of the text after `fields:`.
 
     Raises:
-        FormatError: an identifier that is not known, an invalid mask, a check digit whose place is not fixed.
+        FormatError: an unknown identifier, an invalid mask, a check digit whose place is not fixed.
     """
     expression, checks = "", []
     place: int | None = 1
@@ -92,7 +92,7 @@ def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
             if place is None or fixed is None:
                 raise FormatError(
                     f"the check digit of ({key}) has no fixed place in 'fields:{text}'",
-                    hint=f"write ({key}) before fields whose length may differ, as GS1 does",
+                    hint=f"write ({key}) before fields of variable length, as GS1 does",
                 )
             first = place + len(begins)
             checks.append(CheckDigit("gs1", first, first + fixed - 1))
@@ -113,7 +113,7 @@ def names_before_gaps(text: str) -> frozenset[int]:
 
 
 def _identifiers(text: str) -> Sequence[tuple[str, str]]:
-    """Each identifier and its mask; empty without one."""
+    """Each identifier and its mask; the mask may be empty."""
     text = text.strip()
     if text.startswith("("):
         pieces = _BRACKETED.findall(text)

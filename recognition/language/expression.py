@@ -1,10 +1,10 @@
-r"""Python's regular expressions as machines, as far as they describe which characters follow each other.
+r"""Compile Python's regular expressions to state machines, if they only say which characters may follow each other.
 
-    "[A-Z]{2}\d+"  --Python's parser-->  nodes that each eat a character, or lead on freely  -->  states and a table
+    "[A-Z]{2}\d+"  --Python's parser-->  nodes that consume one character or none  -->  states and their table
 
-The table is that of the sets of nodes that one can be in; it is given up when it grows too large. Classes are ASCII:
-`\d` is 0-9. Groups may be named or not; `?`, `+` behind a repeat change nothing here. greenery needs half a minute to
-make a machine of `(A|B|C{2,9}){1,12}D`, so the machine is our own.
+A state is a set of nodes (subset construction); an expression that needs too many is rejected. Classes are ASCII: `\d`
+is 0-9. Groups may be named or not; `?` or `+` after a repeat is ignored. The library greenery is not used, because it
+takes half a minute for `(A|B|C{2,9}){1,12}D`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MOST_LENGTH = 500
 MOST_PLACES = 64
 """Longest serial that is considered."""
 MOST_NODES, MOST_STATES = 20_000, 4_000
-"""Most parts of an expression written out, and most states of its automaton."""
+"""Most nodes of an expression with its repeats written out, and most states of its machine."""
 MOST_STEPS = 2_000_000
 """Most steps of compilation: two seconds of work. `(A|B|C{2,9}){1,12}D` takes 180,000."""
 
@@ -39,7 +39,7 @@ _BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)
 
 
 def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
-    """Characters that items name one by one, in a range or as a digit, without excluded ones."""
+    """Characters that items name one by one, in a range or as `\\d`; not those of a negated set."""
     for item, value in items:
         match str(item):
             case "LITERAL":
@@ -59,7 +59,7 @@ def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class ExpressionMachine:
-    """A deterministic machine; its state 0 is the start.
+    """A deterministic state machine; it starts in state 0.
 
     Attributes:
         next_state: (states, C) int64, -1 where the character may not follow.
@@ -102,14 +102,14 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
 
     Args:
         pattern: must match the whole text; `^` in front and `$` at the end change nothing.
-        chars: characters that stand at places, without blanks.
+        chars: characters that may occur, without blanks.
 
     Raises:
-        FormatError: not an expression, one that says more than which characters follow each other, or one whose
-            machine would be too large.
+        FormatError: not a regular expression, one with look-ahead, references or options, or one whose machine would
+            be too large.
     """
     net = _Net(pattern, frozenset(chars))
-    # characters that no part tells apart go the same ways
+    # characters that all parts treat alike share their transitions
     kinds = list(dict.fromkeys(kind for kind, _ in net.eats.values()))
     alike: dict[tuple[bool, ...], list[int]] = {}
     for k, char in enumerate(chars):
@@ -185,7 +185,7 @@ class _Net:
         return len(self.free) - 1
 
     def _row(self, items: Any, end: int) -> int:
-        """The node from which a text of all items, one after the other, leads to `end`."""
+        """Add nodes for all items in sequence, and return the one from which they lead to `end`."""
         for k in range(len(items) - 1, -1, -1):
             end = self._item(items[k : k + 1], end)
         return end
@@ -204,7 +204,7 @@ class _Net:
                 node = self.node()
                 self.eats[node] = (self._members(part), end)
                 return node
-            case "SUBPATTERN" if not (value[1] or value[2]):  # options that a group sets and clears
+            case "SUBPATTERN" if not (value[1] or value[2]):  # a group that sets or clears no options
                 return self._row(value[3], end)
             case "BRANCH":
                 return self.node(*[self._row(row, end) for row in value[1]])
@@ -221,7 +221,7 @@ class _Net:
         )
 
     def _repeat(self, least: int, most: int, part: Any, end: int) -> int:
-        if part.getwidth()[1] == 0:  # nothing, however often
+        if part.getwidth()[1] == 0:  # it matches only the empty text
             return end
         if most == _parser.MAXREPEAT:
             loop = self.node(end)
@@ -236,7 +236,7 @@ class _Net:
         return end
 
     def reachable(self, nodes: frozenset[int] | set[int]) -> frozenset[int]:
-        """The nodes and all that they reach without a character."""
+        """The nodes and all that they reach without consuming a character."""
         seen, waiting = set(nodes), list(nodes)
         while waiting:
             on = self.free[waiting.pop()]

@@ -2,15 +2,15 @@
 
 More than one may be given, and all must hold:
 
-    AA999999, mask:AA 9999   A letter, a small one, 9 digit, * A or 9, others themselves, a blank is a word gap;
-                             \\ takes the next one as it is
+    AA999999, mask:AA 9999   A: capital, a: small letter, 9: digit, *: capital or digit, blank: word gap, others:
+                             themselves; \\ makes the next character stand for itself
     re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
-    sets:AB,0-9,0-9          characters per place; \\ takes the next one as it is
+    sets:AB,0-9,0-9          characters per place; \\ makes the next one stand for itself
     fields:MFR/SER AA9999    text elements and GS1 identifiers by name, see `recognition.language.elements`
     vin                      17 characters with the check digit of 49 CFR 565.15
-    check:luhn               nothing but a check digit
-    ...+check=RULE           as well, see `recognition.language.check_digits`
-    ...+exclude=IOQ          these characters nowhere, but where a mask: writes them itself
+    check:luhn               only a check digit
+    ...+check=RULE           and a check digit, see `recognition.language.check_digits`
+    ...+exclude=IOQ          without these characters, except where a mask: has them literally
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from recognition.language.elements import elements_format
 from recognition.language.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
 
 _FIELDS = {"mask": "format", "re": "expression", "fields": "expression", "sets": "sets", "vin": "sets"}
-"""The field of a grammar that each kind of format gives."""
+"""The field of a grammar that each kind of format sets."""
 
 
 def parts_of(texts: Iterable[str]) -> dict[str, Any]:

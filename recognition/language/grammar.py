@@ -31,14 +31,14 @@ class Grammar:
         format: as in `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
         expression: regular expression that the serial without blanks must match as a whole.
         sets: characters at each place.
-        lexicon: the serials that there are; blanks in them do not count.
+        lexicon: all possible serials; blanks in them are ignored.
         checks: check digits that must hold.
-        exclude: characters that stand nowhere, except where the format writes them themselves.
-        alphabet: characters that stand where nothing else says so (`.` in an expression).
-        elements: the text elements that the expression was made of, as `recognition.language.elements` has them.
+        exclude: characters that do not occur, except where the format has them literally.
+        alphabet: characters allowed where no other field lists them (`.` in an expression).
+        elements: text elements from which the expression was made, in the notation of `recognition.language.elements`.
 
     Raises:
-        FormatError: a part that cannot be used, or parts that no serial meets together.
+        FormatError: an invalid part, or parts that no serial meets together.
     """
 
     format: str | None = None
@@ -62,8 +62,8 @@ class Grammar:
         raise FormatError(
             f"no serial meets {self}",
             hint=(
-                "see that its parts agree in length and characters (serials have at most "
-                f"{MOST_PLACES} characters; an expression says nothing of blanks, mask: does)"
+                "check that its parts agree in length and characters (serials have at most "
+                f"{MOST_PLACES} characters; write word gaps in a mask:, not in an expression)"
             ),
         )
 
@@ -81,7 +81,7 @@ class Grammar:
         return f"Grammar({text[:157] + '...' * (len(text) > 157)!r})"
 
     def __str__(self) -> str:
-        """The parts, in about the notation of `parse`."""
+        """The parts, roughly in the notation of `parse`."""
         parts = [
             f"mask:{self.format}" if self.format is not None else "",
             f"re:{self.expression}" if self.expression is not None and self.elements is None else "",
@@ -108,7 +108,7 @@ class Grammar:
 
     @property
     def characters(self) -> tuple[str, ...]:
-        """Every character that may occur, sorted; a superset."""
+        """Characters that may occur, sorted; possibly more."""
         return _characters(self)
 
     @property
@@ -119,7 +119,7 @@ class Grammar:
     def lengths(self) -> frozenset[int] | None:
         """Possible lengths of a serial without blanks; None if unlimited.
 
-        A superset, of lengths up to `expression.MOST_PLACES`.
+        May include lengths that no serial has; none is above `expression.MOST_PLACES`.
         """
         limits: list[frozenset[int]] = []
         if self.format is not None:
@@ -138,21 +138,21 @@ class Grammar:
     def places(self, n_places: int) -> tuple[str, ...] | None:
         """The characters at each place of the serials of a length; None without such a serial.
 
-        A superset where a check digit can only be asked about whole texts.
+        May include too many if a check digit can only be tested on whole texts.
         """
         strings = self.strings(n_places)
         return None if strings.empty else strings.places()
 
     @property
     def fixed_places(self) -> tuple[str, ...] | None:
-        """The characters at each place; None if the number of places is not fixed, or no serial has it."""
+        """The characters at each place; None if the number of places is not fixed, or there is no serial."""
         lengths = self.lengths()
         return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
 
     def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
         """Return the serials of a length with only these characters (default: all of the grammar).
 
-        With a lexicon `opaque` check digits are seen to, without one they are not.
+        `opaque` check digits are applied to a lexicon only.
         """
         return _strings(self, n_places, self.characters if chars is None else chars)
 
@@ -173,7 +173,7 @@ class Grammar:
         return tuple(broken)
 
     def _parts(self) -> list[Grammar]:
-        """A grammar for each part but lexicon and check digits."""
+        """A grammar for each part except lexicon and check digits."""
         bare = Grammar(exclude=self.exclude, alphabet="".join(self.characters))
         parts = []
         if self.format is not None:

@@ -17,8 +17,8 @@ class Lattice:
 
     Attributes:
         chars: (C,) characters, each once.
-        log_belief: (places, C) natural logarithms; the probabilities of a row sum to at most 1, what is left is
-            the belief that nothing readable stands there. -inf is impossible.
+        log_belief: (places, C) natural logarithms of probabilities, -inf for 0. A row sums to at most 1; the rest is
+            the probability that no readable character stands there.
         boxes: box of each place, if known; empty or one per place.
 
     Raises:
@@ -46,7 +46,7 @@ class Lattice:
 
     @property
     def n_places(self) -> int:
-        """Places of the line."""
+        """Number of places of the line."""
         return int(self.log_belief.shape[0])
 
     @property

@@ -7,8 +7,8 @@
     rows reversed          kept       0-0 3-3 8-8 B C D E H I K O X
     mirrored left-right    reversed   0-0 8-8 A H I M O T U V W X Y
 
-Beside exact images a character has likely ones: what our recogniser takes it for. A "7" that is turned is read as L.
-Most texts hold a character without an image that the format allows, and can be read one way only.
+Besides exact images, a character has likely ones: what the recogniser reads instead. It reads an upside-down 7 as L.
+Most texts contain a character without an image that the format allows, and so can be read one way only.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Way(StrEnum):
 
     @property
     def mirrors(self) -> bool:
-        """Whether the map is mirrored: the order of its rows is reversed."""
+        """Whether the map is mirrored: its rows are in reverse order."""
         return self is not Way.UPSIDE_DOWN
 
 
@@ -69,8 +69,9 @@ _EXACT = {
     Way.ROWS_REVERSED: "00 0O OO 33 88 BB CC DD EE HH II KK XX bp dq cc ll oo xx -- ++ :: ==",
     Way.LEFT_RIGHT: "00 0O OO 88 AA HH II MM TT UU VV WW XX YY bd pq ii ll oo vv ww xx -- ++ :: == ..",
 }
-# characters that our recogniser reads, with a mean belief of 3 % at least in one of two samples, where the first of
-# each word stands turned or mirrored; measured by: python tests/benchmarks/orientation.py characters [--seed 2]
+# first in each word: a character; after it: what the recogniser reads if that is turned or mirrored, with a mean
+# probability of at least 3 % in one of two samples; measured by:
+# python tests/benchmarks/orientation.py characters [--seed 2]
 _LIKELY = {
     Way.UPSIDE_DOWN: (
         "00O 11ILTV 2278Z 32689ES 47TV 59GS 69 724LZ 88 96 AV B8AEGM C03JO D0ACDGIOQ E3IT F134ADHIJ "
@@ -93,8 +94,8 @@ def images_of(char: str, way: Way, *, exact: bool) -> str:
 
     Args:
         char: character the right way up.
-        way: in which it is shown.
-        exact: only those of the same shape; the likely ones, too, unless set.
+        way: orientation in which it is shown.
+        exact: only images of the same shape; otherwise also the likely ones.
     """
     found = _mutual(_EXACT[way]).get(char, frozenset())
     return "".join(sorted(found if exact else found | _mutual(_LIKELY[way]).get(char, frozenset())))
@@ -105,7 +106,7 @@ def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None
 
     Args:
         text: without blanks.
-        way: in which the marks may be meant instead.
+        way: the other orientation.
         grammar: the format; None allows every text.
     """
     for exact in (True, False):
@@ -126,7 +127,7 @@ def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = Fals
 
     Args:
         text: without blanks.
-        way: in which the marks may be meant.
+        way: the other orientation.
         grammar: the format; None allows every text.
         exact: whether only images of the same shape count.
     """

@@ -1,6 +1,7 @@
-"""Check digits by a remainder that each character updates; a text is valid if it ends at a given value.
+"""Check digits as a remainder that each character updates; a text is valid if the remainder ends at a given value.
 
-So they can run along with a search, and be summed over without writing texts out: see `recognition.language.automaton`.
+A search can update it character by character, and sum over all valid texts without listing them
+(`recognition.language.automaton`).
 Sources: ISO 7064 (pure and hybrid systems), ISO/IEC 7812-1 annex B (Luhn), GS1 General Specifications 7.9,
 49 CFR 565.15 (vehicle identification numbers).
 """
@@ -30,17 +31,17 @@ Remainders = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Remainder:
-    """A rule with a remainder.
+    """A check digit rule as a remainder.
 
     Attributes:
-        alphabet: characters it knows, those of the check digit alone among them.
+        alphabet: allowed characters, including those allowed only as the check digit.
         modulus: remainders are 0 to modulus - 1.
-        step: (modulus,) the next remainder of each one, of a character, its place and the number of places; None where
-            the character may not stand there.
+        step: function of a character, its place and the number of places; returns (modulus,) the next remainder for
+            each remainder, or None if the character is not allowed there.
         first: the remainder before the first character.
         good: the remainder of a valid text.
         least_places: length of the shortest text with a check digit.
-        length: length of every text; None where it may be any.
+        length: the only length of a valid text; None if any.
     """
 
     alphabet: str
@@ -55,14 +56,14 @@ class Remainder:
 def pure_system(
     modulus: int, radix: int, alphabet: str, *, supplementary: str = "", check_figures: int = 0
 ) -> Remainder:
-    """ISO 7064 pure system: r -> (r radix + value) mod M, valid at 1.
+    """ISO 7064 pure system: r -> (r radix + value) mod M, valid if it ends at 1.
 
     Args:
         modulus: M.
         radix: radix of the system.
         alphabet: characters in the order of their values.
-        supplementary: character of the alphabet that only a check character may be.
-        check_figures: number of check characters at the end (mod 97-10); 0 for one of the alphabet.
+        supplementary: character of the alphabet that is allowed only as the check character.
+        check_figures: number of check digits at the end (mod 97-10); 0 for one check character of the alphabet.
     """
 
     def step(char: str, place: int, n_places: int) -> Remainders | None:
@@ -71,7 +72,7 @@ def pure_system(
         if place >= n_places - check_figures and char not in DIGITS:
             return None
         value = alphabet.index(char)
-        # in mod 97-10 letters are written as two figures, 10 to 35
+        # in mod 97-10 a letter counts as two digits, 10 to 35
         shift = radix**2 if check_figures and value > 9 else radix
         return (np.arange(modulus) * shift + value) % modulus
 
@@ -79,9 +80,9 @@ def pure_system(
 
 
 def hybrid_system(alphabet: str) -> Remainder:
-    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, valid at 1.
+    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, valid if it ends at 1.
 
-    The first remainder doubled is M: the start that ISO 7064 asks for, and 0 after reduction.
+    The start is M / 2, which doubled is M, the value that ISO 7064 starts with.
     """
     m = len(alphabet)
     held = np.array([m, *range(1, m)])
@@ -91,7 +92,7 @@ def hybrid_system(alphabet: str) -> Remainder:
 
 
 def every_second(values: str) -> Remainder:
-    """Sum of the figures, every second one from the right replaced by its value here; valid at 0 mod 10."""
+    """Sum of the digits, every second one from the right replaced by its entry in `values`; valid if 0 mod 10."""
 
     def step(char: str, place: int, n_places: int) -> Remainders:
         value = values[int(char)] if (n_places - 1 - place) % 2 else char
@@ -109,7 +110,7 @@ def _vin_step(char: str, place: int, n_places: int) -> Remainders | None:
 
 REMAINDERS = {
     "vin": Remainder(VIN_CHARACTERS, 11, _vin_step, least_places=VIN_LENGTH, length=VIN_LENGTH),
-    "luhn": every_second("0246813579"),  # doubled, and its figures summed
+    "luhn": every_second("0246813579"),  # doubled, and its digits summed
     "gs1": every_second("0369258147"),  # three times
     "iso7064mod11_2": pure_system(11, 2, DIGITS + "X", supplementary="X"),
     "iso7064mod37_2": pure_system(37, 2, ALPHANUMERIC + "*", supplementary="*"),

@@ -32,7 +32,7 @@ _LEAST_PIXELS = 6.0
 _MIDDLE, _FAINT = 0.5, 0.2
 """Least probability that a cell lies in the middle of a line; for faint lines."""
 _GAP = 1.2
-"""Land within a line, character heights, that does not end it."""
+"""Longest stretch of land within a line, character heights."""
 _LEAST_CELLS = 3
 
 
@@ -41,9 +41,9 @@ class FoundLine:
     """A candidate line.
 
     Attributes:
-        line: where, if it is straight.
-        bent: where, if it follows an arc; None where that is much the same.
-        score: sum of what its cells believe, in character heights along it; the longer and surer, the more.
+        line: its position, taken as straight.
+        bent: its position along an arc; None if it hardly bends.
+        score: sum of the probabilities of its cells times their area in square character heights.
     """
 
     line: TextLine
@@ -66,7 +66,7 @@ def find_lines(
         view: the view; lines within some 30 degrees of level are found.
         height_mm: height of the characters, if known.
         faint: accept weaker lines.
-        turned_deg: look for lines that are turned by about as much, clockwise as seen, instead.
+        turned_deg: look for lines turned by about this angle, clockwise as seen, instead of level ones.
     """
     if turned_deg:
 
@@ -99,7 +99,7 @@ def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> Text
     """Limit a line's height to the tolerance of marks about the known height.
 
     Args:
-        nominal: ratio of heights that a known one may be off by.
+        nominal: greatest ratio of the true height to the known one, and the reverse.
     """
     return TextLine(line.centre_mm, float(np.clip(line.height_mm, height_mm / nominal, height_mm * nominal)))
 
@@ -116,8 +116,10 @@ def _join(
     """Join two pieces of a line that dirt has broken; None if they do not belong together.
 
     Args:
-        alike, parallel_deg, level, broken: pieces of one line: logarithm of their heights' ratio, degrees between
-            them, heights that their middles lie apart across the line, and heights of the gap between them.
+        alike: greatest logarithm of the ratio of the pieces' heights.
+        parallel_deg: greatest angle between them, degrees.
+        level: greatest distance of their middles across the line, character heights.
+        broken: greatest gap between them, character heights.
     """
     a, b = one.line, other.line
     height = 0.5 * (a.height_mm + b.height_mm)
@@ -135,7 +137,7 @@ def _join(
 
 
 def _scales(view: View, height_mm: float | None, *, octaves: float = 0.7) -> list[float]:
-    # octaves: between two scales.
+    # octaves: octaves between two scales
     if height_mm is not None:
         return [height_mm * 2.0 ** (-octaves * k) for k in (1.0, 0.5, 0.0)]
     side = min(view.size_mm)
@@ -166,11 +168,11 @@ def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, lea
     Args:
         found: (FINDINGS, rows, columns) of the cells.
         pitch_mm: size of a pixel; a cell is CELL pixels.
-        view: whose cells they are.
-        least: belief from which a cell lies in the middle of a line.
+        view: view that was searched.
+        least: probability above which a cell counts as the middle of a line.
     """
     belief = 1.0 / (1.0 + np.exp(-found[0]))
-    # words of a line are one: cells a gap apart are joined
+    # join the words of a line: cells up to a gap apart
     reach = max(1, round(_GAP * FINDER_ROWS / CELL / 2))
     joined = ndimage.binary_dilation(belief > least, np.ones((1, 2 * reach + 1), dtype=bool))
     labels, count = ndimage.label(joined, np.ones((3, 3)))
@@ -202,7 +204,7 @@ def _line(
     y = (v * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[1] + down * math.cos(turned)
     along = x * math.cos(turned) + y * math.sin(turned)
     order = np.argsort(along)
-    # a point a cell's length along the line, the mean of what its cells say
+    # one point per cell length along the line: the weighted mean of its cells
     bins = ((along[order] - along[order[0]]) / (CELL * pitch_mm)).astype(np.intp)
     weight = np.bincount(bins, belief[order])
     some = weight > 0.0
@@ -221,8 +223,8 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
 
     Args:
         one: a line.
-        other: line that has the band.
-        band_mm: either side of its middle (default: 0.6 of the greater height).
+        other: line with the band.
+        band_mm: reach of the band to either side of its middle (default: 0.6 of the greater height).
     """
     band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
     # no point of a curve is further than half its length from the middle between its ends

@@ -1,4 +1,4 @@
-"""Open networks for one thread without spinning while it waits, which would slow others on a shared machine."""
+"""Open networks whose threads do not spin while they wait: that would slow other programs on a shared machine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def open_network(path: Path, *, threads: int = 1) -> Any:
     """Open a session of an ONNX file on the CPU.
 
     Args:
-        threads: threads of every network; a reader's processes run side by side.
+        threads: threads per network; one is enough, as a reader's processes run side by side.
     """
     # set before the import: from 1.29 on the library otherwise sends telemetry and stores a device number
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"

@@ -9,7 +9,7 @@ from recognition.language.box import Box
 from recognition.views.text_line import HEIGHT_ROWS, ROWS, TextLine
 
 _WIDEST = 0.42
-"""Reach of a box to either side, character heights."""
+"""Greatest reach of a box to either side, character heights."""
 
 
 def boxes_of(line: TextLine, columns: NDArray[np.float64]) -> tuple[Box, ...]:

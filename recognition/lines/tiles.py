@@ -2,8 +2,8 @@
 
 view --at several scales--> contrast evened out --tiles--> the most certain findings of each cell --joined--> lines
 
-The network has learned parts that fill their picture: edges a character's height or two away from a line make it miss
-it. A tile shows little more than a line and the land about it.
+The network was trained on parts that fill the picture. It misses a line that has other edges one or two character
+heights away. A tile shows little more than a line and the land around it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def find_in_tiles(
         view: the view.
         height_mm: height of the characters, if known.
         fine: look for the smallest characters too, which takes most of the time.
-        most_tiles: most tiles of a view, at all scales: some two seconds. Finer scales beyond are left out.
+        most_tiles: most tiles of a view, at all scales: some two seconds. Scales that need more are left out.
     """
     found: list[FoundLine] = []
     left = most_tiles
@@ -62,9 +62,8 @@ def find_in_tiles(
 def _scales(
     view: View, *, tallest: float = 0.16, lowest: float = 0.0305, octaves: float = 0.7
 ) -> list[float]:
-    # tallest, lowest: heights of characters looked for, of the view's smaller side: taller ones are found in the
-    # whole view.
-    # octaves: between two scales.
+    # tallest, lowest: character heights as shares of the view's smaller side; taller ones are found in the whole view
+    # octaves: octaves between two scales
     side = min(view.size_mm)
     high, low = tallest * side, max(lowest * side, LEAST_PIXELS * view.pitch_mm)
     count = math.floor(math.log2(high / low) / octaves) + 1 if high >= low else 0
@@ -75,8 +74,8 @@ def _even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: flo
     """Even out the contrast of strokes, so that edges of a machine are no stronger than those of a mark.
 
     Args:
-        strong_percent, least_contrast: percentile to which contrast is cut before it is averaged, and the least of
-            it, of full brightness: grain.
+        strong_percent: percentile at which contrast is clipped before it is averaged.
+        least_contrast: contrast added to the average so that grain is not amplified, share of full brightness.
     """
     from glyphs.opencv import cv2
 
@@ -115,7 +114,7 @@ def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
         layers, ((0, 0), (before_y, before_y + _ROWS + _DOWN), (before_x, before_x + _COLUMNS + _ACROSS))
     )
     surest: Floats | None = None
-    # rims of a tile are seen with nothing beyond them
+    # leave out the rim of a tile: there the network sees nothing on one side
     rim_y, rim_x = (_ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
     for start in range(0, len(tiles), _BATCH):
         some = tiles[start : start + _BATCH]

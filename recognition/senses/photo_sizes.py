@@ -17,8 +17,9 @@ from recognition.views.photo_frame import photo_middle_mm, photo_pitch_mm
 SIZES = (600_000, 4_000_000)
 """Sizes at which a photograph is read, pixels, in turn until its characters are high enough."""
 ENOUGH_ROWS = 60
-"""Pixels per character beyond which more add hardly anything."""
+"""Pixels per character height from which more hardly help."""
 _HARDLY_LARGER = 1.5
+"""Ratio of pixels up to which a photograph is not shrunk to a size first."""
 
 
 def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
@@ -44,7 +45,7 @@ def shrunk(photo: Photo, pixels: int) -> Photo:
         return photo
     size = (max(8, round(cols * scale)), max(8, round(rows * scale)))
     made: Any = cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA)
-    # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
+    # the rim of the picture keeps its position; the middle of the first pixel, the frame's origin, does not
     pitch = photo_pitch_mm(photo) * cols / size[0]
     size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}
     others = tuple(shrunk(other, pixels) for other in photo.others)

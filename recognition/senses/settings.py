@@ -52,25 +52,26 @@ class ReaderSettings:
     """Settings of a reader.
 
     Attributes:
-        fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared.
+        fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared with
+            the marks.
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
         height_mm: character height, if known.
         fidelity: fidelity with which the virtual array feels a height map.
-        accept_confidence: least score at which a reading is accepted if no contract is broken; or
-        accept_risk: greatest expected share of wrong readings among those accepted; each sense has its own threshold
-            for it (`recognition.decision.score.Score.threshold`).
+        accept_confidence: least score of an accepted reading; it must break no contract either.
+        accept_risk: greatest expected share of wrong readings among those accepted; if set, it replaces
+            `accept_confidence` by a threshold for each sense (`recognition.decision.score.Score.threshold`).
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
         experts: names of `EXPERTS` that read (default: all).
-        region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned
+        region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
             (default: anywhere).
         lines: formats and regions of other lines on the part, by name.
         certified: limits of a certificate; None without one.
-        orientation: possible ways up of a part; if unknown, a serial that also reads upside down goes to review.
+        orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
 
     Raises:
         FormatError: a format that no serial meets.
-        MarksError: a risk that the fits do not cover.
+        MarksError: a risk that the fitted scores do not cover.
         ValueError: a number out of range.
     """
 
@@ -101,7 +102,7 @@ class ReaderSettings:
                 score_of(source).threshold(self.accept_risk)
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
-        # pairs, so that settings can be keys
+        # a tuple of pairs, so that settings can be dictionary keys
         object.__setattr__(self, "lines", tuple(dict(self.lines).items()))
         experts = (self.experts,) if isinstance(self.experts, str) else tuple(self.experts)
         object.__setattr__(self, "experts", experts or EXPERTS)
@@ -116,7 +117,7 @@ class ReaderSettings:
         return bool(self.fonts) and "templates" in self.experts
 
     def of(self, source: str) -> ReaderSettings:
-        """The settings of one source of readings, with its own threshold for the risk that is accepted."""
+        """The settings for one source of readings, with an accepted risk replaced by its own threshold."""
         if self.accept_risk is None:
             return self
         threshold = score_of(source).threshold(self.accept_risk)
@@ -144,10 +145,10 @@ class ReaderSettings:
 
 
 class Repertoire:
-    """The fonts of a reader, and the search for the characters that it looks for.
+    """The fonts of a reader, and its search for lines.
 
     Attributes:
-        fonts: loaded; without named ones, a few that stand in.
+        fonts: the named fonts, loaded; if none is named, the stand-ins.
         strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
         places: characters at each place; None if their number is not fixed.
     """

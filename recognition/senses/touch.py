@@ -66,7 +66,7 @@ class TactileReader:
         repertoire = Repertoire(self.settings)
         self.places, self.fonts, self.named = repertoire.places, repertoire.fonts, bool(self.settings.fonts)
         self.strokes_of = repertoire.strokes_of
-        # all fonts that are named compete for every part
+        # room for all named fonts: they are compared on every part
         self.predict = lru_cache(max(MOST_SETS, len(self.fonts)))(predict_templates)
         search = repertoire.search
         if "network" not in self.settings.experts:
@@ -87,7 +87,7 @@ class TactileReader:
             height_map: surface of the part, with the top of any dirt on it.
             soil: dirt into which the tip sinks, and the part's friction, if known.
             part_id: name of the part.
-            feel: scans the surface (default: the default plan with ideal sensors).
+            feel: function that scans the surface (default: the default plan with ideal sensors).
 
         Raises:
             MapError: the map cannot be scanned, or the soil is on another grid.
@@ -112,7 +112,7 @@ class TactileReader:
         return best if best is not None else _nothing(timer, height_map=levelled)
 
     def read_scan(self, scan: Scan) -> Reading:
-        """Read a recorded or simulated scan; report faults of whiskers and bench, and leave out what they spoil."""
+        """Read a recorded or simulated scan; report faults of whiskers and bench, and leave out samples they spoil."""
         timer = StepTimer()
         with timer.step("faults"):
             faults = find_faults(scan)
@@ -147,7 +147,7 @@ class TactileReader:
             touch: whisker, preload and friction with which it was felt.
             relief: heights and slopes; without them the reading has no depths.
             timer: records the time of each step.
-            flags: flags that are known beforehand.
+            flags: flags of the scan.
             about: position of the line, if known; no other line is searched for.
         """
         timer = timer if timer is not None else StepTimer()
@@ -246,7 +246,7 @@ class TactileReader:
         edges = edges_of(laid, templates)
         known = self.named or edge_fit(edges) >= OWN_FIT
         grades, depths = grades_of(edges), mark_depths(relief, laid)
-        # a stand-in font grades nothing: a stroke that only it has is not missing from the mark
+        # no grade from a stand-in font: a stroke that only it has is not missing from the mark
         characters = tuple(
             replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
             for c, g, d in zip(reading.characters, grades, depths, strict=True)

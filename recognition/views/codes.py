@@ -24,8 +24,8 @@ from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 DOT_GAPS = (5, 9)
 """Gaps over which the dots of a code are joined, px.
 
-Drawn codes of 4 to 10 pixels a module are then all decoded, dark or bright, if a dot is at least 0.6 of a
-module across. Without it, no code with dots of 0.7 or less is decoded."""
+With these, all simulated codes are decoded that have 4 to 10 pixels per module and dots at least 0.6 of a module wide,
+dark or bright. Without joining, none with dots of 0.7 or less is decoded."""
 DOTS_AT = 1_000_000
 """Most pixels of a photograph in which dots are joined; a larger one is shrunk first."""
 _PICTURES = {k: chr(0x2400 + k) for k in range(0x20)} | {0x2420: " "}
@@ -38,8 +38,8 @@ class Code:
     Attributes:
         kind: "Data Matrix" or "QR Code".
         text: its text; GS1 identifiers are in brackets, control characters are shown as pictures (␝).
-        corners: x, y of all four in the photo frame, mm; in pixels as taken if the scale of the photograph is
-            unknown; empty if they do not apply to the frame in use.
+        corners: x, y of all four in the photo frame, mm (pixels of the original photograph if its scale is unknown);
+            empty if they are not known in the frame of the reading.
     """
 
     kind: str

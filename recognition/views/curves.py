@@ -16,7 +16,7 @@ def straight_through(points: Points, *, before: float, after: float) -> Points:
     Args:
         points: (n, 2) middles of characters or of parts of the line, in the order of reading, one at least.
         before: length of the line before the first point.
-        after: and after the last.
+        after: length of the line after the last point.
     """
     points = np.asarray(points, dtype=np.float64)
     if len(points) < 2:

@@ -16,12 +16,12 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12, bracket: 
     """Remove tilt and slight dome: a robust polynomial through the land; dropouts stay NaN.
 
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
-    grid. This mounts the part; it is no edge filter.
+    grid. Only the mounting is imitated; edges are not filtered.
 
     Args:
         height_map: surface of the part.
-        degree: of the polynomial.
-        rounds: of the fit.
+        degree: degree of the polynomial.
+        rounds: most rounds of the fit.
         bracket: range to either side of the last median, in spreads, in which the next one is searched first.
     """
     z = height_map.z_mm
@@ -59,7 +59,7 @@ class _Terms:
     """
 
     def __init__(self, u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> None:
-        """Return the polynomial's terms at coordinates (cols,) and (rows,)."""
+        """Prepare the sums for coordinates u (cols,) and v (rows,)."""
         pairs = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
         self.power_u, self.power_v = np.array(pairs).T
         self._u, self._v = (np.vander(a, 2 * degree + 1, increasing=True) for a in (u, v))
@@ -72,7 +72,7 @@ class _Terms:
         return np.asarray(sums[j[:, None] + j, i[:, None] + i])
 
     def right(self, weighted: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(terms,) sums of (rows, cols) times a term."""
+        """(terms,) sums of `weighted` (rows, cols) times each term."""
         sums = self._v[:, : self._n].T @ (weighted @ self._u[:, : self._n])
         return np.asarray(sums[self.power_v, self.power_u])
 
@@ -93,7 +93,7 @@ class _Terms:
 def _tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, Floats]:
     """Tukey's biweights of heights `over` a fit, 0 beyond `cut`, and the weighted heights."""
     off = (over - middle) / cut
-    weight = np.fmax(1.0 - off * off, 0.0) ** 2  # nought for NaN, too
+    weight = np.fmax(1.0 - off * off, 0.0) ** 2  # 0 for NaN, too
     return weight, np.where(weight > 0.0, weight * z, 0.0)
 
 

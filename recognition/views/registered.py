@@ -1,10 +1,10 @@
 """Register several photographs of a part with the first: one view each, all in one frame.
 
-    photographs --gradient's size, whatever the light--> phase correlation, then ECC --> shift and turn --> views
-    four or more views of different lights --> slopes, one more view
+    photographs --size of the gradient--> phase correlation, then ECC --> shift and turn --> views
+    four or more views under different lights --> slopes, one more view
     one photograph in colour --> without stains
 
-A lamp from another side turns bright flanks dark, but edges stay where they are: the size of the gradient is compared.
+A lamp from another side turns bright flanks dark, but edges stay where they are. So sizes of gradients are compared.
 Source: G. Evangelidis, E. Psarakis, IEEE PAMI 30 (2008) 1858 (ECC).
 """
 
@@ -32,13 +32,13 @@ _STEPS, _LEAST_GAIN = 60, 1e-5
 def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
     """One view for each photograph, in the frame of the first, and the numbers of those left out because they differ.
 
-    Of four or more under different lights the view of the slopes comes before them: stains are gone from it.
+    If there are four or more lights, a view of the slopes comes first; it shows no stains.
 
     Args:
-        photo: with its others.
+        photo: the first photograph, with its others.
 
     Returns:
-        The views, the slopes' first, then the first photograph's; numbers of those left out, where the first one is 1.
+        The views: the slopes, the first photograph, the others. Then the numbers of those left out, counted from 1.
     """
     first = photo_view(photo)
     if not photo.others:
@@ -66,7 +66,7 @@ def stainless_view(photo: Photo) -> View | None:
 def _slopes(views: list[View]) -> list[View]:
     """View of the slopes, if the lights show them."""
     known = np.all([view.layers[KNOWN] > 0.5 for view in views], axis=0)
-    # what a light does not reach is filled from the first: no edge is made there
+    # what a photograph does not show is filled from the first, so that no edge appears there
     first = views[0].layers[GREY]
     picture = slope_picture([np.where(v.layers[KNOWN] > 0.5, v.layers[GREY], first) for v in views])
     if picture is None:
@@ -88,7 +88,7 @@ def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDA
     """(2, 3) map from the first photograph to the other; None if they show different things.
 
     Args:
-        least_alike: correlation of the gradients' sizes from which two photographs show the same.
+        least_alike: least correlation of the sizes of the gradients in two photographs of the same thing.
     """
     from glyphs.opencv import cv2
 

@@ -12,10 +12,10 @@ from recognition.views.view import EDGES, GREY, KNOWN, View, turned_edges
 
 
 def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.float32]:
-    """Resample layers to another pitch, from the same origin; finer ones are blurred before.
+    """Resample layers to another pitch, from the same origin; blur them first if the new pitch is coarser.
 
     Args:
-        blur: sigma of what a coarser grid is averaged by, its pixels beyond one.
+        blur: for a new pitch r times the old one, r > 1, sigma of the blur is `blur * (r - 1)` old pixels.
     """
     from glyphs.opencv import cv2
 
@@ -44,7 +44,7 @@ def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.fl
 def turn_view(view: View, turned_deg: float) -> View:
     """Turn the axes of a view clockwise as seen: lines with this rotation become level.
 
-    x, y of its frame are taken from the middle of the view (`unturned` brings them back).
+    The origin of its frame is the middle of the view (`turn_back` converts positions back).
     """
     from glyphs.opencv import cv2
 
@@ -63,7 +63,7 @@ def turn_view(view: View, turned_deg: float) -> View:
     made[KNOWN] = made[KNOWN] > 0.999
     made *= made[KNOWN]
     if made[GREY].any():
-        # beyond the picture it is as bright as in it: its rim is no stroke
+        # outside, use the median brightness of the picture, so that its rim does not look like a stroke
         made[GREY] += (1.0 - made[KNOWN]) * float(np.median(view.layers[GREY]))
     made[EDGES:KNOWN] = turned_edges(made[EDGES:KNOWN], turned_deg)
     origin_mm = (-middles[0][0] * view.pitch_mm, -middles[0][1] * view.pitch_mm)
@@ -71,7 +71,7 @@ def turn_view(view: View, turned_deg: float) -> View:
 
 
 def turn_back(points_mm: NDArray[np.float64], view: View, turned_deg: float) -> NDArray[np.float64]:
-    """(n, 2) positions on the view of positions on the turned view."""
+    """Convert (n, 2) positions on the turned view to positions on the view."""
     cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
     middle = np.array(view.origin_mm) + 0.5 * np.array(view.size_mm)
     return np.asarray(points_mm @ np.array([[cos, sin], [-sin, cos]]) + middle)

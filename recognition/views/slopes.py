@@ -1,11 +1,12 @@
 """Slopes of a surface from photographs under several lights at unknown positions, as one more view.
 
-    under lights 1 .. n --own brightness out, colour out--> changes --two main directions--> slopes --size--> view
+    n lights --divide by local brightness, subtract mean--> changes --two main components--> slopes --size--> view
 
-A flat plate is as bright under every light; a flank is bright under one and dark under another. What changes from light
-to light, in logarithms, is about linear in the two slopes, so that two components hold nearly all of it. Lamps that
-that were not measured leave these turned and stretched, but flat ground stays flat: the size shows the flanks, dark.
-Stains, rust and paint, which are as dark under all lights, are gone. Glints and shadows are cut.
+A flat plate is equally bright under every light; a flank is bright under one and dark under another. The logarithm of
+brightness changes from light to light about linearly with the two slopes, so two components contain nearly all of the
+change. As the lamps' positions are unknown, these are the slopes turned and stretched. But flat ground stays flat, so
+their size shows the flanks, drawn dark. Stains, rust and paint are equally dark under all lights, and so drop out.
+Glints and shadows are clipped.
 Sources: R. Woodham, Opt. Eng. 19 (1980) 139; H. Hayakawa, JOSA A 11 (1994) 3079 (lights that are not known).
 """
 
@@ -19,9 +20,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 LEAST_LIGHTS = 4
 _DARK, _CUT = 0.02, (0.1, 3.0)
-"""Brightness added before the ratio; ratios to the ground about them at which shadows and glints are cut."""
+"""Brightness added before the ratio; ratios to the local brightness at which shadows and glints are clipped."""
 _FOCUS, _FULL_PERCENT = 1.0, 99.0
-"""Blur, pixels; percentile of the steepest that is drawn black."""
+"""Blur, pixels; percentile of the size of slopes that is drawn black."""
 
 
 def slope_picture(
@@ -30,10 +31,9 @@ def slope_picture(
     """Picture of the slopes, dark on light, (rows, cols) 0 to 1; None for too few photographs or only one light.
 
     Args:
-        photographs: brightness of each, (rows, cols) 0 to 1, laid over each other.
-        near: blur of a light's own brightness over the part, as a share of the longer side.
-        least_share: share of all changes in two components from which the light changed: of noise they hold 2 / (n -
-            1).
+        photographs: brightness of each, (rows, cols) 0 to 1, registered.
+        near: sigma of the blur that gives local brightness, as a share of the longer side.
+        least_share: least share of all changes in two components if the light changed; of noise it is 2 / (n - 1).
     """
     from glyphs.opencv import cv2
 
@@ -70,9 +70,10 @@ def _is_exposure(
     """Whether nearly all differences come from one change that follows the brightness of the photographs.
 
     Args:
-        one_change, exposed, along: limit for exposures under one lamp: the second change's power by the first's (0.02
-            to 0.2 of simulated parts, of lights 0.6 to 0.9, of grooves that all run one way 0.1), spread of log
-            brightness, and how closely the first change follows it (0.94 to 1.00; of those grooves 0.07).
+        one_change: for exposures under one lamp, greatest ratio of the second change's power to the first's. Simulated
+            parts have 0.02 to 0.2, under different lights 0.6 to 0.9, but 0.1 if all grooves run one way.
+        exposed: least spread of log brightness.
+        along: least correlation of the first change with log brightness: 0.94 to 1.00, for those grooves 0.07.
     """
     gains = np.log([float(one.mean()) + _DARK for one in photographs])
     if power[-2] > one_change * power[-1] or gains.std() < exposed:

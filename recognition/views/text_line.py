@@ -1,7 +1,7 @@
 """Position of a line of text on a part: along a curve, because serials also run around badges and shafts.
 
    .--- A  B  C ---.           centre_mm: points of the curve half way up the characters
-.-'    ^ height_mm  '-.        in the order of reading; down is 90 degrees clockwise of along
+.-'    ^ height_mm  '-.        in the order of reading; down is 90 degrees clockwise from along
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ROWS = 40
 HEIGHT_ROWS = 28
 """Rows of a strip per character height."""
 MARGIN = 0.4
-"""Land of a strip before and after its line, character heights."""
+"""Margin of land in a strip before and after its line, character heights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class TextLine:
     """A line of text.
 
     Attributes:
-        centre_mm: (n, 2) points x, y of the frame of the view, two at least, from the first character's left edge to
-            the last one's right.
+        centre_mm: (n, 2) at least two points x, y in the frame of the view, from the left edge of the first character
+            to the right edge of the last.
         height_mm: height of the characters.
 
     Raises:
@@ -59,7 +59,7 @@ class TextLine:
     def straight(
         cls, x_mm: float, y_mm: float, *, length_mm: float, height_mm: float, turned_deg: float = 0.0
     ) -> TextLine:
-        """A straight line from its start, half way up, turned from +x towards +y (clockwise as seen)."""
+        """A straight line that starts at x, y (half way up), turned from +x towards +y (clockwise as seen)."""
         turn = math.radians(turned_deg)
         end = (x_mm + length_mm * math.cos(turn), y_mm + length_mm * math.sin(turn))
         return cls(np.array([(x_mm, y_mm), end]), height_mm)
@@ -87,7 +87,7 @@ class TextLine:
     def places_mm(
         self, columns: Points, rows: Points | float, *, margin: float = MARGIN, of_rows: float = ROWS
     ) -> Points:
-        """(..., 2) x, y of points of its strip, given in pixels from the middle of its first one.
+        """(..., 2) x, y of points of its strip, at columns and rows counted from the middle of the first pixel.
 
         Args:
             columns: (n,) along the line; a curve continues straight beyond its ends.

@@ -6,10 +6,10 @@
 
     layer 0      heights over the land, mm (of a strip: character heights)
     layer 1      brightness, 0 to 1
-    layers 2..5  edge enhancement, a layer a direction
-    layer 6      1 where anything is known
+    layers 2..5  edge enhancement, one layer per direction
+    layer 6      1 where the sample is known
 
-What a view has not, and what it does not know, is 0.
+Unknown samples, and layers that a view lacks, are 0.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ DIRECTIONS = (
 """Trace directions of the edge layers."""
 _MOST_EDGE = 8.0
 _AVERAGED_FROM = 4.0
-"""Pixels of a view per pixel of a strip from which they are averaged first, against grain: of 180
-photographs of the calibration design 1,139 characters are read right, not 1,120, and 111 serials, not 108."""
+"""Pixels of a view per pixel of a strip from which the view is halved first, to average out grain. On 180 photographs
+of the calibration design this raises correct characters from 1,120 to 1,139, and correct serials from 108 to 111."""
 
 
 class ViewKind(StrEnum):
@@ -86,7 +86,7 @@ class View:
         if layers.ndim != 3 or layers.shape[0] != LAYERS:
             raise ValueError(f"a view has {LAYERS} layers of rows and columns, not {layers.shape}")
         if not np.isfinite(layers).all():
-            raise ValueError("a view is finite; what is not known is 0, and 0 in the last layer")
+            raise ValueError("the layers of a view must be finite; an unknown sample is 0 in each of them")
         if not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
             raise ValueError(f"pitch_mm is {self.pitch_mm}; it must be positive")
         layers.flags.writeable = False
@@ -109,7 +109,7 @@ class View:
         return replace(self, layers=layers)
 
     def cut(self, across: tuple[float, float], down: tuple[float, float]) -> View:
-        """Crop the view to two shares of its columns and of its rows, in the same frame."""
+        """Crop the view to a range of its columns and one of its rows, each in shares, in the same frame."""
         (top, bottom), (left, right) = (
             (math.floor(a * n), max(math.ceil(b * n), math.floor(a * n) + 8))
             for (a, b), n in zip((down, across), self.layers.shape[1:], strict=True)
@@ -152,7 +152,7 @@ class View:
             line: where it lies.
             rows: number of rows; the middle one is the middle of the line.
             margin: margin of land before and after it, character heights.
-            zoom: pixels for one of a usual strip.
+            zoom: pixels per pixel of a usual strip.
 
         Returns:
             (LAYERS, rows * zoom, columns), heights in character heights.
@@ -190,8 +190,7 @@ def turned_edges(edges: Layers, turned_deg: float) -> Layers:
 
     Args:
         edges: (4, ...) of the directions.
-        turned_deg: rotation of the axes, clockwise as seen: forward along an axis that runs down is the plate's forward
-            y.
+        turned_deg: rotation of the axes, clockwise as seen; at 90 degrees their forward x is the plate's forward y.
     """
     if not edges.any():
         return edges
@@ -202,7 +201,7 @@ def turned_edges(edges: Layers, turned_deg: float) -> Layers:
 
 
 def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None) -> View:
-    """View of a felt part; without heights if friction or whisker give none."""
+    """View of a felt part; without a relief it has no heights."""
     layers = np.zeros((LAYERS, *edges.shape), dtype=np.float32)
     for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
         layers[EDGES + DIRECTIONS.index(direction)] = np.clip(layer, -_MOST_EDGE, _MOST_EDGE)
@@ -216,7 +215,7 @@ def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None)
 
 
 def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
-    """The felt surface; None if friction or whisker give no heights."""
+    """The felt surface; None if heights cannot be computed for this friction or whisker."""
     try:
         if scan.others or any(s.plan.pushed for s in scan.sweeps):
             return estimate_relief(scan, edges)

@@ -114,7 +114,7 @@ def test_objections_name_each_part_that_is_broken() -> None:
         (("A+exclude=" + ALPHANUMERIC,), "exclude fewer"),
         (("AA", "re:[A-Z]{3}"), "agree in length"),
         (("AA", r"re:\d\d"), "agree in length"),
-        ((r"re:[A-Z]{2}\s\d",), "says nothing of blanks"),
+        ((r"re:[A-Z]{2}\s\d",), "write word gaps in a mask:"),
         (("AA+check=luhn",), "no serial meets mask:AA + check=luhn"),
         (("re:(A",), "is not a regular expression"),
         (("re:.*A.{14}",), "too complex"),
