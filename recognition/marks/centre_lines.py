@@ -1,7 +1,7 @@
 """Centre lines of a character's strokes, where they are deepest, as points about its reference point.
 
-Strokes know their centre lines. Of an outline they are its skeleton, without the branches into corners and serifs,
-where the edge is near.
+A stroke font consists of centre lines. In an outline font they are the skeleton of the outline, without its branches
+into corners and serifs, where the edge is near.
 """
 
 from __future__ import annotations
@@ -44,23 +44,23 @@ def centre_line(
     ridge_pitch_heights: float = 0.02,
     ridge_share: float = 0.85,
 ) -> CentreLine:
-    """The centre line of a font's character; n is 0 without ink.
+    """The centre line of a font's character; without points if it has no ink.
 
-    Half a stroke's width is left out at both ends of a stroke: there dies are rounded, and a character that was
-    placed or sized not quite rightly has no groove.
+    Half a stroke's width is left out at both ends of a stroke: dies are rounded there, and a small error of pose or
+    size would put the ends beside the groove.
 
     Args:
-        font: its letters.
-        char: one of them.
-        face: face of the die; a dotted one has points for lines.
+        font: the font.
+        char: the character.
+        face: face of the die; the points of a dotted one are its dots.
         step_heights: distance of points along a stroke, character heights: that of the samples, 40 to the height.
         ridge_pitch_heights: distance of points along the skeleton of an outline, character heights.
-        ridge_share: share of the median half width that a limb of an outline must reach: thinner are corners, and
+        ridge_share: minimum half width of an outline's limbs, as a share of the median: thinner ones are corners, and
             serifs too thin for a tip.
 
     Raises:
         FontError: the font lacks the character.
-        StampError: dots of an outline.
+        StampError: a dotted die cannot stamp an outline font.
     """
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)
@@ -78,7 +78,7 @@ def centre_line(
 
 
 def _along(stroke: Points, *, trim: float, step: float) -> tuple[Points, Points]:
-    """Evenly spaced points and normals along a polyline; ends are trimmed unless it is closed; a dot is one point."""
+    """Evenly spaced points and normals along a polyline, without its ends unless it is closed; one point of a dot."""
     run = np.diff(stroke, axis=0)
     length = np.hypot(run[:, 0], run[:, 1])
     run, length = run[length > 0.0], length[length > 0.0]

@@ -1,33 +1,33 @@
-r"""Depth of each character, by touch: along its strokes' centre lines, from the land beside it.
+r"""Depth of each character by touch: along the centre lines of its strokes, from the land beside it.
 
           land, a plane through the samples beside the character (ink and burr left out)
     ______/\                   /\______
              \     depth      /            burr (high metal): not land (27 CFR 478.92 measures from the flat surface)
               \______|_______/
-                     ^ centre line of the character as it is laid, looked for sideways by a little
+                     ^ centre line of the laid character, moved sideways a little to the deepest point
 
-Depth is what the ball of the tip reaches, averaged over a sample (a fortieth of the height). Less the truth of
-stamped parts, gothic, 32 characters each, default whisker and ball; micrometres, mean +- standard deviation
+Depth is the depth that the ball of the tip reaches, averaged over a sample (a fortieth of the height). Its errors on
+stamped parts with the default whisker and ball, gothic, 32 characters each; micrometres, mean +- standard deviation
 (`python tests/benchmarks/depth_accuracy.py`):
 
-    height, mm      3.2            5.0            7.0            12.7        depth there: 0.15 0.21 0.28 0.43 mm
+    height, mm      3.2            5.0            7.0            12.7        depths: 0.15, 0.21, 0.28, 0.43 mm
     FLAT         +4.3 +- 0.5    +6.0 +- 1.1    +7.3 +- 0.7    +12.2 +- 2.0
     ROUND        +1.8 +- 0.3    +1.5 +- 0.4    +1.5 +- 0.4     +1.2 +- 1.0
     SHARP       -16.1 +- 2.1   -29.1 +- 4.4   -40.8 +- 4.2   -88.2 +- 11.1
     FLAT, under dirt of 0.3, 0.6 and 0.9 at 5.0 mm: +8.9 +- 6.8, +6.4 +- 17.5, -28.1 +- 42.5
 
-Nothing of this is corrected. A place that stands above the land, filled over or heaped with dirt, has no depth: it
-counts as 0, never as less. In a V of 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom,
-13, 21, 29 and 54 micrometres here, and the truth is the deepest point, where strokes of a V meet.
-Such a mark is measured too shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.
+These errors are not corrected. Where dirt fills a stroke to above the land, the depth is 0, never negative. In a V of
+45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom: 13, 21, 29 and 54 micrometres at these
+heights. The true depth is that of the deepest point, where strokes of a V meet. So a SHARP mark is measured too
+shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.
 
-The burr is the rim beside the strokes, averaged over a few points along them. Touch rounds it off: of a rim 0.04 mm
-high, K804217 of 5 mm, the share felt is 0.19 where it is 0.1 mm wide, 0.42 at 0.225, 0.67 at 0.4, 0.78 at 0.6 and 0.81
-at 0.8. So a burr is at least as high as measured. A milled plate without any shows up to 0.01 mm; dirt heaped beside a
-stroke counts, too.
+The burr is the rim beside the strokes, averaged over a few points along them. Touch rounds it off. Of a rim 0.04 mm
+high (K804217, 5 mm), the share felt is 0.19 at a width of 0.1 mm, 0.42 at 0.225, 0.67 at 0.4, 0.78 at 0.6 and 0.81 at
+0.8. So a burr is at least as high as measured. A milled plate without burr shows up to 0.01 mm. Dirt heaped beside a
+stroke counts as burr.
 
-Where a recorded scan was felt on a tilted part, moments count against those of the land beside them, so depths are
-as wrong as the lift of the land: h_land / d0. Height maps are levelled before they are felt.
+If the part of a recorded scan was tilted, moments are taken relative to those of the land beside them. The relative
+error of a depth is then that of the land's lift to the preload, h_land / d0. Height maps are levelled before a scan.
 """
 
 from __future__ import annotations
@@ -46,28 +46,28 @@ from recognition.marks.laid_text import LaidText
 from whisker_array.estimation.relief import Relief
 
 BURR_REACH_HEIGHTS = 0.1
-"""Least distance of land from any ink, character heights; burrs are half as wide."""
+"""Minimum distance of land from any ink, character heights; burrs are half as wide."""
 LEAST_KNOWN = 0.5
-"""Least felt share of the centre line for a depth."""
+"""Minimum share of the centre line, or of the rim, that must be felt."""
 SMOOTH_POINTS = 5
-"""Points along a stroke over which its middle is searched together, against single bad samples."""
+"""Neighbouring points along a stroke that share one middle, so that a single bad sample does not move it."""
 DEEP_PERCENT = 90.0
-"""The quantile along a centre line that counts as the greatest, percent."""
+"""Percentile along a centre line that counts as the maximum."""
 
 
 @dataclass(frozen=True)
 class MarkDepth:
     """Depth of a character, or height of a raised one, from the land beside it, mm.
 
-    Felt along the strokes' centre lines; positive either way, 0 where the surface runs the wrong way: what is filled
-    over has no depth.
+    Felt along the centre lines of the strokes. Positive for sunk and for raised marks; 0 where the surface is on the
+    other side of the land, such as over a filled stroke.
 
     Attributes:
-        mean_mm: over the centre line.
-        min_mm: the shallowest tenth reaches no deeper than this.
-        max_mm: the deepest tenth reaches this.
-        burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
-            of a raised mark how deep a rim is sunk. None if unknown.
+        mean_mm: mean over the centre line.
+        min_mm: 10th percentile over the centre line.
+        max_mm: 90th percentile over the centre line.
+        burr_mm: height of the rim beside the strokes above the land ("high metal"), 90th percentile; for a raised mark
+            the depth of the rim below the land. None if unknown.
         sd_mm: standard deviation of the mean depth from that of the clean mark; None if unknown.
     """
 
@@ -107,7 +107,7 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
     """The centre line of a character laid on a relief.
 
     Args:
-        relief: the surface as felt; a margin of one sample is reckoned with.
+        relief: the surface as felt; the points allow for a margin of one sample around it.
         laid: the text.
         place: place of the character.
         ahead_heights: distance along a normal at which its direction is determined, character heights.
@@ -145,18 +145,18 @@ def _depth(
     """Depth of one character; None if too little of it or of the land beside it was felt.
 
     Args:
-        mark: the character where its strokes are deepest.
+        mark: centre line of the character.
         depth: depth of the field.
-        land: samples that are land.
+        land: which samples are land.
         height: height of the characters, samples.
-        shallow_percent: quantile of the depths along the centre line that counts as the least, percent: a shallow leg
-            of a character is a quarter or more of its line and shows in full, a tenth is as short as a crossing, a
-            stroke's end or a bad sample.
+        shallow_percent: percentile of the depths along the centre line that counts as the minimum. A shallow leg is a
+            quarter of the line or more, and so decides it. A crossing, the end of a stroke or a bad sample is at most a
+            tenth, and does not.
         sideways_heights: search radius across a stroke for its middle, character heights.
         least_sd_mm: standard deviation of a clean mark's depth.
-        sd_of_scatter: increase of it with the scatter of the land: dirt that makes the land uneven fills strokes, too.
-            Of 1,251 characters, 3.2 to 7 mm high, under eight soils 76 % lie within a standard deviation and 90 %
-            within two; of those under worn plates 41 and 55 %, for wear leaves the land even.
+        sd_of_scatter: factor of the scatter of the land, added to that in quadrature: dirt that makes the land uneven
+            fills strokes, too. Of 1,251 characters, 3.2 to 7 mm high, under eight soils, 76 % lie within one standard
+            deviation and 90 % within two. On worn plates it is 41 % and 55 %, because wear leaves the land even.
     """
     found = _plane(mark, depth, land, height) if len(mark.points) else None
     if found is None:
@@ -192,18 +192,18 @@ def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane:
 
 
 def deepest(depth: Floats) -> Floats:
-    """(n,) depth at the middle of the stroke, which is searched for over neighbouring points together."""
-    at = np.argmax(_together(depth), axis=0)
+    """(n,) depth at the middle of the stroke, where the sum over neighbouring points is deepest."""
+    at = np.argmax(_sum_neighbours(depth), axis=0)
     return np.asarray(np.take_along_axis(depth, at[None], axis=0)[0])
 
 
 def crest(rise: Floats) -> Floats:
     """(n,) height of a rim at its highest point across, averaged over neighbouring points: one grain is no rim."""
-    return np.asarray((_together(rise) / _together(np.ones_like(rise))).max(axis=0))
+    return np.asarray((_sum_neighbours(rise) / _sum_neighbours(np.ones_like(rise))).max(axis=0))
 
 
-def _together(values: Floats) -> Floats:
-    """Sums of (aside, n) values over neighbouring points; 0 beyond the ends."""
+def _sum_neighbours(values: Floats) -> Floats:
+    """Sums of (aside, n) values over neighbouring points; beyond the ends values count as 0."""
     window = np.ones(min(SMOOTH_POINTS, values.shape[1]))
     return np.asarray(ndimage.correlate1d(values, window, axis=1, mode="constant") if window.size else values)
 
@@ -220,16 +220,16 @@ def _plane(
 ) -> tuple[Floats, float] | None:
     """Level and slopes (per sample, along rows and columns) of the land about a character, and its scatter.
 
-    None without enough of it.
+    None if there is too little land.
 
     Args:
-        mark: the character.
+        mark: centre line of the character.
         depth: depth of the field.
-        land: samples that are land.
+        land: which samples are land.
         height: height of the characters, samples.
         reach_heights: search radius for land about the character, character heights.
-        most_samples: most samples of land that the plane is fitted to.
-        least_samples: samples of land that must have been felt.
+        most_samples: maximum number of samples of land to fit.
+        least_samples: minimum number of samples of land.
     """
     reach = reach_heights * height
     low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
@@ -246,9 +246,9 @@ def _plane(
 
 
 def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:
-    """(3,) level and slopes of samples at (row, col), by Tukey's weights, which ignore outliers.
+    """(3,) level and slopes of samples at (row, col), with Tukey's weights, which ignore outliers.
 
-    Of land in a line the least slopes.
+    If all samples lie on one line, the smallest slopes that fit.
     """
     design = np.column_stack([np.ones(level.size), row, col])
     terms = np.array([np.median(level), 0.0, 0.0])

@@ -1,14 +1,14 @@
 """Grade of a character's mark, and the action for it, in the spirit of ISO/IEC 29158.
 
-That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0 and lets
-the worst one count; so here, but what is graded is what a whisker feels:
+That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0, and the
+worst grade counts. The same is done here with parameters of touch:
 
-    template predicts   ..../^\\____/^\\....     contrast       how strong its edges, where they are felt
-    felt                ..../^\\____.........     completeness   how much of its strokes is felt at all
-                          felt   filled  swarf    contamination  how much else is felt in its cell
+    template predicts   ..../^\\____/^\\....     contrast       strength of its edges where they are felt
+    felt                ..../^\\____.........     completeness   share of its edges that is felt
+                          felt   filled  swarf    contamination  share of its cell where something else is felt
 
-A shallow mark has low contrast everywhere, a filled one has none in places. The limits are ours, chosen for touch;
-they are not those of the standard, which grades two-dimensional codes by sight.
+A shallow mark has low contrast everywhere; a filled one lacks edges in places. The limits are ours, chosen for touch.
+They are not those of the standard, which grades two-dimensional codes by sight.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ LIMITS = {
     "completeness": (0.92, 0.84, 0.75, 0.6),
     "contamination": (0.02, 0.05, 0.08, 0.15),
 }
-"""Limits of the grades 4, 3, 2 and 1: least values; for contamination greatest values."""
+"""Limits of the grades 4, 3, 2 and 1: minimum values, but for contamination maximum values."""
 PASSING = 2
-"""Least grade without an action: C, as usual."""
+"""Lowest grade that needs no action: C, as usual."""
 OWN_FIT = 0.75
-"""Least mean correlation of edges for an unnamed font to count as the part's own."""
+"""Minimum mean correlation of edges at which an unnamed font counts as that of the part."""
 LETTERS = "FDCBA"
 Edges: TypeAlias = tuple[Image, Image]
-"""Felt and predicted, (rows, columns, layers) each."""
+"""Felt and predicted edges, (rows, columns, layers) each."""
 
 
 class Action(WordedEnum):
     """Action for a mark."""
 
     NONE = "none", "nothing to do"
-    CLEAN = "clean", "clean it: there is dirt or damage in its place"
+    CLEAN = "clean", "clean it: there is dirt or damage beside its strokes"
     CLEAN_FIRST = (
         "clean first",
         "strokes are missing: clean it and scan it again; if they are still missing, strike it again and check the die",
@@ -112,7 +112,8 @@ def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.
     Args:
         laid: the text.
         templates: templates of its font, predicted for the touch of the part.
-        tall_heights: rows about a character's middle that are compared with it, character heights either way.
+        tall_heights: distance up and down from the middle of a character within which edges are compared, character
+            heights.
     """
     glyphs, tall = glyph_images(templates, pixels=PIXELS), round(tall_heights * PIXELS)
     images = dict(zip(glyphs.chars, glyphs.images, strict=True))
@@ -135,7 +136,7 @@ def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tupl
 
     Args:
         edges: edges of the text.
-        least_felt: share of the strongest edge that one of a direction reaches if it was felt at all.
+        least_felt: a direction counts as felt if its strongest edge reaches this share of the strongest of all.
     """
     known = [np.abs(one[0]).max(axis=(0, 1)) for one in edges if one is not None]
     peaks = np.max(known, axis=0) if known else np.zeros(0)
@@ -159,7 +160,7 @@ def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
 
 
 def is_of_the_part(grade: MarkGrade | None) -> bool:
-    """Whether a mark has the strokes of the font by which it was graded: hardly any are missing."""
+    """Whether a mark has the strokes of the font with which it was graded: hardly any are missing."""
     return grade is not None and (grade.value("completeness") or 0.0) >= LIMITS["completeness"][1]
 
 
@@ -183,16 +184,15 @@ def grade_character(
     """Grade one character; None if the template predicts no edge.
 
     Args:
-        felt: (channels, rows, cols) edge map of its cell, in the template's units: 1 times the template where
-            the mark is as it should be.
-        predicted: the same, of the template in its place.
+        felt: (channels, rows, cols) edge map of its cell; equals the template's where the mark is as it should be.
+        predicted: (channels, rows, cols) edge map of the template.
         tolerance_px: greatest distance of an edge from its predicted position.
         stroke_share: share of the strongest predicted edge that counts as a stroke's edge.
         felt_share: share of the contrast from which an edge counts as felt.
         least_felt: share of the predicted edge that it must reach as well.
-        foreign_share: share of the strongest predicted edge times the contrast that is foreign where nothing is
-            predicted.
-        least_contrast: contrast that contamination is measured against at least: noise about a faint mark is not dirt.
+        foreign_share: an edge where none is predicted is foreign from this share of the strongest predicted edge times
+            the contrast.
+        least_contrast: minimum of the contrast for `foreign_share`: noise about a faint mark is not dirt.
     """
     felt, size = felt.astype(np.float64), np.abs(predicted).astype(np.float64)
     peak = float(size.max(initial=0.0))
@@ -202,7 +202,7 @@ def grade_character(
     near = partial(ndimage.maximum_filter, size=(1, *(2 * tolerance_px + 1,) * 2), mode="nearest")
     along = size[stroke]
     answer = np.clip(np.where(predicted > 0.0, near(felt), near(-felt))[stroke] / along, 0.0, None)
-    # of the upper quarter: a half-filled mark is judged by its rest
+    # the upper quartile: the filled strokes of a mark do not lower its contrast
     contrast = min(1.0, float(np.quantile(answer, 0.75, weights=along, method="inverted_cdf")))
     there = answer >= max(felt_share * contrast, least_felt)
     beside = ~near(size >= 0.1 * peak).any(axis=0)
@@ -227,6 +227,6 @@ def _action(*, contrast: int, completeness: int, contamination: int) -> Action:
     if contamination < PASSING:
         return Action.CLEAN
     if completeness < PASSING:
-        # dirt beside the strokes, or strokes as deep as they should be where they are felt: likely filled
+        # if there is dirt beside the strokes, or the felt ones are deep enough, the missing ones are likely filled
         return Action.RE_STRIKE if shallow and contamination == 4 else Action.CLEAN_FIRST
     return Action.RE_STRIKE if shallow else Action.NONE

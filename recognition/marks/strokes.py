@@ -1,19 +1,19 @@
 """Felt strokes of characters: evidence for the character that was read and against its rivals.
 
-    R read, P its rival                             felt    missing
-      .--.       P       .--.     R has, P has not     \\     against P, for P
-      |__|               |__|     P has, R has not     -     nothing
-      |  \\              |
+    R was read      P is its rival      strokes            if felt      if missing
+      .--.            .--.              only in R: \\       against P    for P
+      |__|            |__|              only in P: none    -            -
+      |  \\           |
 
 Both characters are laid over the surface where each fits best::
 
-    depths along the line --laid by least squares--> points along its strokes: felt, or not
-                                                                               open: could be, or not
+    depths along the line --laid by least squares--> points along the strokes: felt, or not
+                                                                               open (could be felt), or not
 
 Nobody needs to name the font, because the strokes that distinguish two characters hardly depend on it. A felt piece of
 a stroke supports the characters that contain it. A missing piece counts against them, but never fully: it may be filled
-with dirt. That is the likelier, the more of the line's other strokes is missing. Where the surface rises above the
-land, or was not scanned, there is no evidence.
+with dirt. That is more likely if more of the line's other strokes is missing. Where the surface rises above the land,
+or was not scanned, there is no evidence.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from recognition.marks.laid_text import LaidText, laid_text
 from recognition.search.part_lines import PartLines
 
 LIVE = 0.004
-"""Probability of a rival from which strokes must exclude it."""
+"""Probability from which a rival must be excluded by strokes."""
 STEP_HEIGHTS = 0.05
 """Distance between points of a stroke, character heights."""
 MOST_ABSENT = 6.0
-"""Most evidence of all missing pieces against a character, nats: absence never excludes it fully."""
+"""Maximum evidence of all missing pieces against a character, nats: they never exclude it fully."""
 Bools = NDArray[np.bool_]
 
 
@@ -78,8 +78,8 @@ class PlaceStrokes:
 
     Attributes:
         felt: share of its strokes that was felt, in the best-fitting font; None if no font has the character.
-        score: match of its strokes with the deepest parts of the place, at most 1.
-        rivals: characters that the format allows and that are probable, or listed as easily confused with this one.
+        score: correlation of the depths about the place with those of the character, at most 1.
+        rivals: characters that the format allows and that are probable, or easily confused with this one.
         whole: whether the surface was felt from edge to edge of the character.
         too_few_lines: why the scan lines cannot distinguish the character from its rivals; empty if they can.
     """
@@ -98,8 +98,8 @@ class _Strokes:
     Attributes:
         points: (n, 2) to the right and down from the middle of the place, character heights, `STEP_HEIGHTS` apart.
         felt: (n,) whether the stroke was felt there.
-        open: (n,) whether one could be felt.
-        within: (n,) whether this is the place's own, and not its neighbours'.
+        open: (n,) whether a stroke could be felt there.
+        within: (n,) whether the point is in the place, not in its neighbours.
     """
 
     points: Floats
@@ -108,7 +108,7 @@ class _Strokes:
     within: Bools
 
     def share_felt(self) -> float:
-        """Share of its strokes that was felt, among those within the scan; 0 if none is within."""
+        """Share of the strokes that was felt, of those that could be; 0 if none could."""
         return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
 
 
@@ -129,14 +129,14 @@ class _Surface:
             strip: along the line.
             near_heights: search radius for the groove about a point of a stroke, character heights.
             beside_heights: radius over which dirt is averaged, character heights.
-            heap_share: height above the land, as a share of the line's depth, from which dirt covers what is below.
+            heap_share: height above the land from which dirt hides what is below, as a share of the line's depth.
         """
         self.strip = strip
         near, beside = (2 * round(far * PIXELS) + 1 for far in (near_heights, beside_heights))
         smooth = ndimage.gaussian_filter(strip.depth, 0.7)
         self.deepest = ndimage.maximum_filter(smooth, near)
         self.open = strip.known & (ndimage.uniform_filter(strip.depth, beside) > -heap_share * strip.usual)
-        # the least 30 % of the magnitudes are certainly land; of normal noise they lie within 0.385 deviations
+        # the smallest 30 % of the magnitudes are certainly land; with normal noise they lie within 0.385 deviations
         known = np.abs(smooth[strip.known])
         self.noise = float(np.percentile(known, 30.0)) / 0.385 if known.size else 0.0
 
@@ -154,11 +154,11 @@ class _Surface:
         """The strokes of a character in a pose.
 
         Args:
-            place, char, font: place, character and font of the laid character.
+            place, char, font: place, character and font.
             at: its pose.
-            felt_share: share of the character's usual depth from which a stroke is felt.
+            felt_share: share of the character's usual depth from which a stroke counts as felt.
             felt_noise: multiple of the land's spread that a felt stroke must reach as well.
-            least_deep: share of the line's depth that characters have at least.
+            least_deep: minimum depth of a character, as a share of the line's depth.
         """
         points = points_at(at, _pieces(font, char))
         middle = np.array([self.strip.columns[place], self.strip.known.shape[0] // 2])
@@ -182,7 +182,7 @@ def strokes_of(
     filled_of_missing: float = 0.8,
     most_filled: float = 0.7,
 ) -> tuple[PlaceStrokes, ...]:
-    """Compute the felt strokes of the characters of a text and of their rivals; empty for another number of places.
+    """Compute the felt strokes of the characters of a text and of their rivals.
 
     Args:
         laid: the text.
@@ -191,6 +191,9 @@ def strokes_of(
         filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
         filled_of_missing: increase of that probability with the missing share of the line's strokes.
         most_filled: greatest such probability.
+
+    Returns:
+        One value for each place; empty if text and lattice differ in their number of places.
     """
     felt, font = laid.felt, laid.font
     if lattice.n_places != len(laid.text):
@@ -218,7 +221,7 @@ def strokes_of(
 
 @lru_cache(maxsize=1024)
 def _pieces(font: Font, char: str) -> Floats:
-    """(n, 2) points along a character's strokes, one per square of a step, so that a double stroke counts once."""
+    """(n, 2) points along a character's strokes, one per grid square, so that a double stroke counts once."""
     points = centre_line(font, char).points
     _, first = np.unique(np.floor(points / STEP_HEIGHTS), axis=0, return_index=True)
     return points[np.sort(first)]
@@ -251,12 +254,12 @@ def _compare(
     """Weigh the strokes of the character that was read against a rival's.
 
     Args:
-        read: the character that was read, laid over its place.
-        rival: the other one, laid over the same place.
-        char: that other character.
+        read: strokes of the character that was read, laid over its place.
+        rival: strokes of the rival, laid over the same place.
+        char: the rival.
         belief: probability of the rival.
         filled: probability that a piece of a stroke is filled.
-        alike_heights: distance between strokes of two characters below which they are the same stroke.
+        alike_heights: distance below which strokes of both count as the same, character heights.
         piece_heights: length of the pieces of a stroke that are felt or filled independently, character heights.
         falsely_felt: probability that a piece seems to be felt where there is none: a scratch, or other strokes in the
             part's font.
@@ -284,7 +287,7 @@ def _compare(
     )
 
 
-def felt_others(
+def reject_false_lines(
     part: PartLines,
     main: FeltLine,
     fonts: Sequence[Font],
@@ -294,15 +297,15 @@ def felt_others(
 ) -> PartLines:
     """Drop unassigned lines that do not feel like marks: dirt beside the serial is sometimes read as text.
 
-    Text is struck about as deep as the serial is, and its characters' strokes lie in what is deep there.
+    A line of text is about as deep as the serial, and the surface is deep where its characters have strokes.
 
     Args:
-        part: its lines.
-        main: the serial's as it was felt.
-        fonts: whose strokes are looked for.
-        least_depth: share of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46
-            of it.
-        least_felt: share of strokes felt, mean of the characters: those lines had 0.8 at least.
+        part: lines of the part.
+        main: felt line of the serial.
+        fonts: fonts in which the text of a line is laid.
+        least_depth: minimum depth, as a share of the serial's. Of 36 second lines of the exam, at any dirt, the
+            shallowest had 0.46.
+        least_felt: minimum share of the strokes that was felt, mean of the characters: those lines had at least 0.8.
     """
 
     def is_felt(one: ReadLine) -> bool:

@@ -36,7 +36,7 @@ from recognition.language.orientation import Way
 from recognition.marks.depth import mark_depths
 from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, is_of_the_part
 from recognition.marks.laid_text import laid_text
-from recognition.marks.strokes import felt_others, strokes_of
+from recognition.marks.strokes import reject_false_lines, strokes_of
 from recognition.search.correlation_search import CorrelationSearch
 from recognition.search.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.search.line_reader import LineReader
@@ -159,7 +159,7 @@ class TactileReader:
                 if relief is not None:
                     text = main.lattice.text
                     felt = felt_line(view, main.line, main.columns, text, self.strokes_of)
-                    part = felt_others(part, felt, self.strokes_of)
+                    part = reject_false_lines(part, felt, self.strokes_of)
                 part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
         reading = reading_of_line(part, self.settings, flags=flags, source="tactile")
         if part.main is not None and reading.characters and felt is not None and relief is not None:
