@@ -1,7 +1,7 @@
 """Augmentation of strips beyond the models of parts and scans.
 
-Strips are cut again at another place, size, slant and bend, and widened as for reading; lines of a scan are missing,
-directions left out, spots covered or piled up; brightness turned round.
+Strips are cropped again with another position, size, slant and bend, and widened as for reading. Scan lines and
+directions are dropped, spots are hidden or raised, and brightness is inverted.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
 
 def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
-    """Cut augmented strips of ROWS out of taller ones.
+    """Crop augmented strips of ROWS rows out of taller ones.
 
     Args:
         tall: (n, LAYERS, rows, columns) float32, each filled from the left.
-        columns: (n,) how many of them are its own.
+        columns: (n,) number of columns of each strip.
         rng: the only source of randomness.
 
     Returns:
         (n, LAYERS, ROWS, columns'), columns' a multiple of `COLUMNS`.
     """
-    return noisy(_cut_again(tall, columns, rng), rng=rng)
+    return add_noise(_crop_again(tall, columns, rng), rng=rng)
 
 
-def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
+def add_noise(strips: Tensor, *, rng: torch.Generator) -> Tensor:
     """Add lumps, gaps and noise to strips or views, (n, LAYERS, rows, columns)."""
     n = strips.shape[0]
     felt = (strips[:, EDGES:KNOWN].abs().amax(dim=(1, 2, 3)) > 0).float()
-    strips = _piled_up(strips, felt, rng)
-    strips = _left_out(strips, felt, rng)
+    strips = _add_lumps(strips, felt, rng)
+    strips = _drop_data(strips, felt, rng)
     grey = strips[:, GREY]
     seen = (grey.amax(dim=(1, 2), keepdim=True) > 0).float() * strips[:, KNOWN]
-    turned = (torch.rand(n, 1, 1, generator=rng) < 0.5).float()
+    inverted = (torch.rand(n, 1, 1, generator=rng) < 0.5).float()
     power = torch.exp(0.4 * torch.randn(n, 1, 1, generator=rng))
     grey = grey.clamp(0.0, 1.0) ** power
-    strips[:, GREY] = (turned * (1.0 - grey) + (1.0 - turned) * grey) * seen
-    # noise on all layers there are
+    strips[:, GREY] = (inverted * (1.0 - grey) + (1.0 - inverted) * grey) * seen
+    # noise on every layer that the strip has
     size = torch.exp(torch.randn(n, 1, 1, 1, generator=rng) - 1.0)
     noise = torch.randn(strips[:, :KNOWN].shape, generator=rng) * size
     there = (strips[:, :KNOWN].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
@@ -53,10 +53,10 @@ def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
     return strips
 
 
-def _cut_again(
+def _crop_again(
     tall: Tensor, columns: Tensor, rng: torch.Generator, *, size: tuple[float, float] = (0.08, 0.16)
 ) -> Tensor:
-    # size: spread of the logarithm of heights, felt and photographed: those of lines in photographs are found worse.
+    # size: spread of the logarithm of the line height, felt and photographed: in photographs it is found less exactly.
     n, _, rows, wide = tall.shape
     seen = (tall[:, GREY].amax(dim=(1, 2)) > 0).float().reshape(n, 1, 1)
 
@@ -66,13 +66,13 @@ def _cut_again(
 
     high = torch.exp(draw(size[0] + (size[1] - size[0]) * seen))
     wider = torch.exp(draw(0.14)) * high / WIDER
-    before = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS  # of the file's margin cut off
+    before = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS  # columns of the margin to cut off
     after = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS
     own = columns.reshape(n, 1, 1).float()
     needed = ((own - before - after) / wider).clamp(min=16.0)
     out = int(
         math.ceil(float(needed.max()) / (3 * COLUMNS)) * 3 * COLUMNS
-    )  # few shapes: kernels are made for each
+    )  # few different shapes: a kernel is made for each
     v = (torch.arange(ROWS).float() + 0.5 - ROWS / 2).reshape(1, ROWS, 1)
     u = (torch.arange(out).float() + 0.5).reshape(1, 1, out)
     along = u / needed - 0.5
@@ -88,7 +88,7 @@ def _cut_again(
     return strips * ((u < needed) & (right < own)).float().unsqueeze(1)
 
 
-def _left_out(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
+def _drop_data(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
     """Drop directions, heights or edges, lines of the scan, and spots."""
     n, _, rows, columns = strips.shape
 
@@ -109,7 +109,7 @@ def _left_out(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
     return strips * known
 
 
-def _piled_up(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
+def _add_lumps(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
     """Add lumps, pits and scratches to the heights, with their edges."""
     n, _, rows, columns = strips.shape
     fine = int(torch.randint(2, 7, (1,), generator=rng))
@@ -132,7 +132,7 @@ def edges_of(pile: Tensor, *, preload: float = 0.2) -> Tensor:
 
     Args:
         pile: heights.
-        preload: preload of the default touch: a lift by it doubles the moment.
+        preload: preload of the default touch, character heights: a lift as large as this doubles the moment.
     """
     dx = f.pad(pile[..., 2:] - pile[..., :-2], (1, 1)) * HEIGHT_ROWS / 2
     dy = f.pad(pile[:, :, 2:] - pile[:, :, :-2], (0, 0, 1, 1)) * HEIGHT_ROWS / 2

@@ -1,7 +1,7 @@
-"""Cover the stroke that distinguishes two characters with dirt: the network must leave them undecided.
+"""Cover the stroke that distinguishes two characters, so that the network learns to leave them undecided.
 
-5  6     a cover over the lower left of either leaves both possible; the label stays what was stamped, so the
-   ##    answer that costs least is the share of each
+5  6     with the lower left of either covered, both are possible; the label is still the stamped character, so the
+   ##    loss is smallest if the posterior of each is its frequency
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ def cover_rivals(
     rng: torch.Generator,
     share: float = 0.12,
 ) -> Tensor:
-    """Cover some of the strokes that distinguish the characters of strips from others.
+    """Cover some of the strokes that distinguish characters of strips from their rivals.
 
     Args:
         tall: (n, LAYERS, rows, columns), characters in the middle rows; changed in place.
-        texts: text of each.
+        texts: text of each strip.
         places: first and last column of each character; a strip without them is left as it is.
         rng: the only source of randomness.
         share: share of the characters with a rival that are covered.
@@ -68,7 +68,7 @@ def _draw(rng: torch.Generator) -> float:
 
 
 def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Generator) -> None:
-    """Lay a lump, fill the mark, or leave a spot unknown."""
+    """Cover a spot with a lump, fill its marks, or make it unknown."""
     rows = strip.shape[1]
     top = (rows - HEIGHT_ROWS) / 2
     grown = 0.12 * (_draw(rng) - 0.3)
@@ -101,7 +101,7 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
 
 
 def _lay(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
-    """Add material over the land, with its edges."""
+    """Add a lump to the heights, with its edges."""
     rough = _smooth((mask.shape[0], mask.shape[1]), 4, "bicubic", rng)
     height = 0.02 * math.exp(0.8 * float(torch.randn(1, generator=rng)))
     lump = height * mask * (1 + 0.4 * rough) * part[KNOWN]

@@ -1,10 +1,10 @@
-"""Draw parts and sketches to learn from, and keep their strips and views in files::
+"""Draw random parts and sketches for training, and write their strips and views to files::
 
     python -m recognition.learning.draw_data FONTS ... --out DATA --parts 9000 --sketches 30000 --held-out 200 --jobs 2
 
-FONTS are folders. DATA then has `strips/seen`, `strips/sketched`, `strips/held`, `views/seen` and `views/held`, a file
-for every `PARTS_OF_A_FILE` parts or lines. What is there already is not drawn again. A process draws some three parts
-(16 strips) or 25 sketched lines (75 strips) a second.
+FONTS are folders. DATA then has `strips/seen`, `strips/sketched`, `strips/held`, `views/seen` and `views/held`, with a
+file for every `PARTS_OF_A_FILE` parts or lines. Existing files are not drawn again. A process draws some three parts or
+25 sketched lines a second.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ _log = logging.getLogger(__name__)
 def draw_file(
     fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int, *, fonts_of_a_file: int = 16
 ) -> None:
-    """Draw a file of strips, and for parts one of views, unless the last of them exists.
+    """Draw a file of strips, and for parts also a file of views, unless the last of them exists.
 
     Args:
         fonts: fonts to choose from.
         out: folder of the data.
-        kind: "seen" or "held" of parts, "sketched" of lines without physics.
+        kind: "seen" or "held" for parts, "sketched" for lines without physics.
         seed: seed of the whole set.
         number: number of the file.
-        fonts_of_a_file: number of fonts whose outlines are drawn for a file: each costs more than a part.
+        fonts_of_a_file: number of fonts in a file: to load the outlines of a font takes longer than to draw a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
     if (out / ("strips" if sketched else "views") / kind / name).exists():
@@ -59,7 +59,7 @@ def draw_file(
                 continue
             made = draw_part(few, rng)
             own, seen = strips_of(made), training_views(made)
-        except (MarksError, ValueError) as error:  # drawn at random, some things cannot be
+        except (MarksError, ValueError) as error:  # some random draws are impossible
             _log.info("%d of %s: %s", k, name, error)
             continue
         strips += own
@@ -85,11 +85,11 @@ def draw_data(
     Args:
         fonts: folders of TrueType or OpenType files.
         out: folder of the data.
-        parts: parts of fonts to learn from.
-        sketches: lines without physics.
-        held_out: parts of fonts that are never learned from.
+        parts: number of parts with fonts to learn from.
+        sketches: number of lines without physics.
+        held_out: number of parts with fonts that are never learned from.
         seed: seed of the whole set.
-        jobs: processes.
+        jobs: number of processes.
     """
     from joblib import Parallel, delayed
 

@@ -3,8 +3,8 @@
 view (LAYERS, rows, columns), characters about FINDER_ROWS high -> cells of CELL x CELL pixels, FINDINGS of each:
 
 0  middle      logit: within a quarter of a height of a line's middle
-1  height      of its characters, logarithm (base 2) over FINDER_ROWS
-2  turned      of the line there, radians from +x towards +y
+1  height      of the characters over FINDER_ROWS, octaves
+2  turned      rotation of the line there, radians from +x towards +y
 3  down        from the cell to the line's middle, character heights
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from recognition.learning.network import Drawn
+from recognition.learning.network import Normalise
 from recognition.lines.find import FINDER_ROWS
 from recognition.views.view import LAYERS
 
@@ -32,7 +32,7 @@ class Conv(nn.Sequential):
         )
 
 
-class _Far(nn.Module):
+class _Dilated(nn.Module):
     def __init__(self, channels: int, dilation: int) -> None:
         super().__init__()
         self.conv = Conv(channels, channels, dilation=dilation)
@@ -42,23 +42,23 @@ class _Far(nn.Module):
 
 
 class Finder(nn.Module):
-    """Findings of every cell."""
+    """Network that returns the findings of every cell."""
 
     def __init__(self, *, width: int = 48) -> None:
         super().__init__()
-        self.drawn = Drawn(FINDER_ROWS)
+        self.normalise = Normalise(FINDER_ROWS)
         self.body = nn.Sequential(
             Conv(LAYERS, width // 2, 5, stride=2),
             Conv(width // 2, width, 3, stride=2),
-            *(_Far(width, dilation) for dilation in _DILATIONS),
+            *(_Dilated(width, dilation) for dilation in _DILATIONS),
         )
         self.head = nn.Conv2d(width, FINDINGS, 1)
 
     def forward(self, view: Tensor) -> Tensor:
         """(n, LAYERS, rows, columns), multiples of CELL, to (n, FINDINGS, rows / CELL, columns / CELL)."""
-        return self.read(self.drawn(view))
+        return self.read(self.normalise(view))
 
-    def read(self, drawn: Tensor) -> Tensor:
-        """The same for an already drawn view."""
-        found: Tensor = self.head(self.body(drawn)).float()
+    def read(self, normal: Tensor) -> Tensor:
+        """The same for a normalised view."""
+        found: Tensor = self.head(self.body(normal)).float()
         return found

@@ -1,10 +1,10 @@
 """The recogniser's network: a strip of a line in, posteriors along it out.
 
-    strip (LAYERS, ROWS, W) -> drawn -> 1x1, three channels -> 1.2 times as large -> body of PP-OCRv6 -> head
+    strip (LAYERS, ROWS, W) -> normalise -> 1x1, three channels -> 1.2 times as large -> body of PP-OCRv6 -> head
         -> a step for every 20 / 3 columns
 
-Layers are flattened and bounded by the network itself, so training and reading cannot draw them differently. Needs
-torch (extra `train`); reading needs onnxruntime alone.
+The network itself normalises the layers, so training and reading cannot differ there. Training needs torch (extra
+`train`); reading needs onnxruntime alone.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 _BROAD = 0.4
-"""Sigma, character heights: broader structures belong to the plate, not the mark."""
+"""Sigma of the blur that is subtracted, character heights: broader structures belong to the plate, not the mark."""
 _COARSENESS = 6
-"""Pixels per character where it is blurred."""
+"""Pixels per character height at which layers are blurred."""
 COLUMNS = 20
-"""Columns of a strip are a multiple of this: 24 of the picture, three steps."""
+"""Columns of a strip are a multiple of this, which is 24 columns of the picture and three steps."""
 
 
-class Drawn(nn.Module):
-    """Layers flattened and bounded: a lump of dirt does not hide the mark beside it."""
+class Normalise(nn.Module):
+    """Subtract the broad shape from layers and bound them: a lump of dirt then does not hide the mark beside it."""
 
     def __init__(self, height_rows: int = HEIGHT_ROWS) -> None:
         super().__init__()
@@ -43,7 +43,7 @@ class Drawn(nn.Module):
         self.reach = reach
 
     def _broad(self, x: Tensor) -> Tensor:
-        """Blur at a coarser resolution; three layers at most."""
+        """Blur at most three layers, at a coarser resolution."""
         small = f.avg_pool2d(x, self.coarse)
         bell = self.bell[: x.shape[1]]
         small = f.conv2d(small, bell.transpose(2, 3), padding=(self.reach, 0), groups=x.shape[1])
@@ -56,8 +56,8 @@ class Drawn(nn.Module):
         """(n, LAYERS, rows, columns) to the same shape, each layer within -1 and 1.
 
         Args:
-            relief_half, edge_half, grey_half: values drawn as one half: heights in character heights, enhancement,
-                brightness in spreads of its surroundings.
+            relief_half, edge_half, grey_half: values that become one half: heights in character heights, enhancement of
+                edges, brightness in standard deviations of its surroundings.
         """
         known = strip[:, KNOWN : KNOWN + 1]
         surfaces = strip[:, HEIGHTS : GREY + 1] * known
@@ -82,16 +82,16 @@ def _squash(x: Tensor, half: float) -> Tensor:
 
 
 class Recogniser(nn.Module):
-    """Logarithms of posteriors along a strip.
+    """Network that returns log posteriors along a strip.
 
     Args:
-        start: the public network that it begins as.
+        start: the public network to start from.
         characters: its classes; the blank comes before them.
     """
 
     def __init__(self, start: PublicStart, characters: str) -> None:
         super().__init__()
-        self.drawn = Drawn()
+        self.normalise = Normalise()
         self.first = nn.Conv2d(LAYERS, 3, 1)
         with torch.no_grad():
             self.first.weight.zero_()
@@ -102,20 +102,20 @@ class Recogniser(nn.Module):
 
     def forward(self, strip: Tensor) -> Tensor:
         """(n, LAYERS, ROWS, columns) to (n, steps, 1 + characters); columns are a multiple of `COLUMNS`."""
-        return self.read(self.drawn(strip))
+        return self.read(self.normalise(strip))
 
-    def read(self, drawn: Tensor) -> Tensor:
-        """The same for an already drawn strip."""
-        rows, columns = drawn.shape[2:]
+    def read(self, normal: Tensor) -> Tensor:
+        """The same for a normalised strip."""
+        rows, columns = normal.shape[2:]
         size = (PICTURE_ROWS, columns * PICTURE_ROWS // rows)
-        picture = f.interpolate(self.first(drawn), size=size, mode="bilinear", align_corners=False)
+        picture = f.interpolate(self.first(normal), size=size, mode="bilinear", align_corners=False)
         return self.head(self.body(picture)).float().log_softmax(dim=2)
 
     def early(self, *, early: int = 40) -> list[nn.Parameter]:
-        """Weights for edges and strokes, not characters: the first two thirds of the convolutions.
+        """Weights that respond to edges and strokes, not characters: the first two thirds of the convolutions.
 
         Args:
-            early: early convolutions, of the 57 of the body.
+            early: number of early convolutions, of the 57 in the body.
         """
         kept = [*self.first.parameters()]
         for name, weights in self.body.named_parameters():

@@ -1,8 +1,8 @@
-"""The public network from which training starts: PP-OCRv6 small, which reads print (`rapidocr`'s wheel, Apache-2.0).
+"""The public network from which training starts: PP-OCRv6 small, which reads print (in the wheel of `rapidocr`).
 
     picture (n, 3, ROWS, columns), -1 to 1 --body--> features (n, columns / 8, FEATURES) --head--> 18,710 characters
 
-`onnx2torch` converts it. Needs the extra `train`.
+`onnx2torch` converts it. Its licence is Apache-2.0. Needs the extra `train`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROWS, FEATURES = 48, 120
 STEP_COLUMNS = 8
 """Columns of a picture per step of features."""
 _HEAD_NODES = ("MatMul", "Add", "Identity", "Softmax")
-"""The last nodes of the graph: from features to shares of characters."""
+"""Last nodes of the graph: they turn features into probabilities of characters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +31,14 @@ class PublicStart:
 
     Attributes:
         body: network from a picture to features.
-        rows: (FEATURES,) weights and a bias of the head by character; "" is the blank.
+        rows: for each character the (FEATURES,) weights and the bias of the head; "" is the blank.
     """
 
     body: nn.Module
     rows: dict[str, tuple[Tensor, float]]
 
     def head(self, characters: Sequence[str]) -> nn.Linear:
-        """Make a head for the blank and these characters from rows of the public one; new ones start random."""
+        """Make a head for the blank and these characters from rows of the public head; other rows start random."""
         head = nn.Linear(FEATURES, 1 + len(characters))
         with torch.no_grad():
             for k, char in enumerate(["", *characters]):
@@ -53,7 +53,7 @@ def load_start() -> PublicStart:
     """Load the network of the installed `rapidocr`.
 
     Raises:
-        MarksError: it is not installed, or has no model of the expected structure.
+        MarksError: `rapidocr` is not installed, or its model has another structure than expected.
     """
     import onnx
     from onnx2torch import convert
@@ -66,16 +66,14 @@ def load_start() -> PublicStart:
     )
     if not found:
         raise MarksError(
-            "the network to start from is not there",
+            "the public network to start from is not installed",
             hint='install rapidocr 3.10 or later: pip install "tactile-marks[train]"',
         )
     model = onnx.load(str(found[0]))
     graph = model.graph
     tail = graph.node[-len(_HEAD_NODES) :]
     if tuple(node.op_type for node in tail) != _HEAD_NODES:
-        raise MarksError(
-            f"{found[0].name} does not end in a head of characters", hint="install rapidocr 3.10"
-        )
+        raise MarksError(f"{found[0].name} does not end in a character head", hint="install rapidocr 3.10")
     arrays = {one.name: onnx.numpy_helper.to_array(one) for one in graph.initializer}
     weights, bias = arrays[tail[0].input[1]], arrays[tail[1].input[1]]
     features = tail[0].input[0]
@@ -98,7 +96,7 @@ def _characters(model: Any) -> list[str]:
 
 
 def _pad_by_numbers(node: Any) -> None:
-    """Replace `SAME_UPPER` of 2x2 kernels, which the converter does not support, by numbers."""
+    """Replace the padding `SAME_UPPER` of 2x2 kernels, which the converter does not support, by numbers."""
     from onnx.helper import make_attribute
 
     for attribute in list(node.attribute):
@@ -108,7 +106,7 @@ def _pad_by_numbers(node: Any) -> None:
 
 
 def _make_constants_learnable(body: nn.Module) -> None:
-    """Turn biases and matrices that the converter keeps as buffers into weights, except single numbers."""
+    """Make biases and matrices trainable that the converter keeps as buffers, except single numbers."""
     for module in body.modules():
         if isinstance(module, nn.BatchNorm2d):
             continue

@@ -1,7 +1,7 @@
-"""Quantise weights to eight bits: half the time and a third of the size, with hardly any loss of accuracy.
+"""Quantise a network to eight bits: it takes half the time and a third of the size, and loses hardly any accuracy.
 
-    float network --strips: least and greatest of every layer--> scales --> network of eight-bit convolutions
-    x -> x / sqrt(2) -> erf -> + 1 -> * x -> / 2, five passes over a layer --joined--> Gelu, one
+    float network --strips--> range of every layer --> scales --> network of eight-bit convolutions
+    x -> x / sqrt(2) -> erf -> + 1 -> * x -> / 2, five passes over a layer --join--> Gelu, one pass
 
 Some convolutions stay in floating point, because they cost little and would lose most: the first, which see the strip
 itself, those of squeeze-and-excitation, the depthwise ones, and the last.
@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FIRST, LAST = 6, 3
-"""Number of convolutions at the start and at the end that are not quantised."""
+FIRST = 6
+"""Number of first convolutions that are not quantised."""
+LAST = 3
+"""Number of last convolutions that are not quantised."""
 
 
 def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> None:
@@ -29,7 +31,7 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
     Args:
         source: ONNX file of the network.
         out: ONNX file to write.
-        strips: (LAYERS, ROWS, columns) each, of all kinds of views: they give the range of every layer.
+        strips: (LAYERS, ROWS, columns) each, of all kinds of views, to determine the range of every layer.
     """
     import onnx
     from onnxruntime.quantization import (
@@ -81,7 +83,7 @@ def join_gelu(path: Path) -> None:
 
 
 def show_features(path: Path) -> None:
-    """Make the values before the last pooling an output of their own, named features."""
+    """Add the input of the last pooling as a second output, named features."""
     import onnx
 
     model = onnx.load(str(path))

@@ -3,7 +3,7 @@ r"""Strips without physics: a sketch as a tip would feel it and as a camera woul
     text --glyphs.sketch--> surface, ink, dirt --tip--> felt
                                                \--light, lens--> photograph
 
-A hundred times as cheap as a simulated scan. A sketch shares no code with the generator of parts, its soils or its
+A sketch is much faster than a simulated scan. It shares no code with the generator of parts, its soils or its
 camera, so a network that learns from both does not learn the habits of one.
 """
 
@@ -32,11 +32,11 @@ def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[Train
     """Strips of a line as felt or measured, and as photographed under two lights.
 
     Args:
-        fonts: files to choose from, beside the built-in ones.
+        fonts: font files to choose from, besides the built-in fonts.
         rng: the only source of randomness.
 
     Raises:
-        MarksError: the font cannot draw what was drawn for it; draw again.
+        MarksError: the font lacks something of the random text; draw again.
     """
     name = str(rng.choice(BUILTIN_FONTS)) if rng.random() < 0.2 else str(fonts[int(rng.integers(len(fonts)))])
     font = load_font(name)
@@ -65,10 +65,10 @@ def _measure(made: Sketch) -> Field:
 
 
 def _touch(made: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> Field:
-    """Return the path of a ball sliding over the surface, and its slopes along the passes.
+    """Layers of the path of a ball that slides over the surface, and of its slopes along the passes.
 
     Args:
-        preload: preload of the default touch, character heights: lift by it doubles the moment.
+        preload: preload of the default touch, character heights: a lift as large as this doubles the moment.
     """
     layers = _measure(made)
     radius = float(rng.uniform(0.03, 0.16)) * _H
@@ -108,7 +108,7 @@ def photograph(made: Sketch, rng: np.random.Generator) -> Field:
     albedo = float(rng.uniform(0.3, 0.8)) * (
         1.0 + 0.25 * float(rng.uniform(0, 1)) ** 2 * rough_noise(shape, _H, rng)
     )
-    if rng.random() < 0.45:  # what fills the marks, or prints them, is darker or lighter
+    if rng.random() < 0.45:  # ink or filling of the marks is darker or lighter
         share = float(rng.uniform(0.2, 1.0)) * np.clip(made.ink, 0.0, 1.0)
         patchy = (
             np.clip(0.8 + 0.5 * rough_noise(shape, 0.8 * _H, rng), 0.0, 1.0) if rng.random() < 0.5 else 1.0
@@ -117,7 +117,7 @@ def photograph(made: Sketch, rng: np.random.Generator) -> Field:
     dirty = np.clip(made.soil / 0.012, 0.0, 1.0)
     grime = float(rng.uniform(0.05, 0.8)) * (1.0 + 0.35 * rough_noise(shape, 0.3 * _H, rng))
     albedo = albedo * (1 - dirty) + grime * dirty
-    if made.severity and rng.random() < 0.5:  # stains that have no height
+    if made.severity and rng.random() < 0.5:  # stains without height
         stain = np.clip(
             rough_noise(shape, float(rng.uniform(0.3, 2.0)) * _H, rng) - 1.2 + made.severity, 0.0, 1.0
         )

@@ -1,10 +1,10 @@
 """Vary the surroundings of a line, and turn some lines the wrong way up.
 
     more land, the part's edge and nothing beyond it        upside down, mirrored
-    ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: nothing can be read
+    ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: the text is empty
 
-A line is often taken longer than it is, so most strips show more than its characters. What stands upside down reads
-as other characters; a recogniser that learned from upright ones alone is sure of them.
+Found lines are often too long, so most strips show more than the characters. Characters upside down look like others,
+and a recogniser that learned from upright ones alone is sure of those.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ def vary_surroundings(
     edge: float = 0.2,
     turned: float = 0.1,
 ) -> list[TrainingStrip]:
-    """Strips with other surroundings; some are turned the wrong way up and then have no text.
+    """Change the surroundings of strips, and turn some strips the wrong way up; those then have no text.
 
     Args:
         strips: strips to learn from; those without places keep their surroundings.
         rng: the only source of randomness.
-        longer: share of ends beyond which more land is shown.
-        edge: share of ends at which the part ends.
+        longer: share of the ends of lines where land is added.
+        edge: share of the ends of lines where the part ends.
         turned: share of strips shown upside down or mirrored.
     """
     return [_wrong_way(_ends(strip, longer, edge, rng), turned, rng) for strip in strips]
@@ -44,14 +44,14 @@ def vary_surroundings(
 def _ends(
     strip: TrainingStrip, longer: float, edge: float, rng: np.random.Generator, *, gap_columns: float = 4.0
 ) -> TrainingStrip:
-    # gap_columns: between a character and what is changed beside it.
+    # gap_columns: columns beside a character that stay as they are.
     if not strip.places:
         return strip
     layers, places = strip.layers, np.array(strip.places)
     free = places[:, 0].min(), layers.shape[2] - places[:, 1].max()
     margins = [int(max(one - gap_columns, 0.0)) for one in free]
     more = [int(rng.uniform(0.0, 2.5) * HEIGHT_ROWS) * (rng.random() < longer and m > 3) for m in margins]
-    # more land is the margin's, there and back
+    # land is added by mirroring the margin
     left, inner, right = np.split(layers, [margins[0], layers.shape[2] - margins[1]], axis=2)
     left = np.pad(left, ((0, 0), (0, 0), (more[0], 0)), mode="symmetric")
     right = np.pad(right, ((0, 0), (0, 0), (0, more[1])), mode="symmetric")
@@ -63,7 +63,7 @@ def _ends(
 
 
 def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) -> None:
-    """Let the part end left of its characters; beyond it a photograph shows something else, a scan nothing."""
+    """End the part left of its characters: beyond, a photograph shows a background or nothing, a scan nothing."""
     at = rng.uniform(0.1, 1.0) * room + rng.uniform(-0.15, 0.15) * (np.arange(TALL_ROWS) - TALL_ROWS / 2)
     beyond = np.arange(layers.shape[2]) < np.minimum(at, room)[:, None]
     shade = layers[GREY].any() and rng.random() < 0.7
@@ -73,7 +73,7 @@ def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) 
         layers[GREY, beyond] = np.clip(grey, 0.01, 1.0)[beyond]
         layers[KNOWN, beyond] = 1
     elif layers[HEIGHTS].any():
-        # land is levelled where the line is, not where the part ends
+        # near the edge of a part, the level of the land is less exact
         layers[HEIGHTS] += (rng.normal(0.0, 0.04) * layers[KNOWN]).astype(np.float16)
 
 

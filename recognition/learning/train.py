@@ -3,8 +3,8 @@
     python -m recognition.learning.train recogniser --learn-from FOLDER --held-out FOLDER --minutes 70 \
         --out recogniser.onnx --log LOG
 
-Files that are put into the recogniser's folders while it trains are learned from as well. A line of JSON a report goes
-to the log.
+Files that are added to the folders during training are learned from as well. Each report adds a line of JSON to the
+log.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ def train(
     """Train a network on the samples of folders.
 
     Args:
-        network: the recogniser, of strips, or the finder, of views.
+        network: the recogniser, which learns from strips, or the finder, which learns from views.
         learn_from: folders of samples to learn from.
-        held_out: folder of samples of fonts held out, to measure on.
-        how: for how long, from which seed.
-        out: ONNX file, the recogniser's in eight bits; the same in floating point and the weights as torch has them lie
-            beside it.
-        log: a line of JSON a report is added to it.
-        threads: threads of the processor.
+        held_out: folder of samples of held-out fonts, to measure on.
+        how: settings of the run.
+        out: ONNX file to write, in eight bits for the recogniser. The torch weights, and the recogniser in floating
+            point, are written beside it.
+        log: file to which each report adds a line of JSON.
+        threads: number of processor threads.
 
     Raises:
-        MarksError: the public network to start from is not there.
-        ValueError: no samples, or fewer than a batch has.
+        MarksError: the public network to start from is not installed.
+        ValueError: there are no samples, or fewer than a batch needs.
     """
     torch.set_num_threads(threads)
     torch.manual_seed(how.seed)
     torch.set_flush_denormal(True)
-    room = {"finder": train_finder, "recogniser": train_recogniser}[network]
-    fit(room.task(learn_from, held_out, how), how, out=out, log=log)
+    module = {"finder": train_finder, "recogniser": train_recogniser}[network]
+    fit(module.task(learn_from, held_out, how), how, out=out, log=log)
 
 
 if __name__ == "__main__":

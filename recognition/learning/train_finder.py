@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as f
 from torch.utils.data import IterableDataset, get_worker_info
 
-from recognition.learning.augment import noisy
+from recognition.learning.augment import add_noise
 from recognition.learning.finder_network import FINDINGS, Finder
 from recognition.learning.training_loop import DEVICE, Task, Training, export, load_batches
 from recognition.learning.training_samples import (
@@ -30,20 +30,25 @@ from recognition.views.view import HEIGHTS, LAYERS
 
 WINDOW = (72, 224)
 """Rows and columns of the largest window."""
-_TIGHTEST, _TIGHT_SHARE = (16, 48), 0.5
-"""Rows and columns of the smallest window, and share of batches with windows cropped to a line: parts may end, and
-photographs be cut, close to the characters."""
+_TIGHTEST = (16, 48)
+"""Rows and columns of the smallest window."""
+_TIGHT_SHARE = 0.5
+"""Share of batches with smaller windows at a line: the part, or the photograph, may end close to the characters."""
 BATCH = 24
-_MIDDLE, _BESIDE = 0.25, 0.42
-"""Distances from a line's middle, shares of its height: cells within the first belong to it, up to the second they are
-ignored."""
-_FITS, _LEAST = 0.45, 0.75
-"""Distances from the height of the scale, octaves: lines within the first must be found, those beyond the second must
-not, and those between may."""
+_MIDDLE = 0.25
+"""Distance from the middle of a line within which a cell belongs to it, character heights."""
+_BESIDE = 0.42
+"""Distance from the middle of a line within which other cells are ignored, character heights."""
+_MUST_FIND = 0.45
+"""Distance from the height of the scale within which a line must be found, octaves."""
+_MAY_FIND = 0.75
+"""Distance from the height of the scale beyond which a line must not be found, octaves; before, it may."""
 _HELD = 240
-"""Number of views for measurements."""
-_FILES, _WINDOWS = 24, 4
-"""Files read at a time, and windows drawn from each of their views before the next files are read."""
+"""Maximum number of views to measure on."""
+_FILES = 24
+"""Files read at a time."""
+_WINDOWS = 4
+"""Windows drawn from each view before the next files are read."""
 
 
 def draw_window(
@@ -53,20 +58,20 @@ def draw_window(
     window: tuple[int, int] = WINDOW,
     plain: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-    """Draw a window of a view at a random scale and rotation: (2, *window) x and y in it, and its truth.
+    """Draw a window of a view at a random scale and rotation, with its truth.
 
     Args:
-        view: with its lines.
-        rng: draws scale, turn and place.
-        window: rows and columns; one smaller than `WINDOW` lies about a line.
-        plain: show the middle of the view at its true scale.
+        view: view with its lines.
+        rng: source of scale, rotation and position.
+        window: rows and columns; a window smaller than `WINDOW` lies at a line.
+        plain: show the middle of the view at its true scale instead.
 
     Returns:
-        Places x, y of the window's pixels in the view, and (2 + FINDINGS, rows, columns) of the cells: whether they are
-        judged, whether their other findings are, and the findings; octaves of its scale over the true one.
+        (2, *window) x and y of its pixels in the view; (2 + FINDINGS, rows, columns) of its cells: whether the finding
+        "middle" counts in the loss, whether the others count, and the findings; its scale over the true one, octaves.
     """
     octaves = 0.0 if plain else rng.uniform(-1.0, 1.0)
-    zoom = VIEW_ROWS / (FINDER_ROWS * 2.0**octaves)  # pixels of the view to one of the window
+    zoom = VIEW_ROWS / (FINDER_ROWS * 2.0**octaves)  # pixels of the view per pixel of the window
     turn = 0.0 if plain else rng.normal(0.0, 0.08)
     rows, columns = window
     h, w = view.layers.shape[1:]
@@ -106,16 +111,16 @@ def _truth(
         nearest = np.where(mine, far, nearest)
         angle = (np.arctan2(down, right) - turn + np.pi) % (2 * np.pi) - np.pi
         found[3:] = np.where(mine, np.stack([np.full_like(off, octaves), angle, off]), found[3:])
-        # next to a line's ends nothing is judged
+        # cells next to the ends of a line are ignored
         found[0] = np.where((np.abs(off) < _BESIDE) & (beyond > 0.1) & (beyond < 0.4), 0.0, found[0])
     near = nearest < _MIDDLE
     found[2] = near
     found[0] = np.where((nearest >= _MIDDLE) & (nearest < _BESIDE), 0.0, found[0])
-    if abs(octaves) > _LEAST:
+    if abs(octaves) > _MAY_FIND:
         found[2] = 0.0
-    elif abs(octaves) > _FITS:
+    elif abs(octaves) > _MUST_FIND:
         found[0] = np.where(nearest < _BESIDE, 0.0, found[0])
-    found[1] = near & (abs(octaves) <= _LEAST)
+    found[1] = near & (abs(octaves) <= _MAY_FIND)
     return found
 
 
@@ -178,7 +183,7 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
 
 @torch.no_grad()
 def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[float, dict[str, Any]]:
-    """Loss on plain views; shares of cells judged correctly, and mean errors on the lines."""
+    """Return the loss on plain views, and in words recall and precision of the cells, and mean errors on the lines."""
     network.eval()
     rng, device = np.random.default_rng(0), network.head.weight.device
     made = (_batch([one], rng, plain=True) for one in views)
@@ -227,7 +232,9 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
 def _loss(network: Finder, batch: tuple[Tensor, Tensor], draw: torch.Generator) -> Tensor:
     (views, truth), device = batch, draw.device
     with torch.no_grad(), device:
-        drawn = network.drawn(noisy(views.to(device), rng=draw)).to(memory_format=torch.channels_last)
+        normal = network.normalise(add_noise(views.to(device), rng=draw)).to(
+            memory_format=torch.channels_last
+        )
     with torch.autocast(device.type, torch.bfloat16):
-        found = network.read(drawn)
+        found = network.read(normal)
     return loss_of(found, truth.to(device))

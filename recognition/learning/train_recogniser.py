@@ -41,7 +41,7 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.views.view import LAYERS
 
 _SIZES = (0.003, 0.1)
-"""Limits of the size of weights by which their learning rate is scaled."""
+"""Limits of the root mean square of weights that scales their learning rate."""
 _FILES = 12
 """Files read at a time: some 4,000 strips, a gigabyte."""
 _SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
@@ -51,9 +51,9 @@ _SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     """The recogniser and its training data.
 
-    The learning rate of a group is relative to the root mean square of its weights (default: 1e-3). The convolutions
-    include their normalisation, so their weights differ in size a hundredfold; one rate for all, of 1.5e-4, destroyed
-    what the public network had learned.
+    The learning rate is relative to the root mean square of the weights of each array (default: 1e-3). The
+    convolutions include their normalisation, so their weights differ in size a hundredfold. A single rate of 1.5e-4
+    destroyed what the public network had learned.
 
     Args:
         folders: folders of strips to learn from.
@@ -61,7 +61,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         how: options.
 
     Raises:
-        MarksError: the public network to start from is not there.
+        MarksError: the public network to start from is not installed.
     """
     network = Recogniser(load_start(), CHARACTERS)
     if how.noise:  # to measure the benefit of the public start
@@ -109,14 +109,14 @@ def _size(weights: Tensor) -> float:
     return float(weights.detach().square().mean().sqrt().clamp(*_SIZES))
 
 
-def _loss(network: Recogniser, batch: Batch, draw: torch.Generator, *, of_nothing: int = 8) -> Tensor:
-    """Mean loss per character; a strip without text counts as `of_nothing` characters."""
+def _loss(network: Recogniser, batch: Batch, draw: torch.Generator, *, empty_length: int = 8) -> Tensor:
+    """Mean loss per character; a strip without text counts as `empty_length` characters."""
     device = draw.device
     with torch.no_grad(), device:
         tall, columns = batch.tall.to(device).float(), batch.columns.to(device)
-        drawn = network.drawn(augment(tall, columns, rng=draw)).to(memory_format=torch.channels_last)
+        normal = network.normalise(augment(tall, columns, rng=draw)).to(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
-        posteriors = network.read(drawn)
+        posteriors = network.read(normal)
     lengths = batch.lengths.to(device)
     steps = torch.full_like(lengths, posteriors.shape[1])
     each = f.ctc_loss(
@@ -127,11 +127,11 @@ def _loss(network: Recogniser, batch: Batch, draw: torch.Generator, *, of_nothin
         reduction="none",
         zero_infinity=True,
     )
-    return (each / torch.where(lengths > 0, lengths, of_nothing)).mean()
+    return (each / torch.where(lengths > 0, lengths, empty_length)).mean()
 
 
-def plain(strip: TrainingStrip) -> NDArray[np.float32]:
-    """Cut a strip to the size used for reading, (LAYERS, ROWS, columns)."""
+def crop_for_reading(strip: TrainingStrip) -> NDArray[np.float32]:
+    """Crop a strip to the size used for reading, (LAYERS, ROWS, columns)."""
     tall = strip.layers.astype(np.float32)
     up = (TALL_ROWS - ROWS) // 2
     cut = round((WIDE_MARGIN - MARGIN) * HEIGHT_ROWS)
@@ -139,14 +139,14 @@ def plain(strip: TrainingStrip) -> NDArray[np.float32]:
 
 
 def as_read(strip: TrainingStrip) -> NDArray[np.float32]:
-    """Prepare a strip as input of the network: widen it and pad it to whole steps."""
-    wide = widen(plain(strip))
+    """Crop, widen and pad a strip to whole steps, as input of the network."""
+    wide = widen(crop_for_reading(strip))
     return np.pad(wide, ((0, 0), (0, 0), (0, -wide.shape[2] % COLUMNS)))
 
 
-def decode(beliefs: NDArray[np.float32]) -> str:
+def decode(posteriors: NDArray[np.float32]) -> str:
     """Decode the best class of every step, (steps, classes), without repeats and blanks."""
-    best = beliefs.argmax(axis=1)
+    best = posteriors.argmax(axis=1)
     kept = [k for k, before in zip(best, [0, *best[:-1]], strict=True) if k and k != before]
     return "".join(CHARACTERS[k - 1] for k in kept).strip()
 
@@ -157,7 +157,7 @@ def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, t
     network.eval()
     found: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for strip in strips:
-        fed = torch.from_numpy(as_read(strip))[None].to(network.drawn.bell.device)
+        fed = torch.from_numpy(as_read(strip))[None].to(network.normalise.bell.device)
         said = decode(network(fed)[0].cpu().numpy()).replace(" ", "")
         text = strip.text.replace(" ", "")
         level = min(0.9, 0.3 * round(strip.severity / 0.3 + 0.001))
@@ -170,7 +170,7 @@ def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, t
 
 
 def choose_strips(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
-    """Draw the strips to learn from in this round: fewer of frequent kinds."""
+    """Draw the strips to learn from in this round: a smaller share of the frequent kinds."""
     return [strip for strip in strips if rng.random() < _share(strip)]
 
 
@@ -182,7 +182,7 @@ def _share(strip: TrainingStrip, *, unreadable: float = 0.45, unreadable_share: 
 
 
 def gather(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
-    """(n, LAYERS, TALL_ROWS, columns) filled from the left, and (n,) number of columns of each strip."""
+    """Stack strips to (n, LAYERS, TALL_ROWS, columns), filled from the left, and (n,) their numbers of columns."""
     columns = torch.tensor([s.layers.shape[2] for s in strips])
     tall = torch.zeros(len(strips), LAYERS, TALL_ROWS, int(columns.max()))
     for row, strip in enumerate(strips):
@@ -199,7 +199,7 @@ def targets(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
 def batches(
     strips: Sequence[TrainingStrip], size: int, rng: np.random.Generator
 ) -> Iterator[list[TrainingStrip]]:
-    """Yield all strips in random order, in groups of similar width."""
+    """Yield strips in random order, in full groups of similar width; a remainder is left out."""
     order, many = rng.permutation(len(strips)), size * 32
     for first in range(0, len(order), many):
         part = sorted(order[first : first + many], key=lambda i: strips[i].layers.shape[2])
@@ -251,7 +251,7 @@ class Batches(IterableDataset[Batch]):
             chosen = choose_strips(read, rng)
             if len(chosen) < self.size:
                 raise ValueError(
-                    f"{len(chosen)} strips are fewer than a batch of {self.size}: draw more of them"
+                    f"{len(chosen)} strips are fewer than a batch of {self.size}: draw more strips"
                 )
             for strips in batches(chosen, self.size, rng):
                 strips = vary_surroundings(strips, rng=rng)

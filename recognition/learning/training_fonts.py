@@ -1,6 +1,6 @@
-"""Fonts to learn from: files of installed packages, without those of the exam.
+"""Fonts for training: files of installed packages, without the fonts of the exam.
 
-None stands in this tree. `docs` names the Debian packages that the weights in the tree were trained on.
+This repository contains none of them. `docs` names the Debian packages with which its weights were trained.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ KEPT_OUT = (
     "cmb", "cmex", "cmmi", "cmr", "cmss", "cmsy", "cmti", "cmtt", "cmu", "computermodern",
     "lmroman", "lmmono", "lmsans", "latinmodern", "osifont", "ospdin", "opendin",
 )  # fmt: skip
-"""Beginnings of family names (see `family`) that are never learned from, because the exam uses them."""
+"""Beginnings of names of font files that are never learned from, because the exam uses these fonts."""
 MOST_OF_A_FAMILY = 8
+"""Maximum number of files of a family."""
 _NOT_LETTERS = re.compile(
     r"symbol|dingbat|emoji|math|icons?|braille|ornament|initial|border|music|chess|barcode|dseg|lastresort|smallcap|^alfa|^ellen|^elleb|d050000l|abogado|ocrb[ef]$|wasn_t|solidemirage|abecedario|ecolier|caps\b",
     re.I,
@@ -47,7 +48,7 @@ def family(path: Path) -> str:
 
 
 def kept_out(path: Path) -> bool:
-    """Whether the exam excludes this family."""
+    """Whether a font may not be learned from, because the exam uses it."""
     whole = re.sub(r"[^a-z0-9]", "", path.stem.lower())
     return whole.startswith(KEPT_OUT)
 
@@ -59,7 +60,7 @@ def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> Train
         held_out_share: share of the families that are never trained on, so that accuracy is measured on unseen fonts.
 
     Raises:
-        MarksError: there is none.
+        MarksError: there are no such fonts.
     """
     found: dict[str, list[Path]] = {}
     names: set[str] = set()
@@ -75,7 +76,7 @@ def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> Train
             "there are no fonts to learn from", hint="name folders of TrueType or OpenType files"
         )
     kept = {name: files[:: max(1, -(-len(files) // MOST_OF_A_FAMILY))] for name, files in found.items()}
-    # by their first letters: eurof55 and eurof56 are one hand
+    # divide families by their first four letters: eurof55 and eurof56 are one design
     held = {name for name in kept if crc32(name[:4].encode()) % 1000 < 1000 * held_out_share}
     return TrainingFonts(
         tuple(f for name, files in kept.items() if name not in held for f in files),
@@ -93,7 +94,7 @@ def _has_serials(path: Path) -> bool:
 
 
 def has_small_letters(font: Font) -> bool:
-    """Whether the small letters are letters of their own, not capitals again."""
+    """Whether the font has lower-case letters, not capitals in their place."""
     try:
         return all(_top(font.glyph(char)) < 0.93 for char in "aceosxz")
     except MarksError:

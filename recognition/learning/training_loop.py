@@ -1,4 +1,4 @@
-"""Train a network for a given time: learning rates, running mean of the weights, reports, the better of both."""
+"""Train a network for a set time, with reports, and keep the better of its last weights and their running mean."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ class Training:
         minutes: minutes of wall-clock time.
         seed: seed of weights, batches and augmentation.
         batch: samples per step (default: the network's own).
-        rate: greatest learning rate (default: the network's own).
-        frozen_share: share of the time in which early layers stay as they were: a step costs a third less then.
-        start: weights to start from.
+        rate: peak of the learning rate (default: the network's own).
+        frozen_share: share of the time, at its start, in which early layers are frozen; a step then takes two thirds
+            of the time.
+        start: file of weights to start from.
         noise: start the recogniser from random instead of public weights.
         covers: cover strokes that distinguish characters.
         workers: processes that prepare batches.
@@ -55,12 +56,12 @@ class Task:
 
     Attributes:
         network: network to be trained.
-        optimiser: optimiser of its weights; the rate of each group is its greatest one.
-        batches: batches to learn from, without end.
+        optimiser: optimiser of its weights; the learning rate of each group is its peak.
+        batches: endless batches to learn from.
         loss: loss of a batch; the generator, on the network's device, is the only source of randomness.
         measure: returns a figure on held-out samples (lower is better), and the result in words.
         write: writes the network to an ONNX file.
-        early: weights that stay frozen in the first share of the time.
+        early: weights that are frozen at first (`Training.frozen_share`).
     """
 
     network: nn.Module
@@ -146,7 +147,7 @@ def fit(
 
 
 def _rate(share: float, *, first: float = 0.03) -> float:
-    """Share of the greatest rate after this share of the time: it rises first, then falls as a cosine."""
+    """Learning rate after a share of the time, as a share of its peak: linear warm-up, then a cosine decay."""
     return (
         share / first if share < first else 0.5 * (1.0 + math.cos(math.pi * (share - first) / (1.0 - first)))
     )
@@ -167,7 +168,7 @@ def export(
         example: example of its input.
         out: file.
         names: names of input and output.
-        axes: for each of them, the axes that may differ in length.
+        axes: for input and output, the axes of variable length.
     """
     network.eval().to("cpu", memory_format=torch.contiguous_format)
     torch.onnx.export(

@@ -1,7 +1,7 @@
-"""Draw random parts to learn from: font, text, die, plate, hand, soil and touch.
+"""Draw random parts for training: font, text, die, plate, practice, soil and touch.
 
-Nothing here knows of the exam's parts: its kept-out soils are not in `SOILS_LEARNED`, its kept-out fonts not among
-`recognition.learning.training_fonts`.
+The exam stays unseen: its kept-out soils are not in `SOILS_LEARNED`, and `recognition.learning.training_fonts` leaves
+out its kept-out fonts.
 """
 
 from __future__ import annotations
@@ -34,20 +34,22 @@ SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
 _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
 _PRACTICES = ("press", "hand")
 _PHOTOS = 6
-"""Photographs of a part: all of them cost a quarter of its scan."""
-_BUILTIN, _DOTTED = 0.2, 0.25
-"""Shares of parts of built-in fonts, and of dotted ones: the hardest to read."""
+"""Photographs of a part; together they take a quarter of the time of its scan."""
+_DOTTED = 0.25
+"""Share of parts with a dotted font: these are the hardest to read."""
+_BUILTIN = 0.2
+"""Share of the other parts that have a built-in font."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingPart:
-    """A part, felt and photographed.
+    """A part with its scan and photographs.
 
     Attributes:
         part: stamped part with its soil.
         layout: layout of its lines.
-        scan: scan by a plan drawn at random, for a character height that may be mistaken.
-        photos: each under a light and by a camera drawn at random.
+        scan: scan by a random plan, which assumes a character height that may be wrong.
+        photos: photographs, each with a random light and camera.
     """
 
     part: Part
@@ -57,7 +59,7 @@ class TrainingPart:
 
 
 def draw_text(font: Font, rng: np.random.Generator) -> str:
-    """Draw a text of a font's characters: serials, words and numbers with signs between them, 2 to 12 characters."""
+    """Draw a short text of a font's characters: a serial, word or number, with signs between them in a third."""
     length = int(rng.integers(3, 12))
     every = _CAPITALS + _FIGURES + (_SMALL if has_small_letters(font) else "")
     pools = (_CAPITALS + _FIGURES, _FIGURES, _CAPITALS, every)
@@ -80,10 +82,10 @@ def draw_part(
     soils: Sequence[str] = SOILS_LEARNED,
     wider: float = 0.15,
 ) -> TrainingPart:
-    """Stamp, soil, feel and photograph a part.
+    """Stamp, soil, scan and photograph a random part.
 
     Args:
-        wider: spread of the logarithm of how much wider than drawn a font is.
+        wider: spread of the logarithm of the factor by which a font is widened.
 
     Raises:
         MarksError: the drawn part is impossible; draw again.
@@ -145,7 +147,7 @@ def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generat
 
 
 def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> Scan:
-    # pointwise: share of scans by the pointwise map: a fifth of the cost of contact.
+    # pointwise: share of scans by the pointwise map, which takes a fifth of the time of contact.
     surface = level(part.height_map)
     believed_mm = part.height_mm * float(np.exp(rng.normal(0.0, 0.2)))
     touch = default_touch(believed_mm)

@@ -1,10 +1,10 @@
-"""Samples to learn from, in files: strips of a part's lines with their texts, and whole views with their lines.
+"""Training samples in files: strips of lines with their texts, and whole views with the positions of their lines.
 
     part --lines_of--> TextLine --View.strip--> strips --write_samples--> NUMBER.npz
          --views_of--> views at one scale ------------/
 
-Strips are taller than the recogniser's, so that training may cut them otherwise. Views are kept `VIEW_ROWS` pixels to a
-character, heights in character heights.
+Strips are taller than the input of the recogniser, so that augmentation can crop them differently. Views have
+`VIEW_ROWS` pixels per character height; their heights are in character heights.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from whisker_array.estimation.edges import edge_map
 Places = tuple[tuple[float, float], ...]
 
 TALL_ROWS = 64
+"""Rows of a strip in a file."""
 WIDE_MARGIN = 0.8
 """Land before and after the line in a file, character heights."""
 VIEW_ROWS = 16
@@ -48,11 +49,11 @@ class TrainingStrip:
     """A strip and its truth.
 
     Attributes:
-        layers: (LAYERS, TALL_ROWS, columns) float16, as `recognition.views.view` has them.
-        text: text on it.
+        layers: (LAYERS, TALL_ROWS, columns) float16, as in `recognition.views.view`.
+        text: text on the strip.
         source: "felt", "photo" or "heights".
         severity: severity of the soil.
-        places: where each character of the text begins and ends, columns; empty if unknown.
+        places: first and last column of each character of the text; empty if unknown.
     """
 
     layers: NDArray[np.float16]
@@ -79,7 +80,7 @@ Sample = TypeVar("Sample", TrainingStrip, TrainingView)
 
 
 def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
-    """The lines of a part with text and position, by the boxes of the characters; the line of its serial first."""
+    """Return the lines of a part with text and columns, from the boxes of the characters; the serial comes first."""
     stamped = made.part.stamped
     lines = [(stamped.text, stamped.boxes_mm), (stamped.other_text, stamped.other_boxes_mm)]
     return [_line(text, np.array(boxes), made) for text, boxes in lines if text.strip()]
@@ -90,7 +91,7 @@ def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple
     height_mm, layout = made.part.height_mm, made.layout
     middles, half = 0.5 * (boxes_mm[:, :2] + boxes_mm[:, 2:]), 0.5 * (boxes_mm[:, 2] - boxes_mm[:, 0])
     inked = np.array([c != " " for c in text])
-    # of what is as high as a line, the middle is half way up
+    # only the middle of a full-height character is on the middle of the line
     full = np.array([c.isdigit() or c.isupper() for c in text])
     full = full if full.any() else inked
     ends = np.flatnonzero(inked)[[0, -1]]
@@ -171,7 +172,7 @@ def write_samples(path: Path, samples: Sequence[Sample]) -> None:
 
 
 def files_in(folders: Iterable[Path]) -> list[Path]:
-    """The files of samples in folders, without those that are being written.
+    """Return the sample files in folders, without those that are being written.
 
     Raises:
         ValueError: the folders hold no samples.
@@ -198,7 +199,7 @@ def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
 def rounds(
     kind: type[Sample], folders: Sequence[Path], rng: np.random.Generator, *, files: int
 ) -> Iterator[list[Sample]]:
-    """Yield samples of a number of files at a time, endlessly; files added to the folders meanwhile are read as well.
+    """Yield the samples of `files` files at a time, endlessly; files added to the folders meanwhile are read as well.
 
     Raises:
         ValueError: there are no files.

@@ -9,7 +9,7 @@ pytest.importorskip("torch", reason="the extra `train` is not installed")
 import torch
 from torch import Tensor
 
-from recognition.learning.augment import augment, noisy
+from recognition.learning.augment import add_noise, augment
 from recognition.learning.network import COLUMNS
 from recognition.learning.training_samples import TALL_ROWS
 from recognition.views.text_line import ROWS
@@ -44,7 +44,7 @@ def test_what_is_not_there_is_not_made_up() -> None:
     for felt, missing in ((True, [GREY]), (False, [HEIGHTS, *range(EDGES, KNOWN)])):
         tall, _ = strips(2, felt=felt)
         for seed in range(6):
-            made = noisy(tall.clone(), rng=generator(seed))
+            made = add_noise(tall.clone(), rng=generator(seed))
             assert not made[:, missing].any()
             # nor where nothing is known
             assert not (made * (1.0 - made[:, KNOWN:])).any()
@@ -54,6 +54,6 @@ def test_what_is_not_there_is_not_made_up() -> None:
 def test_something_is_always_left_to_read() -> None:
     tall, _ = strips(3)
     for seed in range(40):
-        made = noisy(tall.clone(), rng=generator(seed))
+        made = add_noise(tall.clone(), rng=generator(seed))
         left = made[:, [HEIGHTS, *range(EDGES, KNOWN)]].abs().amax(dim=(1, 2, 3))
         assert (left > 0.0).all(), f"seed {seed}"

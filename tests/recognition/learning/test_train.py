@@ -26,10 +26,10 @@ from recognition.learning.train_recogniser import (
     as_read,
     batches,
     choose_strips,
+    crop_for_reading,
     decode,
     gather,
     measure,
-    plain,
     targets,
 )
 from recognition.learning.training_loop import Training
@@ -178,7 +178,7 @@ def test_fewer_strips_than_a_batch_are_refused(folder: Path, tmp_path: Path) -> 
 
 def test_a_plain_strip_is_what_is_read(folder: Path) -> None:
     strip = kept_in(folder)[0]
-    cut = plain(strip)
+    cut = crop_for_reading(strip)
     assert cut.shape[:2] == (LAYERS, ROWS)
     shown = as_read(strip)
     assert shown.shape[2] % COLUMNS == 0
@@ -261,7 +261,7 @@ def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Pa
     lifted = strip.clone()
     lifted[:, 0] += 3.0 * strip[:, 6]
     with torch.no_grad():
-        one, other = network.drawn(strip), network.drawn(lifted)
+        one, other = network.normalise(strip), network.normalise(lifted)
     inner = slice(round(MARGIN * HEIGHT_ROWS), -round(MARGIN * HEIGHT_ROWS))
     # a plate that lies three heights higher: blurs by way of coarser pixels leave a thousandth of it
     torch.testing.assert_close(one[..., 8:-8, inner], other[..., 8:-8, inner], atol=0.1, rtol=0.0)
