@@ -1,4 +1,4 @@
-"""Contracts beside the format: a certificate, the part's codes, and the characters that a learned font was taught.
+"""Contracts besides the format: a certificate, the part's codes, and the characters enrolled in a learned font.
 
 A reading that breaks one goes to review, whatever its score is.
 """
@@ -27,7 +27,7 @@ class CertifiedAcceptance:
 
     Attributes:
         confidence: least confidence, 0 to 1.
-        sources: sources of the certified readings: "tactile", "vision", "fused"; of others nothing is accepted.
+        sources: sources of the certified readings: "tactile", "vision", "fused"; others are not accepted.
     """
 
     confidence: float
@@ -80,11 +80,11 @@ def doubted_guesses(
     """Send a reading to review if one of its characters may be missing from its learned font.
 
     If O was never enrolled, its shape comes from another font, and an enrolled Q fits a true O about as well. A
-    character is doubted if it is such a guess, or if a guess comes near it.
+    character is doubtful if it is such a guess, or if a guess fits nearly as well.
 
     Args:
         reading: reading of the line.
-        laid: its text in the templates of a font.
+        laid: its text fitted in a font.
         places: characters allowed at each place of a known format, or None.
         near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
             over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).

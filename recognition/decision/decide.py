@@ -1,4 +1,4 @@
-"""Accept, review or reject: the only place that decides, a pure function; with its flags and findings.
+"""Accept, review or reject: one pure function decides everywhere; with its flags and findings.
 
     score: probability that the whole serial is right ---- at least the threshold ----+
     contracts: rules that hold whatever the score is ----- none broken ---------------+--> accept; else review
@@ -41,9 +41,9 @@ def decide(
     Args:
         places: state of each character; None where it was not determined.
         score: probability that all of them are right, 0 to 1.
-        threshold: least score for acceptance; None asks for none.
+        threshold: least score for acceptance; None if none is required.
         flags: flags of the reading.
-        hopeless_share: share of places that cannot be read from which a part is rejected.
+        hopeless_share: least share of places that cannot be read for a part to be rejected.
     """
     unread = sum(one is not None and one.state is CharacterState.NOT_READ for one in places)
     if unread >= hopeless_share * len(places):
@@ -60,10 +60,10 @@ class Kind(Enum):
         CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.
         SCORE: nothing was read, or the score is too low.
         STROKES: why a score is low; breaks no contract by itself.
-        MARK: a rule of the user's for the mark is broken; the part goes to review.
+        MARK: a rule that the user set for the mark is broken; the part goes to review.
         SCAN: samples are missing or wrong.
         BENCH: a fault of whiskers or bench.
-        STAGE: the stage has not felt all that was requested; the part goes to review.
+        STAGE: not all that was requested could be scanned; the part goes to review.
     """
 
     CONTRACT = auto()
@@ -76,11 +76,11 @@ class Kind(Enum):
 
 
 class ReadingFlag(Flag):
-    """Doubts about a reading; no flag is set on a plain one. The most important one is named first.
+    """Doubts about a reading, most important first; a reading without doubts has no flag.
 
     Attributes:
         kind: effect of a single flag.
-        text: a single flag in general words.
+        text: general message of a single flag.
     """
 
     kind: Kind | None
@@ -144,9 +144,9 @@ class ReadingFlag(Flag):
 
 
 BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE)
-"""Flags that send a reading to review for any score."""
+"""Flags that send a reading to review whatever its score."""
 MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
-"""Rules for the mark that are broken; findings give places and numbers."""
+"""Flags of broken rules for the mark; findings give places and numbers."""
 EXPLANATIONS = ReadingFlag.of(Kind.STROKES)
 
 

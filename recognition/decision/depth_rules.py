@@ -1,12 +1,12 @@
 """Rules that a mark's depth, burr and size must meet. A reading whose mark breaks one goes to review.
 
-A rule is known by name, or written out: its depth windows, and what else it limits::
+A rule has a built-in name, or is written out with its depth windows and other limits::
 
     press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05 height=1.6
     name    least:most depth@heights, mm   most burr least print size
 
-`0.2:` has no greatest depth, `:0.3` no least one; a window without heights is for all. Depths and heights are those
-that touch measures (`recognition.marks.depth`): good to a few hundredths of a millimetre and five per cent.
+`0.2:` has no greatest depth, `:0.3` no least one; a window without heights is for all. Depths and heights are
+measured by touch (`recognition.marks.depth`), within a few hundredths of a millimetre and five per cent.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class DepthWindow:
     """Allowed depths of characters of some height.
 
     Attributes:
-        least_mm: everywhere along every character, below the flat surface; 0 if none is asked.
-        most_mm: nowhere deeper; infinite where none is asked.
+        least_mm: least depth below the flat surface, everywhere along every character; 0 for no limit.
+        most_mm: greatest depth; infinite for no limit.
         heights_mm: least and greatest height of the characters that it is for.
 
     Raises:
-        DepthRuleError: limits that are no window.
+        DepthRuleError: no limit, or a least value that is not below the greatest.
     """
 
     least_mm: float
@@ -64,8 +64,7 @@ class DepthWindow:
 
         Args:
             height_mm: height that was read.
-            tolerance: share by which a height may be read wrongly: a window is for characters that are as much higher
-                or lower.
+            tolerance: relative error of a measured height, by which the window's heights are widened.
         """
         low, high = self.heights_mm
         return low * (1.0 - tolerance) <= height_mm <= high * (1.0 + tolerance)
@@ -78,8 +77,8 @@ class DepthRule:
     Attributes:
         name: name in requests and messages.
         windows: windows of depth, one for each range of heights.
-        least_height_mm: print size, of the characters' bottoms; 0 where the rule knows none.
-        most_burr_mm: height of the rim beside the strokes above the land; infinite where the rule knows none.
+        least_height_mm: least height of the characters at the bottom of the marks (print size); 0 for no limit.
+        most_burr_mm: greatest height above the land of the rim beside the strokes; infinite for no limit.
         source: standard that has the rule.
 
     Raises:
@@ -132,8 +131,8 @@ DEPTH_RULES: tuple[DepthRule, ...] = (
         "2.5 to 4.0 mm high 0.15 to 0.30 mm deep",
     ),
 )
-"""The built-in rules, in short: check the original, in the edition that binds you, before you rely on one. The
-United States' 49 CFR 565 asks for a height of vehicle identification numbers and for no depth."""
+"""Summaries of rules: before you rely on one, check the original, in the edition that binds you. 49 CFR 565 of the
+United States requires a height of vehicle identification numbers, but no depth."""
 
 _MM = r"(\d+\.?\d*|\.\d+)"
 _WORD = re.compile(rf"(burr|height)={_MM}|{_MM}?:{_MM}?(?:@{_MM}?:{_MM}?)?")
@@ -144,7 +143,7 @@ def depth_rule(text: str) -> DepthRule:
     """Rule by name, or from text; blanks and case of a name are ignored.
 
     Raises:
-        DepthRuleError: none is called so, or what is written is no rule.
+        DepthRuleError: an unknown name, or text that is not a rule.
     """
     wanted = "".join(text.split()).upper()
     for rule in DEPTH_RULES:
@@ -191,7 +190,7 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
 
 
 def _violations(reading: Reading, rule: DepthRule) -> Iterator[Finding]:
-    """Return the limits that a mark breaks; a limit that could not be measured is broken."""
+    """Return the limits that a mark breaks; a limit that could not be measured counts as broken."""
     height, window = reading.height_mm, rule.window(reading.height_mm)
     if window is None and rule.windows:
         known = ", ".join(f"{w.heights_mm[0]:g} to {w.heights_mm[1]:g}" for w in rule.windows)
@@ -231,12 +230,11 @@ def _violations(reading: Reading, rule: DepthRule) -> Iterator[Finding]:
 def print_size_mm(reading: Reading, *, wall_bevel_deg: float = 45.0) -> float:
     """Height of the characters between the ends of their bottoms, as 27 CFR 478.92 measures it.
 
-    The height read is that at the surface, where walls of 45 degrees stand a depth further out at either end.
+    The height that was read is at the surface, where walls of 45 degrees add one depth at either end.
 
     Args:
         reading: with the depth of its characters.
-        wall_bevel_deg: slope of a stamp's walls: a mark is smaller at its bottom than at the surface by one wall at
-            either end.
+        wall_bevel_deg: slope of a stamp's walls.
     """
     wall = (reading.depth_mean_mm or 0.0) / math.tan(math.radians(wall_bevel_deg))
     return reading.height_mm - 2.0 * wall

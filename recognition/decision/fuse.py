@@ -35,7 +35,7 @@ CHOICE_FLAGS = (
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.CHECK_BLIND
 )
-"""Flags that fusion sets again."""
+"""Flags that fusion computes anew."""
 
 
 def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
@@ -47,8 +47,8 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
         settings: thresholds, grammar.
 
     Returns:
-        A reading of source "fused" in the plate frame, whose trace holds both. Accepted by the settings' thresholds,
-        and never where both senses are sure of different characters.
+        A reading of source "fused" in the plate frame, whose trace holds both. It is accepted by the settings'
+        threshold, and never if both senses are sure of different characters.
     """
     made = _fuse_lines(touch, vision, settings)
     trace = ReadingTrace(
@@ -73,12 +73,12 @@ def _odds_of(reading: Reading, text: str) -> float | None:
         return -math.inf
     logs = (lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(plain))
     odds, own = log_odds(math.exp(sum(logs))), reading.trace.odds
-    # where no format says how many characters there are, its own text is no surer than their number
+    # without a format the number of characters is uncertain too; the reading's own odds include that
     return odds if own is None or plain_text(reading) != plain else min(odds, own)
 
 
 def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Reading:
-    """Touch's reading with the posteriors of both; if only one sense has read, that one."""
+    """Touch's reading with the combined posteriors; if only one sense has read the part, its reading."""
     if tactile.trace.lattice is None or not tactile.characters:
         return _by_vision_alone(tactile, vision)
     found = fused_lattice(tactile, vision)
@@ -89,7 +89,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     if not choice.text:
         return tactile
     others, other_contradictions = _joined_lines(tactile, vision)
-    # what was measured at a place stays with its character
+    # a place keeps its depth and grade if its character is the same
     characters = tuple(
         replace(new, depth=old.depth, grade=old.grade) if old.char == new.char else new
         for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True)
@@ -102,9 +102,9 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
         else None
     )
     strokes = () if laid is None else strokes_of(laid, lattice, slope=slope)
-    # against the format is what both senses have found against it
+    # the format counts as overruled only if both senses say so
     overruled = ReadingFlag.FORMAT_OVERRULED & vision.flags
-    # what touch has found about characters, format and lines is found anew of both
+    # touch's findings on characters, format and lines are computed anew for both senses
     own = doubts_of_lines(tactile.others, settings)
     kept = tactile.without_flags(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
     made = replace(
@@ -127,14 +127,15 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
 def fused_lattice(
     touch: Reading, vision: Reading, *, before_format: bool = False
 ) -> tuple[Lattice, tuple[Finding, ...]] | None:
-    """Posteriors of both, and places at which they contradict each other; None if vision has read nothing.
+    """Combined posteriors of both, and findings where they contradict each other; None if they cannot be combined.
 
-    Both have read the line with the format, or the only one: equally many places count as the same places.
+    They can if both have equally many places. These count as the same, because both senses read the line with the
+    format, or the only one.
 
     Args:
         touch: reading by touch.
         vision: reading by camera.
-        before_format: the posteriors before the format is applied.
+        before_format: whether to combine the posteriors without the format.
     """
     felt, seen = (r.trace.open_lattice if before_format else r.trace.lattice for r in (touch, vision))
     if felt is None or seen is None or felt.n_places != seen.n_places:
@@ -151,9 +152,10 @@ def fused_lattice(
 def _orientation_doubts(
     tactile: Reading, vision: Reading, text: str, settings: LineSettings
 ) -> tuple[Finding, ...]:
-    """Report other orientations in which the marks can be read: for a text of both senses, those that neither excludes.
+    """Report other orientations in which the marks can be read.
 
-    Where they have read different ones, what either doubts, and what the characters of the text say by themselves.
+    If both senses read this text, only if both report one. Otherwise all that either reports, and those in which the
+    text has exact images.
     """
     unknown = ReadingFlag.ORIENTATION_UNKNOWN
     found = [finding for finding in tactile.findings if finding.flag & unknown]
@@ -179,7 +181,7 @@ def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...
             found.append(Finding(ReadingFlag.SENSES_DISAGREE, what))
         if own is None or line.confidence > own.confidence:
             joined[line.name, line.name or line.text] = replace(line, box=box if own is None else own.box)
-    # what one has only read, the other may have read for the line that was asked for
+    # drop unassigned text that the other sense has read as a requested line
     return tuple(line for line in joined.values() if line.name or line.text not in named), tuple(found)
 
 
@@ -192,5 +194,5 @@ def _by_vision_alone(touch: Reading, vision: Reading) -> Reading:
 
 
 def _seconds(touch: Reading, vision: Reading) -> MappingProxyType[str, float]:
-    """Add up the times of both senses, step by step."""
+    """Merge the times of both senses, step by step."""
     return MappingProxyType({**touch.seconds, **{f"vision {k}": v for k, v in vision.seconds.items()}})

@@ -13,9 +13,8 @@
 +-------------------------------------------+
   what to know about the reading
 
-Of a part that is less than twice as wide as high four panels stand in a row.
-
-Only what there is has a panel. Of a scan there is no height map; its moments come last.
+For a part that is less than twice as wide as high, a row has four panels. There are panels only for existing data. A
+recorded scan has no height map; its moments come last.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ def reading_figure(reading: Reading, *, title: str = "", figure: Figure | None =
     photo, touch = reading.trace.photo, reading.touch
     panels: list[Callable[[Axes], None]] = []
     if photo is not None:
-        # boxes that were felt are drawn where the stage says how picture and plate lie
+        # felt boxes can be drawn only if the place of the photograph on the plate is known
         shown = reading.vision or (None if photo.centre_mm is None else reading)
         panels.append(partial(photo_panel, photo=photo, reading=shown))
     if touch is not None:
@@ -95,7 +94,7 @@ def _touch_panels(touch: ReadingTrace, reading: Reading) -> Iterator[Callable[[A
     if scan is not None and surface is not None:
         yield partial(moment_panel, sweep=only(scan).sweeps[0])
     if relief is not None and (relief.slope_x is not None or relief.slope_y is not None):
-        # slower than the reader needs, walls truer
+        # slower than the reader's own relief, but more accurate at walls
         steep = relief if scan is None or edges is None else estimate_relief(scan, edges)
         yield partial(steepness_panel, relief=steep, reading=reading)
     if edges is not None:
@@ -113,21 +112,21 @@ def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_
 
 
 def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool) -> None:
-    """Heights by touch, the depth of every character, and the characters if they are to be named."""
+    """Draw the heights by touch with the depth of every character, and the characters if `labelled`."""
     depths = "\nleast and mean depth of each character" if reading.depth_min_mm is not None else ""
     z = relief.height_mm
     _map(axes, f"height by touch{depths}", z, _extent(z.shape, relief.pitch_mm, relief.origin_mm), bar="mm")
     _boxes(axes, reading, labelled=labelled)
     for character in reading.characters:
         depth, box = character.depth, character.box
-        told = "?" if depth is None else f"{depth.min_mm:.3f}\n{depth.mean_mm:.3f}"
+        text = "?" if depth is None else f"{depth.min_mm:.3f}\n{depth.mean_mm:.3f}"
         white = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0}
         size = min(7.5, 90.0 / len(reading.characters))
-        _label(axes, told, (0.5 * (box.x0_mm + box.x1_mm), box.y1_mm), color="#1b2a41", size=size, bbox=white)
+        _label(axes, text, (0.5 * (box.x0_mm + box.x1_mm), box.y1_mm), color="#1b2a41", size=size, bbox=white)
 
 
 def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
-    """Steepness of the surface by touch; the relief has slopes."""
+    """Draw the steepness of the surface by touch, for a relief with slopes."""
     known = "assumed" if relief.friction_sd is None else "measured"
     title = f"steepness by touch, |slope|\nfriction {relief.friction:.3f} {known}"
     steep, extent = relief.steepness, _extent(relief.steepness.shape, relief.pitch_mm, relief.origin_mm)
@@ -136,7 +135,7 @@ def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
 
 
 def moment_panel(axes: Axes, *, sweep: Sweep) -> None:
-    """The raw moments of one direction; characters are not shown, the tip lags."""
+    """Draw the raw moments of one direction, without boxes: the tip lags, so they would be misplaced."""
     title = f"raw moment, traced {int(sweep.plan.direction)}°\n{sweep.plan.line_mm.size} lines"
     _map(axes, title, *moment_image(sweep), cmap="magma", bar="N mm")
 
@@ -160,7 +159,7 @@ def moment_image(sweep: Sweep) -> tuple[NDArray[np.float32], Extent]:
 
 
 def edge_panel(axes: Axes, *, edges: EdgeMap, layer: int, reading: Reading, colour_bar: bool = True) -> None:
-    """One layer of the edge map."""
+    """Draw one layer of the edge map."""
     values = np.where(edges.valid, edges.enhancement[layer], np.nan).astype(np.float32)
     finite = np.abs(values[np.isfinite(values)])
     most = max(float(np.percentile(finite, 99.0)) if finite.size else 0.0, 1e-3)
@@ -171,7 +170,7 @@ def edge_panel(axes: Axes, *, edges: EdgeMap, layer: int, reading: Reading, colo
 
 
 def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
-    """The photograph, with what the camera read; boxes in its own frame."""
+    """Draw the photograph with the boxes of a reading."""
     title, unit = ("photograph", "mm") if photo.pitch_mm else ("photograph, pixels", "pixels")
     extent = _extent(photo.shape, photo_pitch_mm(photo), photo_origin_mm(photo))
     # without limits grey pictures would be stretched from black to white
@@ -192,7 +191,7 @@ def _map(
     unit: str = "mm",
     most_a_side: int = 1600,
 ) -> None:
-    """Draw a map under its title, with a colour bar if that has a name."""
+    """Draw a map under its title, with a colour bar if `bar` has a label for it."""
     axes.set_title(title, fontsize=9, loc="left")
     low, high = _spread(values) if limits is None else limits
     rows, columns = (max(1, -(-n // most_a_side)) for n in values.shape[:2])

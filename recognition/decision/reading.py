@@ -109,25 +109,25 @@ class ReadingTrace:
     """Intermediate results of a reading; None where a step was not reached.
 
     Attributes:
-        edge_map: what matching worked on: of touch in the plate frame, of vision in the photo frame.
-        lattice: posteriors of the places before the format is applied; None for a fused reading.
+        edge_map: edge map that was read, in the plate frame; None for vision.
+        lattice: posteriors of the places, of the characters that the format allows at each; None for a fused reading.
         open_lattice: posteriors without the format; None where they were not computed.
-        choice: their text in the format; None where the reading rests on correlation alone.
+        choice: the best text that the format allows, and its rivals.
         odds: log odds of the text by recogniser, templates and format; of a fused reading those of touch; None where no
             text was read.
         camera_odds: log odds of the text of a fused reading by the camera; None where it has read nothing.
-        evidence: log probability of all that the format allows together; None where it was not asked.
-        scan: the moments.
+        evidence: log probability of all texts that the format allows; None where it was not computed.
+        scan: the scan.
         height_map: the levelled height map.
         relief: heights and slopes by touch.
         photo: the photograph.
         line: the line.
-        by_expert: the lattice of each by itself.
-        laid: text of touch as it lies on the line, in a font; None without heights, or without such a font.
+        by_expert: lattice of each expert by itself.
+        laid: text of touch, fitted to the line in a font; None without heights, or if no font fits.
         strokes: felt strokes, place by place, of the characters read and their rivals; empty if unknown.
         touch: the reading of touch that was fused.
         vision: the reading of vision that was fused.
-        verification: verification of the text expected.
+        verification: verification of the expected text.
     """
 
     edge_map: EdgeMap | None = None
@@ -165,20 +165,21 @@ class Reading:
         characters: left to right as read; empty when none were found.
         confidence: probability that the whole text is right, 0 to 1 (`recognition.decision.score`).
         flags: flags of the reading.
-        font: font that was named, or that suits the marks; of several the one that suits best.
+        font: font that fits the marks best, of the named ones or the stand-ins; empty if unknown.
         height_mm: character height found, in `unit`.
         rotation_deg: rotation of the line, from +x towards +y.
-        raised: raised marks rather than sunk.
+        raised: whether the marks are raised, not sunk.
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
+        spaces_after: places, from 0, that a word gap follows.
         seconds: seconds of each step.
         findings: meaning of its flags on this part, with places and numbers.
         notes: further notes, such as "read by touch alone".
         unit: unit of height and boxes: "px", of the photograph as taken, if its scale is unknown.
         others: the part's other lines.
-        photos: photographs that it is of; 0 of touch alone.
+        photos: number of photographs that were read; 0 for touch alone.
         codes: Data Matrix and QR codes in them.
-        threshold: least confidence for acceptance; None if none is asked for.
+        threshold: least confidence for acceptance; None if none is required.
         trace: data from which it was made.
     """
 
@@ -218,7 +219,7 @@ class Reading:
 
     @property
     def nats_read(self) -> float:
-        """Evidence of the characters against a guess, nats: seven, one in doubt, have more than a single sure one."""
+        """Evidence of the characters against a guess, nats: seven with one in doubt have more than one sure one."""
         return math.fsum(1.0 + max(math.log(max(c.confidence, 1e-9)), -3.0) for c in self.characters)
 
     @property
@@ -274,7 +275,7 @@ class Reading:
     def plot(self, *, title: str = "") -> Figure:
         """Draw all measurements, boxes and candidates as a matplotlib figure.
 
-        At the prompt `matplotlib.pyplot.show()` shows it.
+        In an interactive session, `matplotlib.pyplot.show()` displays it.
         """
         import matplotlib.pyplot as plt
 
@@ -282,7 +283,7 @@ class Reading:
 
         figure = reading_figure(self, title=title, figure=plt.figure())
         if "inline" in plt.get_backend():
-            plt.close(figure)  # a notebook shows what is returned; it would show an open figure once more
+            plt.close(figure)  # a notebook shows the returned figure; it would show an open one twice
         return figure
 
     def with_trace(self, **fields: Any) -> Reading:
@@ -327,7 +328,7 @@ class Reading:
     @property
     def actions(self) -> tuple[Action, ...]:
         """Action for each character's mark; an accepted reading has none, whatever its grades."""
-        # imported here: who only keeps or shows readings does without the libraries that grade marks
+        # imported here, so that storing or showing readings does not load the libraries that grade marks
         from recognition.marks.grade import Action
 
         if self.decision is Decision.ACCEPT:

@@ -44,7 +44,7 @@ def is_text(lattice: Lattice, openly: Lattice, *, least_mean: float = 0.35) -> b
     """Whether a line is text: it has one sure character, or probable characters at most places.
 
     Args:
-        lattice: its posteriors.
+        lattice: posteriors of the line.
         openly: the same without the format.
         least_mean: least mean over the places. Pictures of other things reach 0.34.
     """
@@ -81,16 +81,16 @@ def reading_of_line(
     least_places: int = 4,
     least_serial_evidence: float = -12.0,
 ) -> Reading:
-    """Make the reading of a part's line under its format, with the contracts that it breaks; `scored` comes later.
+    """Make the reading of a part's line under its format, with findings on broken contracts; `with_score` comes later.
 
     Args:
         part: the part's lines.
         settings: acceptance threshold, format of the serial, further lines that the part should have.
         source: source of the reading: "tactile" or "vision".
-        flags: flags that are known beforehand.
+        flags: flags that are set already.
         least_places: length from which a line without a format counts as text even if it is unsure.
-        least_serial_evidence: log probability of the format on a line, below which the line is not the serial. The exam
-            has 41 second lines of six characters where the format has eight: they reach -19.5 at most, their serials
+        least_serial_evidence: log probability of the format on a line, below which the line is not the serial. In the
+            exam, 41 second lines of six characters, under a format of eight, have -19.5 at most; their serials have
             -5.5 at least.
     """
     main, grammar, asked = part.main, settings.grammar, settings.asked
@@ -206,13 +206,13 @@ def _check_format_evidence(
 def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tuple[Finding, ...]:
     """Report where the format has changed the text of a line; nothing if it has not.
 
-    Twins, which most dies cut with the same shape, are no change: a format is there to tell O from 0 by their places.
+    Twins, which most dies cut with the same shape, do not count as a change: only a format can tell O from 0.
 
     Args:
         line: the line as read.
         text: text chosen by the format.
-        unchanged: probability of the chosen text without the format, twins included, from which the format has changed
-            nothing.
+        unchanged: least probability of the chosen text without the format, twins included, at which nothing counts as
+            changed.
     """
     lattice, _ = line.open_places
     open_text = lattice.text
@@ -229,7 +229,7 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
         k: f"{was} to {char} at place {k}"
         for k, (was, char) in enumerate(zip(open_text, text, strict=True), start=1)
         if was not in _twins(char)
-        # nothing was changed where the format lets the character stand
+        # no change: the format allows this character here
         and not (was in allowed.chars and np.isfinite(allowed.log_belief[k - 1, allowed.chars.index(was)]))
     }
     if not changes:
@@ -244,7 +244,7 @@ def _twins(char: str) -> str:
 
 
 def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLine:
-    """Make a line that was requested."""
+    """Read a requested line under its format."""
     choice = choose(one.lattice, grammar)
     text = with_spaces(choice.text, spaces_of(one, choice.text, grammar)).rstrip()
     box = hull(boxes_of(one.line, one.columns))
@@ -254,7 +254,7 @@ def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> Oth
 def _unassigned_line(
     one: ReadLine, grammar: Grammar | None, worth: Score, least_serial_evidence: float
 ) -> OtherLine:
-    """Make a line that was not requested."""
+    """Read a line that was not requested, without a format."""
     lattice, columns = one.open_places
     text = with_spaces(lattice.text, word_gaps(columns, one.looks))
     sure = float(np.exp(lattice.log_belief.max(axis=1).sum()))

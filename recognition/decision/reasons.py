@@ -81,7 +81,7 @@ def _doubts(reading: Reading, *, explained: bool, count_share: float = 0.9) -> I
     Args:
         reading: reading of the part.
         explained: whether another finding says why the confidence is low.
-        count_share: the number of characters is in doubt below this share of the product of their confidences.
+        count_share: the number of characters is doubted if the confidence is below this share of the product of theirs.
     """
     low, why = ReadingFlag.LOW_CONFIDENCE, reading.shortfall or ReadingFlag.LOW_CONFIDENCE.text
     places = tuple(enumerate(reading.characters, start=1))
@@ -108,7 +108,7 @@ def _rivals(reading: Reading, *, doubted: float = 0.05, most_places: int = 2) ->
 
     Args:
         reading: reading of the part.
-        doubted: probability of a second candidate from which its place is asked about.
+        doubted: least probability of a second candidate for its place to be named.
         most_places: most places that are named for low confidence.
     """
     places = [
@@ -136,7 +136,7 @@ def places_text(reading: Reading, places: Sequence[int], *, most_named: int = 3)
 
 def _ranges(places: Sequence[int]) -> str:
     """Ascending places in words: "place 3", "places 1, 2 and 4 to 8"."""
-    # places of a run lie as far from their numbers
+    # within a run, a place minus its index is constant
     groups = groupby(enumerate(places), key=lambda one: one[1] - one[0])
     runs = [[k for _, k in group] for _, group in groups]
     words = [

@@ -7,9 +7,9 @@
 Some twenty measures are named: posteriors, strokes, size and depth of marks, rough land. The score weighs some of them;
 all are compared between parts that were certified and parts that are read (`pipeline.reading.certificate_statistics`).
 
-Each quantity counts along straight lines, always in one direction: a better one never lowers the score. Touch, the
-camera and both together each have their own weights. They stand in `score.fit.json`, with what they were fitted on;
-`python tests/benchmarks/fit_score.py` fits them and judges them on what a fit left out.
+Each quantity adds log odds along a piecewise linear curve that never turns back: a better value never lowers the score.
+Touch, the camera and both together each have their own weights. They are in `score.fit.json`, with a note of the data.
+`python tests/benchmarks/fit_score.py` fits them, and tests them on parts that the fit left out.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _NORMAL = 1.4826
 
 
 class Measure(StrEnum):
-    """Measures of a part; the value is the name that people read."""
+    """Measures of a part; the value is the name in messages and tables."""
 
     CONFIDENCE = "confidence"
     ODDS = "log odds of the text before anything else is known"
@@ -102,8 +102,7 @@ def _of_strokes(
 
     Args:
         places: places of the text.
-        deciding_heights: length from which strokes that only a rival has decide between two characters, character
-            heights.
+        deciding_heights: least length of the strokes that only a rival has, for them to count, character heights.
     """
     felt = [place.felt for place in places if place.felt is not None]
     unlike = [1.0 - place.score for place in places if place.felt is not None]
@@ -126,7 +125,7 @@ def _of_land(
     Args:
         relief: the felt relief.
         laid: the serial, if known.
-        fine_mm: between places of the land whose heights are compared for fine roughness: grains.
+        fine_mm: distance between the samples that are compared for fine roughness: grains.
         coarse_mm: the same for coarse roughness: lumps.
     """
     heights_um = 1e3 * relief.height_mm.astype(np.float64)
@@ -149,10 +148,10 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
 
     Args:
         surface: (rows, cols), NaN where unknown.
-        step: samples between the three.
-        enough_samples: samples of a surface that are used; their median is off by half a per cent.
+        step: distance between the three, samples.
+        enough_samples: samples that are used of a larger surface; the error of their median is half a per cent.
     """
-    # of a large picture every n-th row says the median as well
+    # in a large picture every n-th row is enough for the median
     every = max(1, round(surface.size / enough_samples))
     bends = [
         np.abs(z[::every, 2 * step :] - 2.0 * z[::every, step:-step] + z[::every, : -2 * step]).ravel()
@@ -184,8 +183,8 @@ class Term:
     """Contribution of one quantity: piecewise linear, constant beyond the ends.
 
     Attributes:
-        usual: value that counts nothing.
-        points: values, rising, and the log odds that each adds; these go in one direction.
+        usual: value that adds nothing.
+        points: values, rising, and the log odds that each adds, either rising or falling.
     """
 
     usual: float
@@ -204,9 +203,9 @@ class Score:
     """Weights of the quantities for one source of readings.
 
     Attributes:
-        bias: log odds where everything is usual and the text's are even.
-        terms: weight of each quantity; the log odds of the text, at least, rising.
-        thresholds: risks, falling, and the least score from which readings that a fit left out kept each.
+        bias: log odds if every other quantity is usual and the text's own log odds are 0.
+        terms: term of each quantity; that of the log odds of the text must be among them, and rise.
+        thresholds: risks, falling, and for each the least score at which readings left out of the fit kept it.
     """
 
     bias: float
@@ -225,7 +224,7 @@ class Score:
         """Least score for which the expected share of wrong readings among the accepted is at most a risk.
 
         Raises:
-            MarksError: a risk that the readings of the fit say nothing about.
+            MarksError: a risk for which the fit has no threshold.
         """
         kept = [threshold for least, threshold in self.thresholds if least <= risk]
         if not kept or not risk < 1.0:
@@ -266,11 +265,11 @@ def score_of(source: str) -> Score:
 def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
     """Add the score to a reading, with reasons if it is below the threshold.
 
-    Where touch has read nothing beside the camera, it is scored as a camera's.
+    A fused reading whose text has no log odds by touch is scored as one of the camera.
 
     Args:
         reading: reading of one sense or both, with what it was made from in its trace.
-        without: quantities that count as usual, to see what each is worth.
+        without: quantities that are treated as unknown, to see what each is worth.
     """
     if not reading.characters:
         return reading
@@ -282,7 +281,7 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE
-    # what each quantity beside the text's costs against a usual value
+    # what each quantity, except the log odds of the text, costs against its usual value
     beside = {
         name: term for name, term in score.terms.items() if name in measures and name is not Measure.ODDS
     }

@@ -29,7 +29,7 @@ _REMEDIES = {
 LEFT = 0.002
 """Greatest posterior of a rival after the strokes are weighed."""
 HIDDEN_MARGIN = 2.5
-"""Margin from which a stroke of the other character was felt after all, nats; even a piece gives more."""
+"""Margin, nats, from which strokes that only the read character has were felt; even a piece of one gives more."""
 
 
 def add_stroke_findings(reading: Reading, *, text_felt: float = 0.35) -> Reading:
@@ -50,14 +50,13 @@ def add_stroke_findings(reading: Reading, *, text_felt: float = 0.35) -> Reading
 
 
 def no_text(reading: Reading, *, least_open: float = 0.5) -> Reading:
-    """The reading of a part without text: it has no characters, and no doubts about them.
+    """The reading of a part without text: no characters, and no doubts about them.
 
     Text that was read with certainty but does not fit the format is named.
 
     Args:
         reading: reading of the part.
-        least_open: posterior of the reading without the format from which it is text, although it does not fit the
-            format.
+        least_open: probability of the text without the format above which it is named.
     """
     openly = reading.trace.open_lattice
     bare = reading.without_flags(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE)
@@ -104,12 +103,12 @@ def _missing(
     Args:
         reading: with grades and strokes.
         least_edges: least share of a character's edges that must be there, in a font that explains the marks.
-        least_felt: least share of the depth of a character's strokes that must be there, in the font that fits best,
-            which is not quite the part's.
-        suited: template score of a character from which the surface shows its shape, however shallow.
-        all_there: share of strokes felt, by depth or by edges, from which none is missing, whatever the other share is.
-        least_foreign: least number of characters that must differ from the named font: one alone is a blow, or
-            misplaced dots.
+        least_felt: least share of the depth of a character's strokes that must be there, in the best-fitting font,
+            which may differ from the part's.
+        suited: template score from which a character counts as there, however shallow it is.
+        all_there: share of strokes felt, by depth or by edges, from which none counts as missing.
+        least_foreign: least number of characters that must differ from the named font: a single one may be a bad
+            blow or misplaced dots.
     """
     lacking: dict[int, Action] = {}
     foreign: list[int] = []

@@ -49,7 +49,7 @@ class CharacterCheck:
 
     Attributes:
         place: place in the lattice, from 0; None for a character without a place.
-        state: state of the place, with the character expected there; none is for a place that is left over.
+        state: state of the place, with the character expected there; that is empty for a place that is left over.
     """
 
     place: int | None
@@ -120,9 +120,9 @@ def verify(
         lattice: posteriors of the places.
         expected: the text; blanks are ignored.
         grammar: format that the expected text must fit.
-        contradicted: two senses are sure of different characters: nothing is confirmed.
-        least: least probability of "same" for CONFIRMED, where no character may contradict the expected one, and of
-            "differs" for REFUTED.
+        contradicted: whether two senses are sure of different characters; then nothing is confirmed.
+        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED, for which no character may
+            mismatch either.
 
     Raises:
         VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks.
@@ -211,10 +211,10 @@ def with_verification(
 
     Args:
         reading: the reading.
-        lattice, expected, grammar, contradicted: as in `verify`; None where no characters were found.
+        lattice, expected, grammar, contradicted: as in `verify`; lattice None if no characters were found.
 
     Raises:
-        VerifyError: a text that cannot be looked for.
+        VerifyError: as in `verify`.
     """
     if lattice is None:
         lattice = Lattice((), np.zeros((0, 0)))

@@ -2,10 +2,10 @@
 
     reading, ways possible --other text? (language.orientation)--> none: as it is
                            \\--exact images------------------------> review: "also readable upside down: 809006"
-                           \\--likely images --a look that way-----> review, where it says about as much
+                           \\--likely images --a look that way-----> review, if it reads about as well
 
-What is known removes ways: how parts lie (the settings), the order of a map's rows (its file), another line on the part
-that reads one way only.
+Orientations are excluded by what is known: how parts lie (the settings), the order of a map's rows (its file),
+another line on the part that can be read one way only.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
 LEAST_LEAD_NATS = 4.0
-"""Least lead of a text over that of another orientation, log probability. Of plates shown the wrong way and read with
-certainty, the true text is at most 1.5 behind (python tests/benchmarks/orientation.py plates)."""
+"""Least lead, in log probability, of a text over that of another orientation. If a plate is shown the wrong way and
+read with certainty, the true text is at most 1.5 behind (python tests/benchmarks/orientation.py plates)."""
 _SET = {
     Way.UPSIDE_DOWN: "set orientation = upright if parts lie so",
     Way.ROWS_REVERSED: "set rows if their order is known",
@@ -38,7 +38,7 @@ def ways_possible(
     """Orientations other than upright that the settings do not exclude.
 
     Args:
-        orientation: possible ways up of the parts.
+        orientation: possible orientations of the parts.
         rows_known: whether the order of the map's rows is known; of a photograph it is.
         turned_deg: rotation of the line that was read; one that runs up or down may be read from either end.
     """
@@ -72,7 +72,7 @@ def weigh_orientation(reading: Reading, view: View, lines: LineReader, *, rows_k
         if words in ("", text) or lead >= LEAST_LEAD_NATS:
             continue
         sure = (one for one in reading.others if one.confidence >= (reading.threshold or 0.0))
-        if not any(_speaks_against(way, one, line, view, lines) for one in sure):
+        if not any(_excludes(way, one, line, view, lines) for one in sure):
             found.append(also_readable(way, words))
     return reading.with_findings(*found) if found else reading
 
@@ -84,7 +84,7 @@ def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> floa
         reading: with its line in the trace.
         view: view that was read.
         lines: reader of lines on such views.
-        way: in which the marks may be meant instead.
+        way: the other orientation.
     """
     line = reading.trace.line
     return -math.inf if line is None else _seen_other_way(plain_text(reading), line, view, lines, way)[1]
@@ -100,7 +100,7 @@ def plain_text(reading: Reading) -> str:
     return "".join(reading.text.split())
 
 
-def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, lines: LineReader) -> bool:
+def _excludes(way: Way, other: OtherLine, serial: TextLine, view: View, lines: LineReader) -> bool:
     """Whether another line with the serial's direction cannot be read in the other orientation."""
     if other.line is None or math.cos(math.radians(other.line.turned_deg - serial.turned_deg)) <= 0.0:
         return False
@@ -125,7 +125,7 @@ def _seen_other_way(text: str, line: TextLine, view: View, lines: LineReader, wa
         return "", math.inf
     read, otherwise = here[0], there[0]
     lead = read.evidence_of(Grammar(sets=tuple(text))) - otherwise.evidence_of(Grammar(sets=tuple(other)))
-    # the recogniser takes what it cannot read for blanks: a text of fewer characters leaves some unexplained
+    # what the recogniser cannot read becomes blank: a text with fewer characters leaves marks unexplained
     return other, lead + max(read.promise - otherwise.promise, 0.0)
 
 

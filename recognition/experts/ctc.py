@@ -1,7 +1,7 @@
 """Posteriors of every place of a line from a recogniser's frames, with the format inside the sum (exact, no beam).
 
 A network that reads lines gives, frame by frame along the line, probabilities of characters and of a *blank*;
-a path of frames spells the text that is left when repeats and then blanks are struck out (connectionist temporal
+a path of frames spells the text that is left when repeats and then blanks are removed (connectionist temporal
 classification). For a known number of places the paths run through a small lattice of states::
 
     blank 0 -> place 1 -> blank 1 -> place 2 -> ... -> place n -> blank n
@@ -29,8 +29,8 @@ class PlaceBelief:
     Attributes:
         log_belief: (places, C) natural logarithms; each row sums to 1 in probability.
         log_evidence: log probability of all texts allowed together.
-        frame: (places,) where each place stands, in frames, mean of its posterior.
-        spread: (places,) standard deviation of that, frames.
+        frame: (places,) position of each place in frames, mean of its posterior.
+        spread: (places,) standard deviation of the position, frames.
     """
 
     log_belief: NDArray[np.float64]
@@ -56,7 +56,7 @@ def _part(a: float, b: float) -> float:
 
 @kernel()
 def _all_and_others(values, others):  # type: ignore[no-untyped-def]
-    """The sum, and the sums of all but each, built from both ends without subtraction."""
+    """Return the sum; store in `others` the sum of all values but each, computed without subtraction."""
     before, after = 0.0, 0.0
     for c in range(values.size):
         others[c] = before
@@ -71,8 +71,8 @@ def _all_and_others(values, others):  # type: ignore[no-untyped-def]
 def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
     """Sums of paths that end in each state at each frame, and of those that enter each place there.
 
-    Those of a place at a frame are shares of `exp(scale)`: no path is lost, however unlikely, and one exponential
-    serves all characters.
+    Sums at a place are stored as shares of `exp(scale)`: so no path underflows, and no exponential
+    is needed per character.
     """
     frames, count = shares.shape
     places = allowed.shape[0]
@@ -160,19 +160,19 @@ def place_belief(
 
     Args:
         log_blank: (frames,) log probability of the blank.
-        log_chars: (frames, C) of each character; what the frames give to other characters is just missing.
-        allowed: (places, C) which characters may stand where, at least one place.
+        log_chars: (frames, C) log probability of each character; other characters may be left out.
+        allowed: (places, C) whether a character is allowed at a place; at least one place.
 
     Returns:
         The posteriors; None where no text of the format is possible at all (fewer frames than places).
     """
-    heard = _as_heard(log_blank, log_chars)
+    inputs = _as_inputs(log_blank, log_chars)
     table = np.ascontiguousarray(allowed, dtype=np.bool_)
-    at_blank, at_place, enter, scale, total = _forward(*heard, table)
+    at_blank, at_place, enter, scale, total = _forward(*inputs, table)
     evidence = float(np.logaddexp(at_blank[-1, -1], total[-1]))
     if not np.isfinite(evidence):
         return None
-    on_place, on_scale = _backward(*heard, table)
+    on_place, on_scale = _backward(*inputs, table)
     share = np.exp(scale + on_scale - evidence)
     with np.errstate(divide="ignore"):
         log_belief = np.log(np.einsum("tkc,tkc,tk->kc", enter, on_place, share))
@@ -195,14 +195,14 @@ def count_belief(
     """
     most = min(most, log_blank.size)
     table = np.ones((most, log_chars.shape[1]), dtype=np.bool_)
-    at_blank, *_, total = _forward(*_as_heard(log_blank, log_chars), table)
+    at_blank, *_, total = _forward(*_as_inputs(log_blank, log_chars), table)
     log = np.logaddexp(at_blank[-1], total)
     whole = np.logaddexp.reduce(log)
     return np.asarray(log - whole if np.isfinite(whole) else log)
 
 
-def _as_heard(
+def _as_inputs(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Convert to the form of the sums: logarithms of the blank, shares of characters."""
+    """Convert to the inputs of the sums: log probabilities of the blank, probabilities of characters."""
     return np.ascontiguousarray(log_blank, dtype=np.float64), np.exp(log_chars, dtype=np.float64, order="C")
