@@ -6,8 +6,8 @@ array for each block of the region; if they are a height apart, it takes two. A 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
 
-The first direction begins with `FIRST` such lines, 8 per character height: fewer show no shapes. Each later one begins
-with `JOINED`.
+The first direction begins with `FIRST` such lines, 8 per character height: fewer lines do not show the shape of a
+character. Each later direction begins with `JOINED`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from whisker_array.whisker.passes import Pass
 Region = tuple[float, float, float, float]
 
 FIRST = 4
-"""Lines per half character height of the first step of all."""
+"""Lines per half character height of the first step over a part."""
 JOINED = 2
 """Lines per half character height of the first step in each further direction."""
 MOST = 16
@@ -94,7 +94,7 @@ class Step:
 def next_step(
     fitting: Fitting, region_mm: Region, way: Way, lines: int, *, joins: bool = False
 ) -> Step | None:
-    """Plan the next step in a direction; None if it has all lines.
+    """Plan the next step in a direction; None if that direction is complete.
 
     Args:
         fitting: whiskers and field of the stage.
@@ -126,7 +126,7 @@ def _stretch_to_cover(
 ) -> tuple[float, float]:
     """Range across the travel that lines must cover: the region without the land at its edges.
 
-    Where the field cuts off one rim of a region, no land is left out at that rim.
+    Where the field cuts off one edge of a region, no land is left out at that edge.
     """
     cut = [abs(a - b) < 1e-6 for a, b in zip(across, field, strict=True)]
     low = across[0] + (0.0 if cut == [True, False] else rim_mm)
@@ -135,7 +135,7 @@ def _stretch_to_cover(
 
 
 def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
-    """Passes that cover a region with lines a whisker's pitch apart, on one raster for the whole field."""
+    """Passes that cover a region with lines one whisker pitch apart, on one raster for the whole field."""
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
     (x0, y0, x1, y1), field = region_mm, fitting.field_mm
@@ -144,8 +144,8 @@ def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) ->
     origin, pitch = within[0], array.pitch_mm
     low, high = _stretch_to_cover(across, within, rim_mm=RIM_HEIGHTS * height)
     blocks = max(1, math.ceil((high - low) / (pitch * array.n_whiskers) - 1e-9))
-    # centre this travel's lines on the range to cover, as nearly as whole pitches allow: so all travels of a step
-    # together cover the blocks' width, evenly to both sides
+    # centre this travel's lines on the range to cover, as nearly as whole pitches allow: all travels of a step
+    # together then cover the width of the blocks, evenly to both sides
     lines = blocks * array.n_whiskers
     first = round((0.5 * (low + high) - origin) / pitch - share - 0.5 * (lines - 1))
     step_mm = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH

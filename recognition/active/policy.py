@@ -48,7 +48,7 @@ class Progress:
     __repr__ = one_line
 
     def after(self, step: Step, look: Look | None) -> Progress:
-        """The progress after a step and the look that followed."""
+        """Return the progress after a step and the look that followed it."""
         text = "" if look is None else look.text
         return replace(
             self,

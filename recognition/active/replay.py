@@ -32,8 +32,8 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
         return found
     log = PassLog(
         tuple(
-            LoggedPass(order, sweep, one.why, one.text, one.confidence)
-            for (order, sweep), one in zip(kept.felt, found.passes, strict=True)
+            LoggedPass(order, sweep, felt.why, felt.text, felt.confidence)
+            for (order, sweep), felt in zip(kept.felt, found.passes, strict=True)
         ),
         array=kept.fitting.array,
         height_mm=kept.fitting.height_mm,

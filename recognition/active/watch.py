@@ -51,7 +51,7 @@ class LineWatch:
 
     Attributes:
         line: its last position; None if unknown.
-        is_sure: whether to follow the line, not search for it.
+        is_sure: whether to follow the line instead of searching for one.
     """
 
     def __init__(self, lines: LineReader, *, line: TextLine | None = None) -> None:
@@ -59,7 +59,7 @@ class LineWatch:
 
         Args:
             lines: reader of lines, with the format.
-            line: where the line lies, if that is known.
+            line: position of the line, if known.
         """
         self.lines, self.line = lines, line
         self.is_sure, self._others = line is not None, False
@@ -71,16 +71,16 @@ class LineWatch:
         Args:
             line: line of the reading, if there is one.
             confidence: confidence of the reading.
-            least: confidence above which a line is followed: from there it is seldom a wrong one.
+            least: confidence above which the line is followed: it is then seldom a wrong one.
         """
         if line is not None and confidence > least:
             self.line, self.is_sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:
-        """Return the best text so far; None without any.
+        """Return the best line and text so far; None if there is no text.
 
         Args:
-            most_found: lines that are read while none is followed.
+            most_found: maximum number of found lines to read, while none is followed.
         """
         known = [] if self.line is None else [self.line]
         if self.is_sure:

@@ -27,7 +27,7 @@ def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
         rng: the only source of randomness.
 
     Returns:
-        (n, LAYERS, ROWS, columns'), columns' a multiple of `COLUMNS`.
+        (n, LAYERS, ROWS, columns'), where columns' is a multiple of `COLUMNS`.
     """
     return add_noise(_crop_again(tall, columns, rng), rng=rng)
 

@@ -92,7 +92,7 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
     part[HEIGHTS] *= 1 - mask
     part[EDGES:KNOWN] *= 1 - mask
     if kind < 0.7:
-        _lay(part, mask, rng)
+        _add_lump(part, mask, rng)
     grey = part[GREY]
     if bool(grey.any()):
         shade = float(strip[GREY].mean()) * (0.3 + 1.4 * _draw(rng))
@@ -100,7 +100,7 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
         part[GREY] = (grey * (1 - mask) + (shade + texture) * mask).clamp(0, 1) * part[KNOWN]
 
 
-def _lay(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
+def _add_lump(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
     """Add a lump to the heights, with its edges."""
     rough = _smooth((mask.shape[0], mask.shape[1]), 4, "bicubic", rng)
     height = 0.02 * math.exp(0.8 * float(torch.randn(1, generator=rng)))

@@ -43,7 +43,7 @@ def draw_file(
         kind: "seen" or "held" for parts, "sketched" for lines without physics.
         seed: seed of the whole set.
         number: number of the file.
-        fonts_of_a_file: number of fonts in a file: to load the outlines of a font takes longer than to draw a part.
+        fonts_of_a_file: number of fonts for a file: loading the outlines of a font takes longer than drawing a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
     if (out / ("strips" if sketched else "views") / kind / name).exists():

@@ -42,7 +42,7 @@ class Normalise(nn.Module):
         self.register_buffer("bell", (bell / bell.sum()).repeat(3, 1, 1, 1), persistent=False)
         self.reach = reach
 
-    def _broad(self, x: Tensor) -> Tensor:
+    def _blur(self, x: Tensor) -> Tensor:
         """Blur at most three layers, at a coarser resolution."""
         small = f.avg_pool2d(x, self.coarse)
         bell = self.bell[: x.shape[1]]
@@ -61,11 +61,11 @@ class Normalise(nn.Module):
         """
         known = strip[:, KNOWN : KNOWN + 1]
         surfaces = strip[:, HEIGHTS : GREY + 1] * known
-        blurred = self._broad(torch.cat([surfaces, known], dim=1))
+        blurred = self._blur(torch.cat([surfaces, known], dim=1))
         weight = blurred[:, 2:].clamp(min=1e-3)
         flat = (surfaces - blurred[:, :2] / weight) * known
         heights, grey = flat[:, :1], flat[:, 1:]
-        spread = (self._broad(grey * grey) / weight + 1e-6).sqrt()
+        spread = (self._blur(grey * grey) / weight + 1e-6).sqrt()
         return torch.cat(
             [
                 _squash(heights, relief_half),

@@ -36,7 +36,7 @@ def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[Train
         rng: the only source of randomness.
 
     Raises:
-        MarksError: the font lacks something of the random text; draw again.
+        MarksError: the font cannot draw the random text; draw again.
     """
     name = str(rng.choice(BUILTIN_FONTS)) if rng.random() < 0.2 else str(fonts[int(rng.integers(len(fonts)))])
     font = load_font(name)

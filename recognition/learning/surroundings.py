@@ -4,7 +4,7 @@
     ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: the text is empty
 
 Found lines are often too long, so most strips show more than the characters. Characters upside down look like others,
-and a recogniser that learned from upright ones alone is sure of those.
+and a recogniser that learned only from upright text is sure of its wrong reading.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ def vary_surroundings(
         edge: share of the ends of lines where the part ends.
         turned: share of strips shown upside down or mirrored.
     """
-    return [_wrong_way(_ends(strip, longer, edge, rng), turned, rng) for strip in strips]
+    return [_turn_some(_change_ends(strip, longer, edge, rng), turned, rng) for strip in strips]
 
 
-def _ends(
+def _change_ends(
     strip: TrainingStrip, longer: float, edge: float, rng: np.random.Generator, *, gap_columns: float = 4.0
 ) -> TrainingStrip:
     # gap_columns: columns beside a character that stay as they are.
@@ -77,7 +77,7 @@ def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) 
         layers[HEIGHTS] += (rng.normal(0.0, 0.04) * layers[KNOWN]).astype(np.float16)
 
 
-def _wrong_way(strip: TrainingStrip, share: float, rng: np.random.Generator) -> TrainingStrip:
+def _turn_some(strip: TrainingStrip, share: float, rng: np.random.Generator) -> TrainingStrip:
     if rng.random() >= share:
         return strip
     way = Way.UPSIDE_DOWN if rng.random() < 0.7 else Way.ROWS_REVERSED

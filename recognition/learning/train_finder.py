@@ -40,9 +40,9 @@ _MIDDLE = 0.25
 _BESIDE = 0.42
 """Distance from the middle of a line within which other cells are ignored, character heights."""
 _MUST_FIND = 0.45
-"""Distance from the height of the scale within which a line must be found, octaves."""
+"""Difference between the heights of a line and of the scale up to which the line must be found, octaves."""
 _MAY_FIND = 0.75
-"""Distance from the height of the scale beyond which a line must not be found, octaves; before, it may."""
+"""Difference between the heights of a line and of the scale up to which the line may be found, octaves."""
 _HELD = 240
 """Maximum number of views to measure on."""
 _FILES = 24
@@ -183,7 +183,7 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
 
 @torch.no_grad()
 def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[float, dict[str, Any]]:
-    """Return the loss on plain views, and in words recall and precision of the cells, and mean errors on the lines."""
+    """Return the loss on plain views, and recall and precision of the cells with mean errors on the lines."""
     network.eval()
     rng, device = np.random.default_rng(0), network.head.weight.device
     made = (_batch([one], rng, plain=True) for one in views)

@@ -1,6 +1,7 @@
 """Fonts for training: files of installed packages, without the fonts of the exam.
 
-This repository contains none of them. `docs` names the Debian packages with which its weights were trained.
+This repository contains none of them. `docs` names the Debian packages of the fonts with which its weights were
+trained.
 """
 
 from __future__ import annotations

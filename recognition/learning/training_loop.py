@@ -32,8 +32,8 @@ class Training:
         frozen_share: share of the time, at its start, in which early layers are frozen; a step then takes two thirds
             of the time.
         start: file of weights to start from.
-        noise: start the recogniser from random instead of public weights.
-        covers: cover strokes that distinguish characters.
+        noise: whether to start the recogniser from random instead of public weights.
+        covers: whether to cover strokes that distinguish characters.
         workers: processes that prepare batches.
         times: number of times that a batch is used, augmented anew each time.
     """

@@ -59,7 +59,7 @@ class TrainingPart:
 
 
 def draw_text(font: Font, rng: np.random.Generator) -> str:
-    """Draw a short text of a font's characters: a serial, word or number, with signs between them in a third."""
+    """Draw a short text of a font's characters: a serial, a word or a number, often with signs or spaces."""
     length = int(rng.integers(3, 12))
     every = _CAPITALS + _FIGURES + (_SMALL if has_small_letters(font) else "")
     pools = (_CAPITALS + _FIGURES, _FIGURES, _CAPITALS, every)

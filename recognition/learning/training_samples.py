@@ -39,7 +39,7 @@ Places = tuple[tuple[float, float], ...]
 TALL_ROWS = 64
 """Rows of a strip in a file."""
 WIDE_MARGIN = 0.8
-"""Land before and after the line in a file, character heights."""
+"""Margin of a strip in a file before and after its line, character heights."""
 VIEW_ROWS = 16
 """Pixels of a view per character height."""
 

@@ -70,14 +70,14 @@ def centre_line(
         points, normals, half = _ridge(shape, pitch=ridge_pitch_heights, share=ridge_share)
     else:
         half = 0.5 * shape.stroke
-        parts = [_along(stroke, trim=half, step=step_heights) for stroke in shape.strokes]
+        parts = [_points_along(stroke, trim=half, step=step_heights) for stroke in shape.strokes]
         points, normals = (np.concatenate(part) for part in zip(*parts, strict=True))
     x0, _, x1, _ = shape.ink_box
     offsets = (points - (0.5 * (x0 + x1), 0.5)) * (1.0, -1.0)
     return CentreLine(offsets, normals * (1.0, -1.0), half)
 
 
-def _along(stroke: Points, *, trim: float, step: float) -> tuple[Points, Points]:
+def _points_along(stroke: Points, *, trim: float, step: float) -> tuple[Points, Points]:
     """Evenly spaced points and normals along a polyline, without its ends unless it is closed; one point of a dot."""
     run = np.diff(stroke, axis=0)
     length = np.hypot(run[:, 0], run[:, 1])

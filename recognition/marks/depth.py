@@ -6,7 +6,7 @@ r"""Depth of each character by touch: along the centre lines of its strokes, fro
               \______|_______/
                      ^ centre line of the laid character, moved sideways a little to the deepest point
 
-Depth is the depth that the ball of the tip reaches, averaged over a sample (a fortieth of the height). Its errors on
+Depth means how deep the ball of the tip reaches, averaged over a sample (a fortieth of the height). Its errors on
 stamped parts with the default whisker and ball, gothic, 32 characters each; micrometres, mean +- standard deviation
 (`python tests/benchmarks/depth_accuracy.py`):
 
@@ -16,7 +16,7 @@ stamped parts with the default whisker and ball, gothic, 32 characters each; mic
     SHARP       -16.1 +- 2.1   -29.1 +- 4.4   -40.8 +- 4.2   -88.2 +- 11.1
     FLAT, under dirt of 0.3, 0.6 and 0.9 at 5.0 mm: +8.9 +- 6.8, +6.4 +- 17.5, -28.1 +- 42.5
 
-These errors are not corrected. Where dirt fills a stroke to above the land, the depth is 0, never negative. In a V of
+These errors are not corrected. Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of
 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom: 13, 21, 29 and 54 micrometres at these
 heights. The true depth is that of the deepest point, where strokes of a V meet. So a SHARP mark is measured too
 shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.
@@ -122,7 +122,7 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
 
 
 def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bool_]:
-    """Felt samples clear of every character's ink and burr."""
+    """Felt samples away from the ink and the burr of every character."""
     bare = np.ones(depth.shape, dtype=np.bool_)
     for mark in marks:
         row, col = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1).T
@@ -150,11 +150,11 @@ def _depth(
         land: which samples are land.
         height: height of the characters, samples.
         shallow_percent: percentile of the depths along the centre line that counts as the minimum. A shallow leg is a
-            quarter of the line or more, and so decides it. A crossing, the end of a stroke or a bad sample is at most a
-            tenth, and does not.
+            quarter of the line or more, so it shows in full. A crossing, the end of a stroke or a bad sample is a tenth
+            at most, so it does not.
         sideways_heights: search radius across a stroke for its middle, character heights.
         least_sd_mm: standard deviation of a clean mark's depth.
-        sd_of_scatter: factor of the scatter of the land, added to that in quadrature: dirt that makes the land uneven
+        sd_of_scatter: factor of the scatter of the land, which is added in quadrature: dirt that makes the land uneven
             fills strokes, too. Of 1,251 characters, 3.2 to 7 mm high, under eight soils, 76 % lie within one standard
             deviation and 90 % within two. On worn plates it is 41 % and 55 %, because wear leaves the land even.
     """
@@ -198,7 +198,7 @@ def deepest(depth: Floats) -> Floats:
 
 
 def crest(rise: Floats) -> Floats:
-    """(n,) height of a rim at its highest point across, averaged over neighbouring points: one grain is no rim."""
+    """(n,) height of a rim at its highest point across, averaged over neighbours to ignore single grains."""
     return np.asarray((_sum_neighbours(rise) / _sum_neighbours(np.ones_like(rise))).max(axis=0))
 
 
@@ -248,7 +248,7 @@ def _plane(
 def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:
     """(3,) level and slopes of samples at (row, col), with Tukey's weights, which ignore outliers.
 
-    If all samples lie on one line, the smallest slopes that fit.
+    If all samples lie on one line, the slopes are the smallest that fit.
     """
     design = np.column_stack([np.ones(level.size), row, col])
     terms = np.array([np.median(level), 0.0, 0.0])

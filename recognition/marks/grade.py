@@ -159,7 +159,7 @@ def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
     return np.asarray(cv2.GaussianBlur(edges, (0, 0), SMOOTH), dtype=np.float32)
 
 
-def is_of_the_part(grade: MarkGrade | None) -> bool:
+def has_strokes_of_font(grade: MarkGrade | None) -> bool:
     """Whether a mark has the strokes of the font with which it was graded: hardly any are missing."""
     return grade is not None and (grade.value("completeness") or 0.0) >= LIMITS["completeness"][1]
 

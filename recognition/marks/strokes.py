@@ -38,7 +38,7 @@ from recognition.marks.laid_text import LaidText, laid_text
 from recognition.search.part_lines import PartLines
 
 LIVE = 0.004
-"""Probability from which a rival must be excluded by strokes."""
+"""Minimum probability of a rival that strokes must exclude."""
 STEP_HEIGHTS = 0.05
 """Distance between points of a stroke, character heights."""
 MOST_ABSENT = 6.0
@@ -126,7 +126,7 @@ class _Surface:
         """Smooth the depths.
 
         Args:
-            strip: along the line.
+            strip: depths along the line.
             near_heights: search radius for the groove about a point of a stroke, character heights.
             beside_heights: radius over which dirt is averaged, character heights.
             heap_share: height above the land from which dirt hides what is below, as a share of the line's depth.

@@ -34,7 +34,7 @@ from recognition.glyph_match.prototypes import felt_prototypes, match_fonts
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.depth import mark_depths
-from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, is_of_the_part
+from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, has_strokes_of_font
 from recognition.marks.laid_text import laid_text
 from recognition.marks.strokes import reject_false_lines, strokes_of
 from recognition.search.correlation_search import CorrelationSearch
@@ -248,7 +248,7 @@ class TactileReader:
         grades, depths = grades_of(edges), mark_depths(relief, laid)
         # no grade from a stand-in font: a stroke that only it has is not missing from the mark
         characters = tuple(
-            replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
+            replace(c, grade=g if known else None, depth=d if known or has_strokes_of_font(g) else None)
             for c, g, d in zip(reading.characters, grades, depths, strict=True)
         )
         reading = replace(reading, characters=characters)
