@@ -29,7 +29,7 @@ _REMEDIES = {
 LEFT = 0.002
 """Greatest posterior of a rival after the strokes are weighed."""
 HIDDEN_MARGIN = 2.5
-"""Margin, nats, from which strokes that only the read character has were felt; even a piece of one gives more."""
+"""Margin, nats, from which covered strokes of a rival are no reason for doubt."""
 
 
 def add_stroke_findings(reading: Reading, *, text_felt: float = 0.35) -> Reading:

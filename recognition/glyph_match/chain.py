@@ -1,8 +1,8 @@
 """Find the line of characters with the best score: a chain of non-overlapping windows.
 
-Every placed character earns its width times (score^2 - threshold^2): what it explains beyond chance. A stroke
-taken for an I earns little; the H that explains both stems and the bar earns all of it. A format fixes the count
-and what each place may hold, inside the search, not afterwards.
+The reward of a character is its width times (score^2 - threshold^2): what it explains beyond chance. A stroke of an H
+that is mistaken for an I earns little; the H explains both stems and the bar, and earns more. A format fixes the number
+of characters and those allowed at each place, inside the search, not afterwards.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Spacing:
 
     Attributes:
         before, after: (T,) of each template.
-        cost: cost of a distance that is off by n pixels, divided by n^2.
-        limit: at most.
-        free_after: places followed by a word gap, after which any distance goes.
+        cost: cost of a distance that is off by one pixel; it rises with the square.
+        limit: greatest cost.
+        free_after: places followed by a word gap, after which any distance is free.
     """
 
     before: NDArray[np.float64]
@@ -73,7 +73,7 @@ def _chain(  # type: ignore[no-untyped-def]
     for k in range(n_places):
         placed, spaced = False, step_limit[k] > 0.0
         if k > 0 and not spaced:
-            # what may stand before depends on where a character starts alone
+            # the best predecessor depends only on where a character starts
             for start in range(cols):
                 earlier[start], earlier_end[start] = _before(
                     best[k - 1], by_template[k - 1], half, start, overlap, reach, gap_free, gap_cost,
@@ -124,9 +124,9 @@ def best_chain(
     """Find the chain with the greatest reward.
 
     Args:
-        reward: (T, cols) earned by each template at each column.
+        reward: (T, cols) reward of each template at each column.
         half_cols: (T,) half width of each template's ink, pixels.
-        allowed: (places, T) which templates may stand where; None for any number of any of them.
+        allowed: (places, T) whether a template is allowed at a place; None for any number of any of them.
         overlap: columns by which neighbours may intrude on each other.
         reach: columns of land allowed between neighbours.
         gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
@@ -134,8 +134,8 @@ def best_chain(
         most_characters: greatest number of characters if the number of places is open.
 
     Returns:
-        What it earned and the characters, left to right; (0, ()) when nothing earns anything, or when a fixed
-        format finds no room.
+        Its reward and the characters, left to right; (0, ()) if no chain has a reward, or if there is no room for a
+        fixed format.
     """
     free = allowed is None
     table = np.ones((most_characters, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed

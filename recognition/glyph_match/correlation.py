@@ -7,7 +7,7 @@ The correlation of a template t with the window w of the edge map around a pixel
 
     r = sum(t w) / sqrt(sum(t^2) (sum(w^2) + (least_felt^2) sum(t^2)))
 
-so that bare land, where nothing is felt, answers nothing.
+so that it is about 0 on bare land.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from recognition.views.view import EDGES, KNOWN, View
 
 Image: TypeAlias = NDArray[np.float32]
 SMOOTH = 0.4
-"""Standard deviation by which felt and predicted maps are smoothed alike before they are sampled, pixels."""
+"""Standard deviation of the smoothing of felt and predicted maps before they are sampled, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class GlyphImages:
 
     Attributes:
         chars: (T,) characters.
-        images: (T,) of (rows, columns, layers), odd, the glyph's reference point in the middle.
+        images: (T,) images (rows, columns, layers), of odd size, with the glyph's reference point in the middle.
         half_cols: (T,) half the ink's width, pixels.
         pixels: pixels per character height.
     """
@@ -52,7 +52,7 @@ class GlyphImages:
     pixels: int
 
     def every(self, step: int) -> GlyphImages:
-        """Every n-th pixel."""
+        """Every n-th template."""
         return replace(
             self, chars=self.chars[::step], images=self.images[::step], half_cols=self.half_cols[::step]
         )
@@ -65,7 +65,7 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
         view: view to be read.
         line: line to be read.
         rows: number of rows; HEIGHT_ROWS are a character height.
-        margin: before and after the line, character heights.
+        margin: margin before and after the line, character heights.
         pixels: pixels per character height.
     """
     from glyphs.opencv import cv2
@@ -76,7 +76,7 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
 
 
 def glyph_images(templates: TemplateSet, *, pixels: int, margin_heights: float = 0.12) -> GlyphImages:
-    """The templates at a number of pixels per height; cached in the set.
+    """The templates at a number of pixels per character height; cached in the set.
 
     Args:
         templates: templates of a font, of all four directions.
@@ -112,7 +112,7 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
     """(T, rows, columns) correlation of every template centred at every pixel of some rows of an image.
 
     Args:
-        image: (rows, columns, layers); land, which is zero, lies beyond it.
+        image: (rows, columns, layers); outside it is land, which is 0.
         glyphs: the templates.
         rows: rows of the image.
     """
@@ -183,21 +183,21 @@ def chain_of(
     free_gap_heights: float = 0.5,
     gap_cost: float = 0.25,
 ) -> tuple[float, tuple[Placed, ...]]:
-    """The chain of characters that explains most of a line, and its length times the explained share.
+    """The chain of characters that explains most of a line, with its total reward.
 
-    If their number is known, search again with the spacing of the most certain ones.
+    If the number of characters is known, it is searched again with the spacing of the most certain ones.
 
     Args:
-        response: (T, columns) best correlation of every template about the line's middle.
+        response: (T, columns) best correlation of every template near the line's middle.
         glyphs: the templates.
-        font: whose they are.
+        font: font of the templates.
         places: characters that a format allows at each place; None where their number is open.
         gaps: places of the format before a word gap.
-        chance: correlation up to which a template explains nothing: what any strokes reach.
+        chance: correlation up to which a template explains nothing, because any strokes reach it.
         overlap_heights: overlap that is allowed between neighbours, character heights.
         gap_heights: most land between neighbours, character heights.
         free_gap_heights: land between neighbours that costs nothing, character heights.
-        gap_cost: cost of each height of land beyond, in characters of usual width that are explained whole.
+        gap_cost: cost of each further character height of land; a clean character of usual width has reward 1.
     """
     pixels = glyphs.pixels
     share = np.clip(response, 0.0, 1.0) ** 2 - chance**2
@@ -231,7 +231,7 @@ def beside(
     Args:
         response: (T, columns), as in `chain_of`.
         glyphs: the templates.
-        font: whose they are.
+        font: font of the templates.
         placed: characters of a format.
         surely: least correlation of a character beside those of the format.
     """
@@ -295,14 +295,14 @@ def steps_of(
     Args:
         cells: (places, T) correlations of every template in every place's cell.
         known: (T,) characters of the templates.
-        columns: (places,) of the line's strip, where the places stand.
-        chars: all that is looked for.
-        rare: signs that are rare on parts, where no format asks for them.
-        sureness: belief, as a logarithm, of a unit of -log(1 - r^2) / 2: the likeliest of those tried from 4 to 30, on
-            672 places of gothic, futuram, timesr, DejaVu Sans, Roboto Bold and Lato with dirt 0, 0.3 and 0.6.
-        read_from: best correlation at which something readable stands at a place as likely as not: of the same places
-            all but 1 of 656 with at least 0.5 are right, and 12 of 15 with 0.3 to 0.5.
-        read_width: correlation over which that chance rises.
+        columns: (places,) columns of the places in the line's strip.
+        chars: characters to look for.
+        rare: signs that are rare on parts, if no format asks for them.
+        sureness: log odds per unit of -log(1 - r^2) / 2; the most likely of values from 4 to 30, on 672 places of
+            gothic, futuram, timesr, DejaVu Sans, Roboto Bold and Lato with dirt 0, 0.3 and 0.6.
+        read_from: best correlation at which a place has a readable character with probability 0.5. Of the same places,
+            655 of 656 with at least 0.5 are right, and 12 of 15 with 0.3 to 0.5.
+        read_width: scale of the correlation over which that probability rises.
     """
     score = -0.5 * np.log(1.0 - np.clip(cells, 0.0, 0.999) ** 2)
     shares = softmax(sureness * score, axis=1)

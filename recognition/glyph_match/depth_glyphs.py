@@ -1,8 +1,8 @@
-"""Depth images of a font's characters: the relief that a die cuts, smoothed as touch smooths it.
+"""Depth images of a font's characters: the relief that a die strikes, smoothed about as much as by touch.
 
-Felt depths hardly depend on the whisker. Depths that are predicted through a whisker and turned back into heights
-correlate with these at 0.990 to 0.997 (means of gothic, futuram and timesr). So one image serves every touch; it is
-made when its character is first used.
+Felt depths hardly depend on the whisker. Depths from a simulated scan correlate
+with these at 0.990 to 0.997 (means of gothic, futuram and timesr). So one image is used for every touch. It is made
+when its character is first needed.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def depth_glyph(
         char: a character of the font.
         face: face of the die; a dotted face needs a font with strokes.
         half_wide_heights: half the width of the image, character heights.
-        smooth_px: standard deviation of the smoothing, pixels; of 0.5 to 1.3 the value closest to felt depths.
-        usual_percent: percentile of the depths within the strokes that is scaled to 1.
+        smooth_px: standard deviation of the smoothing, pixels; of values from 0.5 to 1.3 it is closest to felt depths.
+        usual_percent: percentile of the depths in the strokes that is scaled to 1.
 
     Raises:
         FontError: the font lacks the character.

@@ -3,8 +3,8 @@
     relief --minus the land--> depths along the line --correlation--> side, height, font; where each fit starts
                                                     --least squares, place by place--> poses
 
-Strokes, depths and grades of marks are measured in these poses, and doubtful places are judged by them. Nobody needs to
-name the font for that: characters of another one lie about as well where theirs do.
+Strokes, depths and grades of marks are measured in these poses, and doubtful places are judged by them. The font need
+not be known: characters of another one are placed about as well.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, View
 
 BESIDE_HEIGHTS = 1.2
-"""Land of a strip before and after its line, character heights."""
+"""Margin of land in a strip before and after its line, character heights."""
 FOUND = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, wide=0.12, tall=0.12, deep=0.6)
 """Expected spread of poses around the places of a found line."""
 SETTLED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
-"""Expected spread about a pose known from the line or another character, from differences between blows."""
+"""Expected spread about a pose known from the line or another character: blows differ."""
 USUAL = np.zeros(NUMBERS)
 """Expected pose of a character at its place."""
 LEAST_FIT = 0.45
@@ -57,11 +57,12 @@ class DepthStrip:
     """The depths felt along a line, PIXELS per character height.
 
     Attributes:
-        depth: (rows, columns) below the land about, in units of noise; rows are odd, the middle one is the line's.
+        depth: (rows, columns) depth below the surrounding land, in units of noise; the middle one of the odd number of
+            rows is that of the line.
         known: (rows, columns) where it was felt.
         usual: depth of the line's strokes, in units of noise.
-        noise: character heights.
-        columns: (places,) of the middles of the places.
+        noise: unit of the depths, character heights.
+        columns: (places,) columns of the middles of the places.
     """
 
     depth: Floats
@@ -86,7 +87,7 @@ class DepthStrip:
 
         Args:
             place: index of the place, from 0.
-            tall_heights: above and below its middle, character heights.
+            tall_heights: reach above and below its middle, character heights.
         """
         left, right = self.reaches[place]
         at = self.columns[place]
@@ -112,7 +113,7 @@ class LaidCharacter:
     """A character laid on a place of a felt line.
 
     Attributes:
-        pose: (NUMBERS,) from the middle of the place (`recognition.glyph_match.pose`).
+        pose: (NUMBERS,) pose relative to the middle of the place (`recognition.glyph_match.pose`).
         log_likelihood: log likelihood of the depths about the place.
         fit: correlation of those depths with the character's, at most 1.
     """
@@ -129,7 +130,7 @@ class FeltLine:
     Attributes:
         view: felt view, with heights.
         line: position of the text.
-        columns: (places,) of the places in the line's strip.
+        columns: (places,) columns of the places in the line's strip.
         raised: whether the marks are raised.
     """
 
@@ -143,7 +144,7 @@ class FeltLine:
 
     @cached_property
     def strip(self) -> DepthStrip:
-        """The depths along it."""
+        """The depths along the line."""
         zoom = PIXELS / HEIGHT_ROWS
         rows = round(2.4 * PIXELS) | 1
         strip = self.view.strip(self.line, rows=rows / zoom, margin=BESIDE_HEIGHTS, zoom=zoom)
@@ -170,14 +171,14 @@ class FeltLine:
     def whole(self) -> list[bool]:
         """Whether the scan covers each place's character from edge to edge, in x and in y.
 
-        Only the ends of the scan lines matter here, not covered or missing samples within them.
+        Only the extent of the scan matters here, not missing samples within it.
         """
         known = self.view.layers[KNOWN] > 0.5
         if not known.any():
             return [False] * self.columns.size
         spans = (np.flatnonzero(known.any(axis=axis))[[0, -1]] for axis in (0, 1))
         low, high = np.array(self.view.origin_mm) + self.view.pitch_mm * np.array([*spans]).T
-        # a box's outermost strip may be land: at a line's ends it is 0.84 heights wide, characters 0.5 to 0.7
+        # the rim of a box may be land: at the ends of a line a box is 0.84 heights wide, a character 0.5 to 0.7
         spare = 0.15 * self.line.height_mm
         return [
             bool(np.all(low <= np.add(box[:2], spare)) and np.all(np.subtract(box[2:], spare) <= high))
@@ -185,11 +186,11 @@ class FeltLine:
         ]
 
     def suits(self, text: Sequence[str], font: Font, face: Face = Face.FLAT) -> float:
-        """Mean correlation of a text's characters about their places; a character that the font lacks counts as 0.
+        """Mean correlation of a text's characters at their places; a character that the font lacks counts as 0.
 
         Args:
             text: one character for each place.
-            font: in which.
+            font: font of the characters.
             face: face of its die.
         """
         fits = [self._start(k, c, font, face)[0] for k, c in enumerate(text) if c in font.glyphs]
@@ -210,9 +211,9 @@ class FeltLine:
 
         Args:
             place, char, font, face: as in `lay`.
-            about: pose about which it is looked for.
+            about: pose at which the search starts.
             shift_heights: search radius to the right and down, character heights.
-            shift_cost: correlation that a shift costs, of its square.
+            shift_cost: loss of correlation per squared shift in character heights.
         """
         template = depth_template(font, char, face, round(math.exp(about[TALL]), 2))
         move = round(shift_heights * PIXELS)
@@ -237,15 +238,15 @@ class FeltLine:
         about: Floats | None = None,
         spread: Floats = FOUND,
     ) -> LaidCharacter:
-        """Fit the pose of a character at a place; cached if no pose is expected.
+        """Fit the pose of a character at a place; cached unless `about` is given.
 
         Args:
             place: index of the place, from 0.
             char: the character.
             font: a font that has the character.
             face: face of its die.
-            about: the pose that is expected; default: USUAL.
-            spread: standard deviations about it.
+            about: the expected pose (default: `USUAL`).
+            spread: standard deviations of poses about the expected one.
         """
         key = place, char, font.name, face
         if about is None and key in self._laid:
@@ -272,16 +273,17 @@ def _depth_strip(
     deep_percent: float = 93.0,
     noise: tuple[float, float] = (0.12, 0.35),
 ) -> DepthStrip:
-    """The depths along a line, over its land.
+    """The depths along a line, relative to its land.
 
     Args:
-        depth: (rows, columns) as felt, character heights.
+        depth: (rows, columns) felt depth, character heights.
         known: (rows, columns) where it was felt.
-        columns: (places,) of the middles of the places.
-        land_heights: width over which the land is the median of what was felt, character heights.
-        land_steps: pixels between the samples used for this.
+        columns: (places,) columns of the middles of the places.
+        land_heights: width of the window whose median is the land, character heights.
+        land_steps: distance of the samples used for the median, pixels.
         deep_percent: percentile of the line's samples that is the depth of its strokes.
-        noise: least and greatest, shares of that depth; between them the samples' median distance from their median.
+        noise: least and greatest noise as shares of that depth; between them it is estimated from the samples' median
+            distance from their median.
     """
     from glyphs.opencv import cv2
 
@@ -311,19 +313,19 @@ def felt_line(
     least_gain: float = 0.08,
     factors: Sequence[float] = (0.87, 0.76, 0.66, 0.57),
 ) -> FeltLine:
-    """Fit a line: side of the land (sunk or raised) and height at which its text fits some font best.
+    """Find whether the marks of a line are sunk or raised, and the height at which its text fits some font best.
 
-    A recogniser reads a line that was found half too high as well as any other, but its strokes miss the grooves.
-    Dies normally strike grooves, and under dirt a badly read text fits neither way.
+    The recogniser also reads a line whose height is wrong by half, but then the strokes miss the grooves. Raised marks
+    are rare, and badly read text under dirt fits neither way.
 
     Args:
         view: felt view, with heights.
         line: where the text was found.
-        columns: (places,) of the line's strip.
+        columns: (places,) columns of the places in the line's strip.
         text: one character for each place.
         fonts: fonts to compare with.
         good_fit: mean correlation from which the line keeps the height at which it was found.
-        least_gain: least gain in it over the height found.
+        least_gain: least gain in mean correlation for another height.
         factors: factors of the height found that are tried instead.
     """
 

@@ -1,10 +1,10 @@
-"""Predictions for fonts, kept on disk beside the kernels so that the next process need not compute them again.
+"""Predictions for fonts, cached on disk beside the compiled kernels, so that the next process need not compute them.
 
     outlines, die, touch or lamps, program --digest--> predicted-DIGEST.npz --there?--> arrays
                                                             '--no: predicted, and written--'
 
-The files are derived data: what is damaged is predicted again, what was used longest ago is removed when they grow too
-large, and where nothing can be written fonts are predicted in every process.
+A damaged file is predicted again. If the files grow too large, the least recently used are removed. If nothing can be
+written, every process predicts its fonts.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from glyphs.errors import FileError
 from glyphs.kernel_cache import folder_of
 
 MOST_BYTES = 200_000_000
-"""Limit for all files: a font takes 8 MB by touch and 14 MB by camera."""
+"""Size limit of all files together: a font takes 8 MB by touch and 14 MB by camera."""
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -36,8 +36,8 @@ def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
     """Return the arrays of `make`, from the disk if they were made before.
 
     Args:
-        made_of: all that they depend on beside the program: numbers, texts, arrays, dataclasses and tuples of these.
-        make: makes them.
+        made_of: everything they depend on besides the program: numbers, texts, arrays, dataclasses and tuples of these.
+        make: function that makes them.
     """
     folder = folder_of(kept)
     if folder is None:

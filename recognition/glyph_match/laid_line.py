@@ -1,11 +1,11 @@
 """Evidence from the depths of a named font at the doubtful places of a line that the recogniser has read.
 
-    text as read --a pose each--> smooth poses along the line
-    doubtful place: each character that is likely, laid about its pose --likelihoods--> lattice
+    text as read --fit a pose to each character--> smooth poses along the line
+    doubtful place --fit each likely character about the smooth pose--> likelihoods --> lattice
 
-The recogniser and its prototypes see a line through the same layers, and err alike. Depths compared sample by sample
-make other errors: a scratch is not the tail of a Q if the font has its tail elsewhere. They help only where the font,
-the height and the places are known well, so the line is settled first, by the characters that are sure.
+The recogniser and its prototypes use the same network layers, and so make the same errors. Depths compared sample by
+sample make other errors: a scratch is not the tail of a Q if the font has its tail elsewhere. They help only if the
+font, the height and the places are known well. So the poses along the line are first estimated from sure characters.
 """
 
 from __future__ import annotations
@@ -37,16 +37,17 @@ def with_depths(
         lattice: lattice of the font.
         together: lattice of all experts.
         felt: the line.
-        font: whose depths.
+        font: font of the characters.
         doubtful: probability of the best character below which a place is doubtful.
-        likely: probability from which a character is laid over a doubtful place. Of 178 lines with the font named, at
-            dirt 0.3 to 0.9, depths raise the serials right from 135 to 140 and those surer than 0.97 from 110 (1 wrong)
-            to 113 (1). One half set the numbers of this module, except the next two; the other half gained as much.
-        least_suits: correlation of the text as read with the line, from which the font's depths count: of 23 dotted
-            lines, which undotted templates fit badly, the best has 0.35.
+        likely: least probability for a character to be fitted at a doubtful place. On 178 lines with the font named, at
+            dirt 0.3 to 0.9, depths raise correct serials from 135 to 140, and those surer than 0.97 from 110 (1 wrong)
+            to 113 (1). The numbers of this module, except the next two, were set on half of the lines; the other half
+            gained as much.
+        least_suits: least correlation of the text with the line for the font's depths to count. Of 23 dotted lines,
+            which undotted templates fit badly, the best has 0.35.
         most_nats: greatest advantage of one character over another by depths: a stroke that dirt fills is one event,
-            however many samples it has. Without a limit 4 of 73 accepted parts of two more fonts were wrong, with 3
-            nats 1 of 68.
+            however many samples it has. Without a limit, 4 of 73 accepted parts of two more fonts were wrong; with 3
+            nats, 1 of 68.
     """
     belief = np.exp(together.log_belief)
     places = np.flatnonzero((belief.max(axis=1) < doubtful) & (belief.sum(axis=1) > 0.0))

@@ -1,11 +1,11 @@
-"""The pose of one character on a felt surface: place, turn, size and depth, by robust least squares.
+"""The pose of one character on a felt surface: position, rotation, size and depth, by robust least squares.
 
     felt depth                 predicted depth, moved, turned, sized        what is left
     .. 0 8 9 9 7 0 ..    -     ..  0 9 9 9 9 0 ..  x depth + a plane   =    noise, or dirt
 
-A sample is either felt as predicted, with noise, or it has no information: dirt lies on it, or a scratch runs there. A
-missing stroke, or a groove that the character does not have, counts against it only up to a limit. The logarithm
-of this mixture's likelihood, summed over the samples of a place, compares characters with each other.
+A sample is either as predicted, with noise, or it has no information, because of dirt or a scratch. So a missing
+stroke, or a groove that the character does not have, counts against the character only up to a limit. The logarithm of
+this mixture's likelihood, summed over the samples of a place, compares characters with each other.
 
 A pose is a vector of nine numbers:
 
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Glyph = NDArray[np.float32]
-"""(rows, columns, 3) of a predicted character, its middle in the middle pixel: relative depth, and its
+"""(rows, columns, 3) image of a predicted character, with its middle in the middle pixel: relative depth, and its
 gradient to the right and down, per character height."""
 PIXELS = 24
 """Pixels per character height."""
@@ -64,12 +64,12 @@ class PlaceSamples:
     """The depths that were felt around a place.
 
     Attributes:
-        right, down: (n,) distance from the middle of the place, character heights.
+        right, down: (n,) distances from the middle of the place, character heights.
         felt: (n,) depth below the surrounding land, in units of noise.
         usual: depth of the line's strokes in units of noise.
-        missed: share of samples that tell nothing.
+        missed: share of samples without information.
         span: range of the depths of those samples, in usual depths.
-        alike: number of neighbouring samples that count as one: noise and dirt are wider than a pixel.
+        alike: number of neighbouring samples that count as one, because noise and dirt are wider than a pixel.
     """
 
     right: Floats
@@ -98,7 +98,7 @@ class PlaceSamples:
         return along * math.exp(-at[WIDE]), across * math.exp(-at[TALL])
 
     def correlation(self, glyph: Glyph, at: Floats) -> float:
-        """Correlation of the felt depths, cut off above the usual one, with a character's, for any size."""
+        """Correlation of the felt depths, clipped near the usual one, with those of a character in a pose."""
         want = self.predict(glyph[..., :1], at)[:, 0]
         felt = np.clip(self.felt / self.usual, -0.5, 1.3)
         want, felt = want - want.mean(), felt - felt.mean()
@@ -146,8 +146,8 @@ class PlaceSamples:
 
         Args:
             glyph: the character.
-            about: the pose that is expected.
-            spread: standard deviations about it.
+            about: the expected pose.
+            spread: standard deviations of poses about it.
             start: the pose at which the fit begins.
             most_steps: greatest number of steps of the fit.
         """

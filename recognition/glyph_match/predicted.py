@@ -49,18 +49,18 @@ CANONICAL_HEIGHT_MM = 5.0
 PIXELS = 40
 """Template pixels per character height."""
 MOST_SETS = 26
-"""Template sets that a reader keeps: each takes some 15 MB with its derived values, so that it stays below 1 GB. To
-load one from the disk takes 10 ms, to predict it 0.5 s."""
+"""Template sets that a reader keeps: each takes some 15 MB with its derived values, together less than 1 GB. Loading
+one from the disk takes 10 ms, predicting it 0.5 s."""
 
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """All parameters on which a template set depends, without scale.
+    """All parameters on which a template set depends, independent of scale.
 
     Attributes:
-        raised: raised marks.
-        compliance: D11 over its yy element, row by row.
-        arm: third row of T1 over its length.
+        raised: whether the marks are raised.
+        compliance: D11 divided by its yy element, row by row.
+        arm: third row of T1 divided by its length.
         preload, tip_radius: both divided by the character height.
         friction: nominal friction.
         die: die at the canonical height.
@@ -99,7 +99,7 @@ def template_key(
         font: font of the characters.
         touch: touch with which they are felt.
         height_mm: height of the characters.
-        raised: whether they stand out.
+        raised: whether they are raised.
         face: face of the die.
         step: relative step of preload and depth between two sets; twice that of the tip's radius.
     """
@@ -118,7 +118,7 @@ def template_key(
 
 
 def round_to_ladder(value: float, step: float) -> float:
-    """Value rounded to a geometric ladder of the given relative step."""
+    """Round a value to a geometric series with this relative step."""
     ladder = math.log1p(step)
     return float(math.exp(round(math.log(value) / ladder) * ladder))
 
@@ -131,8 +131,8 @@ class TemplateSet:
         chars: (T,) characters.
         view: view of the whole plate.
         middles_mm: (T, 2) x, y of the glyphs' reference points.
-        patches: (T, directions, rows, cols) float32 edges, PIXELS to the height, the glyph's reference point in the
-            middle pixel; rows and cols odd.
+        patches: (T, directions, rows, cols) float32 edges, PIXELS per character height, with the glyph's reference
+            point in the middle pixel; rows and cols odd.
         half_width: (T,) half the ink's width, character heights.
         work: cache for values derived from the plate and its patches.
     """
@@ -159,7 +159,7 @@ class IdealPlate:
         surface: the plate.
         middles_mm: (T, 2) x, y of the glyphs' reference points.
         half_width: (T,) half the ink's width, character heights.
-        shape: (rows, cols) of a character's part of the plate, PIXELS to the height, both odd.
+        shape: (rows, cols) of a character's part of the plate, PIXELS per character height, both odd.
         rows: rows of the part that belong to the character's cell.
     """
 
@@ -191,7 +191,7 @@ def ideal_plate(
         font: font of the characters.
         chars: characters to strike.
         die: die that strikes them.
-        raised: whether they stand out.
+        raised: whether they are raised.
         cell_margin_heights: land kept around a glyph in its cell, character heights.
         land_heights: land that the plate has above and below all glyphs, character heights.
 
@@ -233,7 +233,7 @@ def lit_views(
     """Photographs of an ideal plate of matt metal, one under each light.
 
     Args:
-        plate: plate to be seen.
+        plate: the plate.
         lights: the lights.
         albedo: share of the light that the plate reflects.
         roughness: roughness of brushed metal, 0 to 1.

@@ -1,12 +1,12 @@
 """Prototypes: predicted characters of a font as features of the recogniser, compared with those of a strip.
 
-    font --plate, touch or lamp--> strip --recogniser's middle--> features --a window a character--> prototypes
-    part --the same--------------> strip --recogniser's middle--> features --a window a place------> cosines
+    font --plate, touch or lamp--> strip --recogniser's middle--> features --window of a character--> prototypes
+    part --the same--------------> strip --recogniser's middle--> features --window of a place------> cosines
 
-The recogniser has learned what dirt, wear and light do to a line. In its features a dirty mark and the clean one that
-is predicted are alike, where their maps are not: no weights are learned for it, and a new font is as good as a known
-one. A cosine is taken over the window of the prototype's ink and over all features, each about its mean along the
-predicted plate and in units of its spread there.
+The recogniser was trained on lines with dirt, wear and different lights. Therefore a dirty mark and the predicted clean
+one have similar features, although their maps differ. Nothing is trained for a font, so a new one works as well as a
+known one. A cosine is computed over the window of the prototype's ink and all features. Each feature is normalised by
+its mean and spread along the predicted plate.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from recognition.views.view import View
 
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Lights of predicted photographs: lamps from four sides, and a high one. Of 100 soiled photographs 41
-are accepted with all of them, 38 with the high one alone."""
+are accepted with all of them, and 38 with the high one alone."""
 
 Floats = NDArray[np.float64]
 
@@ -46,9 +46,9 @@ class Prototypes:
 
     Attributes:
         chars: (T,) characters.
-        values: (T, features, rows, steps) about their mean, in spreads; 0 beyond a character's own steps.
+        values: (T, features, rows, steps) normalised by `mean` and `spread`; 0 beyond a character's own steps.
         own: (T, steps) weight of each step, 0 to 1.
-        mean, spread: (features, 1, 1) along the predicted plate.
+        mean, spread: (features, 1, 1) mean and standard deviation along the predicted plate.
     """
 
     chars: tuple[str, ...]
@@ -75,9 +75,9 @@ def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) 
     """Prototypes of a font by camera, under each of several lights.
 
     Args:
-        font: which.
-        chars: characters that it has.
-        lights: under which photographs are predicted.
+        font: the font.
+        chars: characters of the font.
+        lights: lights under which photographs are predicted.
 
     Raises:
         FontError: a character that the font lacks.
@@ -108,7 +108,7 @@ def cut_out(
 
     Args:
         view: view of the plate.
-        middles_mm: (T, 2) x, y of their middles.
+        middles_mm: (T, 2) x, y of the middles of the characters.
         half_width: (T,) half the ink's width, character heights.
         half_steps: steps of features on either side of a character's middle: as wide as a W.
         beside_steps: steps beside a character's ink that count as its own.
@@ -137,9 +137,9 @@ def match_fonts(
 
     Args:
         views: views of one part, in one frame.
-        line: where the characters stand.
-        columns: (places,) of its strip.
-        fonts: prototypes of each font, one at least, for each touch or light; for each view those that fit best count.
+        line: line of the characters.
+        columns: (places,) columns of the characters in its strip.
+        fonts: prototypes of each font (at least one), for each touch or light; each view uses those that fit it best.
         lattice: posteriors of the other experts.
     """
     seen = [features_of(view.strip(line)) for view in views]
@@ -168,10 +168,10 @@ def cosines(
 
     Args:
         features: features of a strip.
-        columns: (places,) of the strip, where characters stand.
+        columns: (places,) columns of the characters in the strip.
         prototypes: prototypes of a font.
         moved_steps: greatest error of a place, steps.
-        move_cost: cosine that a step costs.
+        move_cost: loss of cosine per step.
     """
     seen = (features - prototypes.mean) / prototypes.spread
     wide = prototypes.own.shape[1]
@@ -195,15 +195,15 @@ def cosines(
 def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice, *, sharpness: float = 28.0) -> Lattice:
     """Turn cosines into a lattice over the characters that another lattice allows.
 
-    A character that a font lacks counts as likely as its least likely one.
+    A character that the font lacks is as likely as the font's least likely one.
 
     Args:
         cosine: (places, T).
-        chars: (T,) of the prototypes.
+        chars: (T,) characters of the prototypes.
         lattice: posteriors of the other experts.
-        sharpness: belief, as a logarithm, of a unit of cosine. Of 16 to 36, on 40 parts drawn like the exam's, less
-            what it keeps out (320 characters): log loss of templates alone 0.080 (0.091 at 20), of the mean with the
-            recogniser 0.071 (alone 0.075).
+        sharpness: log odds per unit of cosine; best of 16 to 36 on 40 parts (320 characters) drawn like the
+            exam's, without what is reserved for the exam. Log loss of the templates alone is 0.080 (0.091 at 20), of
+            the recogniser alone 0.075, of their mean 0.071.
     """
     allowed = np.isfinite(lattice.log_belief)
     log = np.full(allowed.shape, np.nan)

@@ -26,18 +26,18 @@ def usual_spacing(
 ) -> Spacing | None:
     """Estimate the spacing of characters from neighbours that both stand out; None if none do.
 
-    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely.
+    Either the spacing of the font plus a constant, or even spacing: whichever fits better.
 
     Args:
         placed: the characters.
         chars: (T,) characters of the templates.
-        font: whose they are.
-        full: (T,) what each template earns where its character stands clean.
+        font: font of the templates.
+        full: (T,) reward of each template on its own clean character.
         gaps: places before a word gap.
         pixels: pixels per character height.
         step_cost: cost of a distance that is off by a character height, in units of `full`.
         step_limit: greatest such cost.
-        stands_out: share of `full` that both neighbours must earn.
+        stands_out: least reward of both neighbours, as a share of `full`.
     """
     glyphs = [font.glyph(c) for c in chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
@@ -73,7 +73,7 @@ def place_bounds(
         half_cols: (T,) half the ink's width of each template, pixels.
         width: width of the image.
         pixels: pixels per character height.
-        side_heights: land beside a character's ink that its place takes in at most, character heights.
+        side_heights: most land beside a character's ink that belongs to its place, character heights.
     """
     middles, half = np.array([p.column for p in placed]), half_cols[[p.template for p in placed]]
     left, right, side = middles - half, middles + half, round(side_heights * pixels)

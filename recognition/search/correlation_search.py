@@ -1,6 +1,6 @@
 """Line search by template matching: a font's templates find and read lines, without any network.
 
-view --at several sizes--> responses of all templates --rows where a chain explains much--> candidates
+view --at several sizes--> responses of all templates --rows that a chain explains well--> candidates
 candidate --at full resolution--> chain, its rows, its spacing --every template in every cell--> Steps --> ReadLine
 """
 
@@ -61,8 +61,8 @@ class CorrelationLimits:
         smallest: least character height, as a share of the view's smaller side.
         largest: greatest character height, as a share of the view's smaller side.
         size_step: ratio between neighbouring heights.
-        first_sizes: heights that are searched at once, most promising first.
-        most_sizes: heights that are searched if those are not convincing.
+        first_sizes: number of heights that are searched first.
+        most_sizes: number of heights that are searched if those are not convincing, including them.
         slopes: slopes of a line relative to the view's rows, positive if it falls along +x: up to 5 degrees.
         rows_a_size: number of rows of each size that are tried as lines.
         most_lines: number of lines that are read at full resolution.
@@ -92,7 +92,7 @@ class CorrelationSearch(LineSearch):
 
     Attributes:
         fonts: fonts to compare.
-        predict: predicts the templates of a font's characters, and keeps them.
+        predict: function that predicts the templates of a font's characters; it should cache them.
         matching: resolution and range of the search.
     """
 
@@ -136,13 +136,13 @@ class CorrelationSearch(LineSearch):
         return seen
 
     def refine(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
-        """Return the best line; `looks` has already moved it to its place."""
+        """Return the best line; `_look` has already moved it to its place."""
         return seen[0]
 
     def more_looks(
         self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = ()
     ) -> list[Steps]:
-        """Return nothing: `looks` has already tried every position near the line."""
+        """Return nothing: `_look` has already tried every position near the line."""
         return []
 
     def _glyphs(
@@ -207,7 +207,7 @@ class CorrelationSearch(LineSearch):
     def _lines_of_size(
         self, view: View, font: Font, style: MarkStyle, height_mm: float
     ) -> list[tuple[float, TextLine]]:
-        """Find lines of characters of one height, each with the amount that it explains."""
+        """Find lines of characters of one height, each with the total reward of its chain."""
         glyphs = self._glyphs(font, style, height_mm, pixels=self.matching.coarse_pixels)
         seen, found = _Rows(view, glyphs, height_mm), []
         ranked = sorted(seen.row_sums(self.matching.slopes), key=lambda one: -one[0])
@@ -316,7 +316,7 @@ class _Rows:
 
 @dataclass(frozen=True, eq=False)
 class _PlacedLine:
-    """Characters found along a line, the total that they explain, and their rows in the line's image."""
+    """Characters found along a line, their total reward, and their rows in the line's image."""
 
     line: TextLine
     image: Image

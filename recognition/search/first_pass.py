@@ -4,8 +4,8 @@
                                                                                                      |
                                                      whisker, preload and plan of the scan that is read
 
-A bench has nothing else to go by, so neither has a height map that is read by touch. Where the height is given, that
-is taken and nothing is felt beforehand.
+On a bench, nothing else shows the height of the characters. A height map that is read by touch is treated the same way.
+If the height is known, there is no first pass.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import default_touch
 
 Feel = Callable[[HeightMap, float], Scan]
-"""Scans a level surface for characters of a height, mm."""
+"""A function that scans a level surface for characters of a height, mm."""
 
 FIRST_HEIGHT_MM = 4.0
 """Character height for which the whiskers are made; they find characters of 0.8 to 25 mm."""
@@ -60,12 +60,12 @@ def felt_heights_mm(
     """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
 
     Args:
-        search: looks for lines in what was felt.
+        search: search for lines in the felt view.
         surface: the part, level.
         fidelity: fidelity of the contact.
         soil: dirt into which the tip sinks, and the part's friction, if known.
-        feel: scans the surface in place of the default plan and ideal sensors.
-        most: greatest number of heights; each is worth a scan, until a reading is accepted.
+        feel: function that scans the surface (default: the default plan with ideal sensors).
+        most: greatest number of heights; the part is scanned for one after the other until a reading is accepted.
 
     Raises:
         MapError: a map that cannot be scanned, a soil on another grid.
@@ -83,7 +83,7 @@ def felt_heights_mm(
 
 
 def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None, first_lines: int = 26) -> Scan:
-    # first_lines: lines of the first pass per height of this size: characters half as high still have thirteen.
+    # first_lines: lines per height of `FIRST_HEIGHT_MM`; characters half as high still have thirteen
     plan = default_plan(
         (0.0, 0.0, *surface.size_mm),
         character_height_mm=FIRST_HEIGHT_MM,

@@ -1,8 +1,8 @@
 """Read the lines of a view: which one is the serial, and the posteriors of each.
 
-    view --LineSearch--> the line that says most --more looks, more experts--> ReadLine
+    view --LineSearch--> the most promising line --more looks--> ReadLine
 
-The format decides which of several lines is meant. Other text on the part is kept as unassigned
+The format decides which of several lines is the serial. Other text on the part is kept as unassigned
 (`PartLines.others`).
 """
 
@@ -32,8 +32,8 @@ class LineReader:
     """Reads views.
 
     Attributes:
-        search: line search; it knows the format and the characters that may occur.
-        lines: others that stand on the part, by name.
+        search: line search, with the format and the characters that may occur.
+        lines: other lines of the part, by name.
         moves: moves of further readings of a line.
         between: the move of a reading whose steps fall halfway between those of the first.
     """
@@ -63,14 +63,14 @@ class LineReader:
 
         Args:
             view: view to be read.
-            others: further views of the same part, in its frame: other lights. They are looked at where one is not
-                enough.
+            others: further views of the same part, in its frame, under other lights. They are read if the first one is
+                not enough.
             about: position of the line, if known.
-            twice: look a second time even where one look is sure: where templates have a say, places must be right.
+            twice: look a second time even if one look is sure: templates need accurate places.
         """
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
-            # that one of several lights is sure of a text, where the first one was not, is chance: all are heard then
+            # if the first light is not sure but a later one is, that may be chance: then the line is read in all views
             looked.append(
                 (one, self.search.read_once(one, [about]) if about is not None else self.search.lines(one))
             )
@@ -95,11 +95,11 @@ class LineReader:
             if found is not None:
                 named[name] = found
                 rest = [one for one in rest if apart(one, found)]
-        unclaimed: list[ReadLine] = []
+        unassigned: list[ReadLine] = []
         for line in rest:
-            if _is_text(line) and all(apart(line, other) for other in unclaimed):
-                unclaimed.append(line)
-        return PartLines(main, MappingProxyType(named), tuple(unclaimed), _candidates(view, meant))
+            if _is_text(line) and all(apart(line, other) for other in unassigned):
+                unassigned.append(line)
+        return PartLines(main, MappingProxyType(named), tuple(unassigned), _candidates(view, meant))
 
     def _line_named(
         self, view: View, rest: Sequence[ReadLine], asked: LineFormat, *, asked_evidence: float = -4.0
@@ -107,8 +107,7 @@ class LineReader:
         """Line that matches a format and region; None if none does.
 
         Args:
-            asked_evidence: log probability of all that a format allows, from which a line is the one that was asked
-                for, and no other.
+            asked_evidence: log probability of the format above which a line is the requested one.
         """
         fits = [
             read
@@ -123,11 +122,10 @@ class LineReader:
         return best if best.evidence > asked_evidence else None
 
     def _right_way_up(self, view: View, best: ReadLine, *, plain_evidence: float = -0.5) -> ReadLine:
-        """The line in the direction in which more is read; unchanged if it is beyond doubt.
+        """The line in the direction that is more promising; unchanged if there is no doubt.
 
         Args:
-            plain_evidence: log probability of all that the format allows, from which a line is not read upside down
-                as well.
+            plain_evidence: log probability of the format above which a line is not also read upside down.
         """
         plain = is_convincing([best], self.search.limits.plain) and best.evidence > plain_evidence
         if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
@@ -144,16 +142,16 @@ class LineReader:
         closely: bool = False,
         twice: bool = False,
     ) -> ReadLine | None:
-        """Return the posteriors of a line: from one look if that is sure, from several if not.
+        """Return the posteriors of a line: from one look if that is sure, otherwise from several.
 
-        Where asked for `closely`, several looks are always taken.
+        With `closely`, always from several.
         """
         line, looks = best.line, list(best.looks)
         read = combine_looks(line, looks, grammar)
         if read is None or closely or not is_agreed(read):
             looks += self.search.more_looks(view, line, (self.between, *self.moves))
             for number, other in enumerate(others, start=1):
-                # another light shows the line first as it lies
+                # under another light, look first without a move
                 more = self.search.more_looks(other, line, ((0.0, 1.0, 0), *self.moves))
                 looks += [replace(one, view=number) for one in more]
             return combine_looks(line, looks, grammar)
@@ -166,13 +164,13 @@ class LineReader:
 def _candidates(
     view: View, meant: Sequence[ReadLine], *, most_candidates: int = 4, most_across: float = 0.9
 ) -> tuple[TextLine, ...]:
-    """Lines that do not overlap, at most as many as a person may want to see, without those across the whole view.
+    """The first few lines that do not overlap, without those across the whole view.
 
     Args:
         view: view of the part.
         meant: lines that may be the serial's, most promising first.
-        most_candidates: lines that are named to a person where none was read.
-        most_across: share of the view's width that they may take.
+        most_candidates: most lines.
+        most_across: greatest length of a line, as a share of the view's width.
     """
     kept: list[ReadLine] = []
     for one in meant:
@@ -183,7 +181,7 @@ def _candidates(
 
 
 def apart(one: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
-    """Whether two lines are different ink: their characters fit above each other.
+    """Whether two lines are different ink: there is room for the characters of both, one line above the other.
 
     Args:
         room: distance of two lines' middles, as a share of both heights, below which they are the same ink.
@@ -196,8 +194,8 @@ def _is_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3)
     """Whether a line can be read as any text.
 
     Args:
-        other_belief, other_places: mean probability, and places, from which another line on the part is unassigned
-            text.
+        other_belief: least mean probability of the characters.
+        other_places: least number of places.
     """
     lattice, _ = one.open_places
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
@@ -209,8 +207,8 @@ def is_agreed(one: ReadLine, *, agreed: float = 0.99, agreed_evidence: float = -
 
     Args:
         one: the line.
-        agreed, agreed_evidence: probability of every place, and log probability of all that the format allows, from
-            which one look is enough.
+        agreed: least probability of the best character at every place.
+        agreed_evidence: least log probability of the format.
     """
     texts = {own.text for own in one.by_expert.values()}
     least = float(np.exp(one.lattice.log_belief.max(axis=1)).min())

@@ -27,9 +27,9 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 
 Try: TypeAlias = tuple[Callable[[], list[TextLine]], float]
-"""Proposes lines; and the share of the greatest promise from which it is not asked."""
+"""A function that proposes lines, and the share of the greatest promise from which it is not called."""
 UPSIDE_DOWN_DEG = 105.0
-"""Rotation from level beyond which a line is upside down. One that runs straight up or down, a little askew, is not."""
+"""Rotation from level beyond which a line is upside down. One that runs about straight up or down is not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +47,10 @@ class SearchLimits:
         settled: share of the greatest promise above which a line is not refitted to its ink.
         hopeless: promise of a place below which a line is not refined. Of 90 photographs of the calibration design 39
             searches ended below it; refining gave one of these a text, which was wrong.
-        clear_heights: length that the finder is sure of, character heights, from which a line is no clutter and much
-            smaller ones are not searched: on 24 cluttered frames the clutter reached 1.1.
+        clear_heights: finder's score from which a line is not clutter, and much smaller ones are not searched. On 24
+            cluttered frames the clutter reached 1.1.
         most_refits: most refits of a line to its ink.
-        refit_gain: share of a line's doubt that a refit must remove.
+        refit_gain: least share of a line's doubt that a refit must remove.
         most_resized: greatest number of times that a doubtful line of a photograph is resized.
         growths: character heights by which a line is lengthened if a character lies at its end.
         most_growths: greatest number of times that a line is lengthened.
@@ -82,7 +82,7 @@ class LineSearch:
         chars: characters to search for.
         height_mm: height of the characters, if known.
         region: region that holds the middle of the serial's line (default: the whole view).
-        orientation: possible ways up of the parts.
+        orientation: possible orientations of the parts.
         limits: limits of the search.
     """
 
@@ -144,7 +144,7 @@ class LineSearch:
         small: list[Try] = [(lambda: self._in_tiles(view, fine=False), limits.some)]
         # a known height is one scale, which the first of these has searched
         if not known and max((one.score for one in found), default=0.0) < limits.clear_heights:
-            # a line may be read at twice its height, and say much
+            # a line may be promising although it is read at twice its height
             small.append((lambda: self._in_tiles(view, fine=True), limits.plain))
         at = 2 if view.kind is ViewKind.PHOTO else len(tries)
         tries[at:at] = small
@@ -154,7 +154,7 @@ class LineSearch:
                 break
             looked = self.read_once(view, propose())
             if (propose, enough) in small:
-                # the best of many noisy tiles looks better than the whole: without promise it is only a guess
+                # the best of many noisy tiles has a high score by chance: without promise it is only a guess
                 promising = sum(promise_of(one) > 0.0 for one in looked)
                 guesses += looked[promising:]
                 looked = looked[:promising]
@@ -187,7 +187,7 @@ class LineSearch:
         self, view: View, *, fine: bool, most_small: int = 16, most_reversed: int = 4
     ) -> list[TextLine]:
         # most_small: number of small lines that are read; many of those found are only edges of a machine. In 24
-        # cluttered frames the serial was among the first ten, and the first four where it was read
+        # cluttered frames the serial was among the first ten, and if it was read, among the first four
         # most_reversed: number of these that are also read upside down
         found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm, fine=fine)
         lines = [one.line for one in found[:most_small]]
@@ -308,7 +308,7 @@ def _shows_shapes(
 
 
 def _other_text(found: Sequence[FoundLine], best: TextLine, *, text_share: float = 0.15) -> list[TextLine]:
-    """Lines beside the best one that are probably text: their share of its score is that of some three characters."""
+    """Lines besides the best one that are probably text: with at least about three characters' share of its score."""
     return [
         one.line
         for one in found[1:]

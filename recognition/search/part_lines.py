@@ -17,14 +17,14 @@ Region = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class LineFormat:
-    """A line that stands on a part beside its serial.
+    """A line that a part has besides its serial.
 
     Attributes:
         grammar: format of the line.
-        region: where its middle may lie (default: anywhere).
+        region: region that contains its middle (default: anywhere).
 
     Raises:
-        ValueError: a region that is none.
+        ValueError: an invalid region.
     """
 
     grammar: Grammar
@@ -38,7 +38,7 @@ def check_region(region: Region | None) -> None:
     """Check a region.
 
     Raises:
-        ValueError: it is not.
+        ValueError: it is invalid.
     """
     if region is not None:
         left, top, right, bottom = region
@@ -65,8 +65,8 @@ def about_region(
     """Part of a view with all lines whose middle is in a region; the whole view if that is most of it.
 
     Args:
-        margins: around a region, across and down, as shares of its size: the line's middle lies in it, not its ends.
-        most_of_view: share of a view from which its part about a region is not worth a search of its own.
+        margins: around a region, across and down, as shares of its size: only the middle of a line must be in it.
+        most_of_view: share of the view above which the whole view is returned.
     """
     if region is None:
         return view
@@ -86,8 +86,8 @@ class PartLines:
     """Lines read on a view.
 
     Attributes:
-        main: the line that the format means; None if there is none.
-        named: other lines that were asked for, by name, as far as they were found.
+        main: the line of the serial; None if there is none.
+        named: other requested lines that were found, by name.
         others: unassigned lines that can be read as well.
         candidates: places that look like the serial's line, the most promising first; they lie apart.
     """
