@@ -276,14 +276,11 @@ class _Part:
 
 def region_around(line: TextLine, field_mm: Region) -> Region:
     """Return the region to feel around a line, within the field."""
-    along, across = MARGIN_HEIGHTS
+    along_mm, across_mm = (share * line.height_mm for share in MARGIN_HEIGHTS)
+    across_mm += 0.5 * line.height_mm  # the characters themselves
     (x0, y0), (x1, y1) = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
-    wide, high = (
-        (along, across)
-        if abs(line.turned_deg) % 180.0 < 45.0 or abs(line.turned_deg) > 135.0
-        else (across, along)
-    )
-    wide, high = wide * line.height_mm, (high + 0.5) * line.height_mm
+    upright = 45.0 <= abs(line.turned_deg) <= 135.0
+    wide, high = (across_mm, along_mm) if upright else (along_mm, across_mm)
     return (
         max(field_mm[0], float(x0) - wide),
         max(field_mm[1], float(y0) - high),

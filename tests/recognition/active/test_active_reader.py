@@ -101,6 +101,15 @@ def test_land_is_given_up_soon() -> None:
     assert found.stage_s < 15.0  # nine passes of some 1.5 s
 
 
+def test_a_line_that_runs_down_has_the_land_of_a_level_one() -> None:
+    level = region_around(
+        TextLine.straight(20.0, 20.0, length_mm=20.0, height_mm=HEIGHT_MM), (0.0, 0.0, 60.0, 60.0)
+    )
+    centre = np.array([[20.0, 20.0], [20.0, 40.0]])
+    down = region_around(TextLine(centre, HEIGHT_MM), (0.0, 0.0, 60.0, 60.0))
+    assert down == pytest.approx((level[1], level[0], level[3], level[2]))
+
+
 def test_a_known_line_is_felt_and_nothing_else() -> None:
     line = TextLine.straight(6.0, 8.0, length_mm=20.0, height_mm=HEIGHT_MM)
     field = (0.0, 0.0, 60.0, 25.0)
