@@ -170,7 +170,7 @@ def _orientation_doubts(
 
 
 def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[Finding, ...]]:
-    """Join the other lines of both senses, the surer one of each, and say where they disagree."""
+    """Join the other lines of both senses, the surer one of each, and report where they disagree."""
     joined = {(line.name, line.name or line.text): line for line in touch.others}
     named, found = {line.text for line in (*touch.others, *vision.others) if line.name}, []
     for line in vision.others:

@@ -92,7 +92,7 @@ class OtherLine:
         text: text of the line.
         confidence: probability that all of it is right, 0 to 1.
         box: position; None if not known.
-        may_be_serial: whether the serial's format allows what it reads.
+        may_be_serial: whether its text may fit the serial's format.
         line: the line in the view that was read; None if not known.
     """
 
@@ -175,7 +175,7 @@ class Reading:
         seconds: seconds of each step.
         findings: meaning of its flags on this part, with places and numbers.
         notes: further notes, such as "read by touch alone".
-        unit: unit of height and boxes: "px", of the photograph as taken, if its scale is unknown.
+        unit: unit of height and boxes: "mm", or "px" (pixels of the original photograph) if the scale is unknown.
         others: the part's other lines.
         photos: number of photographs that were read; 0 for touch alone.
         codes: Data Matrix and QR codes in them.

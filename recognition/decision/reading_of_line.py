@@ -298,7 +298,7 @@ def small_letters(
         looks: the recogniser's outputs along the line.
         columns: (places,) column of each place.
         text: text of the line.
-        least_small: probability of a small letter from which a person is asked.
+        least_small: probability of a small letter above which it is reported.
     """
     if columns.size < 2:
         return ()

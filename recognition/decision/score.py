@@ -268,7 +268,7 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     A fused reading whose text has no log odds by touch is scored as one of the camera.
 
     Args:
-        reading: reading of one sense or both, with what it was made from in its trace.
+        reading: reading of one sense or both, with its data in the trace.
         without: quantities that are treated as unknown, to see what each is worth.
     """
     if not reading.characters:

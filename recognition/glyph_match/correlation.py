@@ -191,7 +191,7 @@ def chain_of(
         response: (T, columns) best correlation of every template near the line's middle.
         glyphs: the templates.
         font: font of the templates.
-        places: characters that a format allows at each place; None where their number is open.
+        places: characters that a format allows at each place; None if their number is unknown.
         gaps: places of the format before a word gap.
         chance: correlation up to which a template explains nothing, because any strokes reach it.
         overlap_heights: overlap that is allowed between neighbours, character heights.

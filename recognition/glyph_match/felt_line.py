@@ -320,7 +320,7 @@ def felt_line(
 
     Args:
         view: felt view, with heights.
-        line: where the text was found.
+        line: position at which the text was found.
         columns: (places,) columns of the places in the line's strip.
         text: one character for each place.
         fonts: fonts to compare with.

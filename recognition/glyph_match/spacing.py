@@ -24,7 +24,7 @@ def usual_spacing(
     step_limit: float = 1.2,
     stands_out: float = 0.35,
 ) -> Spacing | None:
-    """Estimate the spacing of characters from neighbours that both stand out; None if none do.
+    """Estimate the spacing of characters from neighbours that both stand out; None if there are none.
 
     Either the spacing of the font plus a constant, or even spacing: whichever fits better.
 

@@ -53,7 +53,7 @@ class Choice:
             were not tested count against it.
         rivals: the next best, best first.
         chars: (C,) characters.
-        places: (places, C) belief in each character at each place under the grammar: its share of Z, times
+        places: (places, C) probability of each character at each place under the grammar: its share of Z, times
             a_i / (a_i + r_i). The rest of a row to 1 is "no character", or unknown.
         valid_mass: Z, the lattice's own probability of all allowed strings together (an upper bound with an
             opaque check digit).

@@ -63,7 +63,7 @@ class ExpressionMachine:
 
     Attributes:
         next_state: (states, C) int64, -1 where the character may not follow.
-        final: (states,) bool, where the text may end.
+        final: (states,) bool, whether the text may end in this state.
     """
 
     next_state: NDArray[np.int64]
@@ -78,7 +78,7 @@ class ExpressionMachine:
         return self.next_state
 
     def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        """(states,): where the text may end."""
+        """(states,): whether the text may end in this state."""
         return self.final
 
     def lengths(self) -> frozenset[int]:

@@ -1,4 +1,4 @@
-"""Posteriors of every place of a line, before a grammar is applied."""
+"""Posteriors of every place of a line."""
 
 from __future__ import annotations
 

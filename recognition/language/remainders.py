@@ -1,4 +1,4 @@
-"""Check digits as a remainder that each character updates; a text is valid if the remainder ends at a given value.
+"""Check digits as a remainder that each character updates; a text is valid if the remainder ends at a fixed value.
 
 A search can update it character by character, and sum over all valid texts without listing them
 (`recognition.language.automaton`).

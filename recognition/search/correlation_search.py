@@ -66,7 +66,7 @@ class CorrelationLimits:
         slopes: slopes of a line relative to the view's rows, positive if it falls along +x: up to 5 degrees.
         rows_a_size: number of rows of each size that are tried as lines.
         most_lines: number of lines that are read at full resolution.
-        beyond_heights: margin that is read before and after a line, character heights: a character may stand there.
+        beyond_heights: margin that is read before and after a line, in case it has more characters; character heights.
         most_rereads: greatest number of times that a line is read again along its characters.
         off_heights: a line is read again if a character lies further from its row than this, character heights.
     """

@@ -70,7 +70,7 @@ class LineReader:
         """
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
-            # if the first light is not sure but a later one is, that may be chance: then the line is read in all views
+            # if only a later light is sure, that may be chance: then the line is read under all lights
             looked.append(
                 (one, self.search.read_once(one, [about]) if about is not None else self.search.lines(one))
             )

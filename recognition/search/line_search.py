@@ -45,7 +45,7 @@ class SearchLimits:
         sure: share of the greatest promise from which a line is convincing, and fainter lines are not searched.
         some: share of the greatest promise from which rotated and small lines are not searched.
         settled: share of the greatest promise above which a line is not refitted to its ink.
-        hopeless: promise of a place below which a line is not refined. Of 90 photographs of the calibration design 39
+        hopeless: promise per place below which a line is not refined. Of 90 photographs of the calibration design 39
             searches ended below it; refining gave one of these a text, which was wrong.
         clear_heights: finder's score from which a line is not clutter, and much smaller ones are not searched. On 24
             cluttered frames the clutter reached 1.1.
@@ -120,7 +120,7 @@ class LineSearch:
         felt       617     213      17           3       1         0             0
         photograph 341     307      10          39       2         2             0
 
-        None of these parts runs down, and few lie upside down.
+        No line of these parts runs down, and few are upside down.
         """
         found = self._usual(view)
         seen = self.read_once(view, _straight_and_bent(found[:1]))

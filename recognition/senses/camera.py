@@ -56,7 +56,7 @@ class VisionReader:
             )
         repertoire = Repertoire(self.settings)
         self.fonts, self._scaled = repertoire.fonts, LineReader(repertoire.search, self.settings.asked)
-        # a height in mm says nothing about a photograph of unknown scale
+        # a height in mm cannot be used on a photograph of unknown scale
         self._unscaled = replace(self._scaled, search=replace(repertoire.search, height_mm=None))
 
     def read_photo(self, photo: Photo) -> Reading:

@@ -169,7 +169,7 @@ class Repertoire:
         for font in self.fonts if settings.fonts else ():
             lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:
-                asked = settings.format if isinstance(settings.format, str) else "given"
+                asked = settings.format if isinstance(settings.format, str) else str(settings.grammar)
                 raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {asked!r} needs")
 
     @cached_property

@@ -140,7 +140,7 @@ class TactileReader:
         flags: ReadingFlag = ReadingFlag.NONE,
         about: TextLine | None = None,
     ) -> Reading:
-        """Read an edge map that was felt with the given touch.
+        """Read an edge map that was felt with a known touch.
 
         Args:
             edges: the edge map.

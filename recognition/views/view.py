@@ -63,7 +63,7 @@ class View:
     """A view of a part: layers on a grid.
 
     Attributes:
-        kind: where it comes from.
+        kind: source of the view.
         layers: (LAYERS, rows, columns) float32, read-only, finite.
         pitch_mm: pitch of the grid; 1 for a photograph of unknown scale, whose millimetres are pixels.
         origin_mm: x, y of the first pixel.
@@ -149,7 +149,7 @@ class View:
         """Cut out a line, straightened, with characters of one size.
 
         Args:
-            line: where it lies.
+            line: position of the line.
             rows: number of rows; the middle one is the middle of the line.
             margin: margin of land before and after it, character heights.
             zoom: pixels per pixel of a usual strip.

@@ -16,8 +16,8 @@ def character(*beliefs: tuple[str, float]) -> CharacterReading:
 
 
 @pytest.mark.parametrize("corners", [(1.0, 0.0, 0.5, 1.0), (0.0, 1.0, 1.0, 0.5)])
-def test_a_box_does_not_run_backwards(corners: tuple[float, float, float, float]) -> None:
-    with pytest.raises(ValueError, match="backwards"):
+def test_a_box_does_not_end_before_it_begins(corners: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ValueError, match="ends before it begins"):
         Box(*corners)
 
 
