@@ -131,8 +131,8 @@ DEPTH_RULES: tuple[DepthRule, ...] = (
         "2.5 to 4.0 mm high 0.15 to 0.30 mm deep",
     ),
 )
-"""Summaries of rules: before you rely on one, check the original, in the edition that binds you. 49 CFR 565 of the
-United States requires a height of vehicle identification numbers, but no depth."""
+"""The built-in rules, summarised: before you rely on one, check the original, in the edition that binds you. 49 CFR 565
+of the United States requires a height of vehicle identification numbers, but no depth."""
 
 _MM = r"(\d+\.?\d*|\.\d+)"
 _WORD = re.compile(rf"(burr|height)={_MM}|{_MM}?:{_MM}?(?:@{_MM}?:{_MM}?)?")

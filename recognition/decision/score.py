@@ -7,7 +7,8 @@
 Some twenty measures are named: posteriors, strokes, size and depth of marks, rough land. The score weighs some of them;
 all are compared between parts that were certified and parts that are read (`pipeline.reading.certificate_statistics`).
 
-Each quantity adds log odds along a piecewise linear curve that never turns back: a better value never lowers the score.
+Each quantity adds log odds along a piecewise linear curve that only rises or only falls: a better value never lowers
+the score.
 Touch, the camera and both together each have their own weights. They are in `score.fit.json`, with a note of the data.
 `python tests/benchmarks/fit_score.py` fits them, and tests them on parts that the fit left out.
 """

@@ -315,8 +315,8 @@ def felt_line(
 ) -> FeltLine:
     """Find whether the marks of a line are sunk or raised, and the height at which its text fits some font best.
 
-    The recogniser also reads a line whose height is wrong by half, but then the strokes miss the grooves. Raised marks
-    are rare, and badly read text under dirt fits neither way.
+    The recogniser also reads a line that was found half too high, but then the strokes miss the grooves. Sunk marks are
+    tried first: raised ones are rare, and text that was read badly under dirt fits neither way.
 
     Args:
         view: felt view, with heights.

@@ -51,7 +51,7 @@ class Automaton:
     Attributes:
         chars: (C,) characters.
         steps: one per place, (states before, C) int64: the state after each character, -1 where it is not allowed.
-            The first has one row, or none if no string is allowed. A string may end in every state after the last.
+            The first has one row, or none if no string is allowed. A string may end in any state after the last place.
     """
 
     chars: tuple[str, ...]

@@ -99,7 +99,7 @@ def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> Text
     """Limit a line's height to the tolerance of marks about the known height.
 
     Args:
-        nominal: greatest ratio of the true height to the known one, and the reverse.
+        nominal: greatest ratio between the line's height and the known one.
     """
     return TextLine(line.centre_mm, float(np.clip(line.height_mm, height_mm / nominal, height_mm * nominal)))
 

@@ -77,7 +77,7 @@ class TextLine:
 
     @property
     def reversed(self) -> TextLine:
-        """The same line on a part that lies upside down."""
+        """The line in the other direction, for a part that lies upside down."""
         return TextLine(self.centre_mm[::-1], self.height_mm)
 
     def columns(self, *, margin: float = MARGIN) -> int:
