@@ -118,7 +118,7 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(cluster: ClusterProces
         outcomes = {o.task: o for o in executor.calls(dies_of_seven, str(tmp_path), range(12))}
     assert sorted(outcomes) == list(range(12)), cluster.told()
     assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
-    assert "workers have died of it" in str(outcomes[7].error)
+    assert "workers have died with it" in str(outcomes[7].error)
 
 
 def test_a_lost_scheduler_ends_the_run(cluster: ClusterProcess, tmp_path: Path) -> None:
