@@ -113,7 +113,7 @@ def samples(
     time_s = (np.arange(felt_at.stop - felt_at.start) + 0.5) / record.rate_hz
     run_mm = moves.ramp.at_mm(time_s)
     at_mm = moves.first_mm + order.sample_pitch_mm * np.arange(order.n_samples, dtype=np.float64)
-    felt = _averaged(run_mm, lines[felt_at], at_mm, order.sample_pitch_mm)
+    felt = _average_around(run_mm, lines[felt_at], at_mm, order.sample_pitch_mm)
     nearest = np.clip(np.searchsorted(run_mm, at_mm), 0, run_mm.size - 1)
     clipped = record.clipped[felt_at][:, list(moves.whisker)][nearest].T
     rate_hz = moves.speed_mm_s / order.sample_pitch_mm
@@ -121,11 +121,11 @@ def samples(
     if moves.air_s > 0.0:
         time_s = np.arange(air_at.stop - air_at.start) / record.rate_hz
         at_s = (np.arange(order.air_samples, dtype=np.float64) + 2.0) / rate_hz
-        air = _averaged(time_s, lines[air_at], at_s, 1.0 / rate_hz)
+        air = _average_around(time_s, lines[air_at], at_s, 1.0 / rate_hz)
     return air, felt, clipped
 
 
-def _averaged(
+def _average_around(
     x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
 ) -> NDArray[np.float64]:
     """(channels, at) means of (samples, channels) over a width around each point, against aliasing."""

@@ -127,7 +127,7 @@ class DaqSettings(Strict):
     answer_s: Positive = 3.0
 
     @model_validator(mode="after")
-    def _wired(self) -> DaqSettings:
+    def _check_wiring(self) -> DaqSettings:
         if self.kind == "line" and not self.port:
             raise ValueError('a "line" converter needs its port')
         if self.kind == "nidaqmx" and not (self.channels and self.sync_channel):

@@ -23,7 +23,7 @@ _CALIBRATED_HEIGHTS = 3.0
 
 
 @contextlib.contextmanager
-def _opened(settings: BenchSettings) -> Iterator[Bench]:
+def _open_bench(settings: BenchSettings) -> Iterator[Bench]:
     """Open a bench; SIGTERM and SIGHUP end it like an interrupt, so that it lifts and is closed."""
     from pipeline.bench.bench import Bench
 
@@ -51,7 +51,7 @@ def check(bench: Path) -> None:
     """
     from pipeline.bench.settings import read_bench
 
-    with _opened(read_bench(bench)) as opened:
+    with _open_bench(read_bench(bench)) as opened:
         print(f"stage: {opened.greeting}\nconverter: {opened.daq.describe()}")
 
 
@@ -65,7 +65,7 @@ def home(bench: Path) -> None:
     """
     from pipeline.bench.settings import read_bench
 
-    with _opened(read_bench(bench)) as opened:
+    with _open_bench(read_bench(bench)) as opened:
         opened.home()
         x, y, z = opened.stage.place_mm()
         print(f"homed; the stage is at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
@@ -102,7 +102,7 @@ def calibrate(bench: Path) -> None:
         speed_mm_s=5.0 * height,
         air_samples=256,
     )
-    with _opened(settings) as opened:
+    with _open_bench(settings) as opened:
         opened.home()
         found = opened.calibrate(order)
     print("gains_known = true")
@@ -167,7 +167,7 @@ def scan(
         return _draw(passes, settings, dry_run)
     assert out is not None
     check_recording(out)
-    with _opened(settings) as opened:
+    with _open_bench(settings) as opened:
         session = opened.session(part_id)
         if active:
             return scan_actively(session, out, height_mm=fitting.height_mm, budget_s=budget_s, format=format)

@@ -108,7 +108,7 @@ def fitness(request: Request) -> dict[str, Quantity]:
 
 def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> None:
     """Print the request, the whisker to build, its edge contrast, and the limits that bind."""
-    print("\n".join(_described(design)))
+    print("\n".join(_describe(design)))
     if tuned is not None:
         _print_tuned(tuned)
     else:
@@ -118,7 +118,7 @@ def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tune
         _print_trade(trade)
 
 
-def _described(design: Design) -> list[str]:
+def _describe(design: Design) -> list[str]:
     """Describe the task, the whisker to build, and its use."""
     r, w = design.request, design.whisker
     low, high = (math.degrees(a) for a in r.alpha_rad)

@@ -260,7 +260,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except CycloptsError as error:
-        return _complain(_explained(error), USAGE)
+        return _complain(_explain(error), USAGE)
     except CommandError as error:
         # the output pipe is closed: end as other programs in a pipe do
         return BROKEN_PIPE if error.status == BROKEN_PIPE else _complain(str(error), error.status)
@@ -329,7 +329,7 @@ def _open_streams() -> None:
             given.detach()
 
 
-def _explained(error: CycloptsError) -> str:
+def _explain(error: CycloptsError) -> str:
     if isinstance(error, ValidationError):
         from pipeline.cli.settings import explained
 

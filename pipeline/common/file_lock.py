@@ -31,14 +31,14 @@ def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
     """
     handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o600)
     try:
-        while not (held := _locked(handle, wait=wait)) and wait:
+        while not (held := _try_lock(handle, wait=wait)) and wait:
             time.sleep(_AGAIN_S)
         yield held
     finally:
         os.close(handle)
 
 
-def _locked(handle: int, *, wait: bool) -> bool:
+def _try_lock(handle: int, *, wait: bool) -> bool:
     """Lock a file until it is closed; msvcrt never waits."""
     with contextlib.suppress(ImportError):
         import fcntl

@@ -77,22 +77,22 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
     burrs = [c.burr_mm for c in places if c.burr_mm is not None]
     grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
     cells = {
-        "height_mm": _rounded(record.height_mm, 4),
+        "height_mm": _round(record.height_mm, 4),
         "rotation_deg": round(record.rotation_deg, 3),
         "flags": "; ".join(record.messages),
         "alternatives": alternatives_text(places),
-        "depth_min_mm": _rounded(min(least, default=None), 4),
-        "depth_mean_mm": _rounded(sum(means) / len(means) if means else None, 4),
+        "depth_min_mm": _round(min(least, default=None), 4),
+        "depth_mean_mm": _round(sum(means) / len(means) if means else None, 4),
         "depths": depths_text(places) if least or record.source != "vision" else "",
         "states": states_text(places),
         "rivals": ", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
         "grade": max(grades.replace(_UNGRADED, ""), default=grades[:1]),
         "grades": grades,
         "action": action_text(places),
-        "height_px": _rounded(record.height_px, 1),
+        "height_px": _round(record.height_px, 1),
         "lines": lines_text(record.lines),
         "codes": codes_text(record.codes),
-        "burr_mm": _rounded(max(burrs, default=None), 4),
+        "burr_mm": _round(max(burrs, default=None), 4),
         "fields": fields_text(record.fields),
         "at": "" if record.at is None else record.at.isoformat(timespec="seconds"),
     }
@@ -157,5 +157,5 @@ def action_text(places: Sequence[CharacterRecord]) -> str:
     )
 
 
-def _rounded(value: float | None, digits: int) -> float | None:
+def _round(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)

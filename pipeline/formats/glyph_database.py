@@ -135,7 +135,7 @@ def load_database(path: str | Path) -> GlyphDatabase:
         FileError: the file is missing, damaged, cut short, of another kind, or newer than this program.
     """
     with reading(Path(path), most_bytes=MOST_FILE_BYTES, kind="glyph database"):
-        return _unpacked(_checked_body(Path(path).read_bytes()))
+        return _unpack(_checked_body(Path(path).read_bytes()))
 
 
 def _head(body: bytes) -> bytes:
@@ -158,7 +158,7 @@ def _checked_body(data: bytes) -> bytes:
     return body
 
 
-def _unpacked(body: bytes) -> GlyphDatabase:
+def _unpack(body: bytes) -> GlyphDatabase:
     """Unpack a database whose digest matches; any fault in it comes from the program that wrote it.
 
     Raises:

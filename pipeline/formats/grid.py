@@ -232,7 +232,7 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
         if not (np.isfinite(pitch) and 0.0 < pitch <= MAX_PITCH_MM):
             what = f"has samples {pitch:.4g} mm apart"
             raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
-    z, pitch_mm = _squared(z, x_pitch * xy_mm, y_pitch * xy_mm)
+    z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
     found = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
     return PartMap(found, soil, raw.rows_stated or settings.rows is not None)
 
@@ -252,7 +252,7 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
     return raw.x_pitch, raw.y_pitch
 
 
-def _squared(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
+def _on_square_grid(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
     """Heights on a square grid, and its pitch.
 
     The coarser axis is resampled linearly to the finer pitch; if one pitch is more than four times the other, the finer
@@ -264,15 +264,15 @@ def _squared(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[
     pitch = coarser if coarser / finer > MUCH_FINER else finer
     rows, cols = (_count(n, p, pitch) for n, p in zip(z.shape, (y_mm, x_mm), strict=True))
     check_size(rows, cols)
-    z = _resampled(z, rows, pitch / y_mm)
-    return _resampled(z.T, cols, pitch / x_mm).T, pitch
+    z = _resample_rows(z, rows, pitch / y_mm)
+    return _resample_rows(z.T, cols, pitch / x_mm).T, pitch
 
 
 def _count(n: int, old_mm: float, new_mm: float) -> int:
     return max(2, int((n - 1) * old_mm / new_mm + 1e-9) + 1)
 
 
-def _resampled(z: NDArray[np.float64], n_rows: int, step: float) -> NDArray[np.float64]:
+def _resample_rows(z: NDArray[np.float64], n_rows: int, step: float) -> NDArray[np.float64]:
     """Rows taken at multiples of `step` rows, linearly between neighbours."""
     if n_rows == z.shape[0] and abs(step - 1.0) < 1e-12:
         return z

@@ -105,7 +105,7 @@ def spelling_on_disk(name: str) -> Path:
             continue
         alike = _names(found).get(folded(part), ())
         # the same letters in another composition come before other letters
-        same = [one for one in alike if _composed(one) == _composed(part)] or alike
+        same = [one for one in alike if _compose(one) == _compose(part)] or alike
         if not same:
             return path
         if len(same) > 1:
@@ -124,13 +124,13 @@ def _names(folder: Path) -> dict[str, list[str]]:
     return {}
 
 
-def _composed(name: str) -> str:
+def _compose(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
 def folded(name: str) -> str:
     """A name's spelling, independent of composition (NFC, NFD) and case."""
-    return _composed(name).casefold()
+    return _compose(name).casefold()
 
 
 def by_spelling(names: Iterable[str]) -> dict[str, list[str]]:

@@ -139,11 +139,11 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
             photograph.
     """
     path = Path(path)
-    with _opened(path, most) as image:
+    with _open_image(path, most) as image:
         page, pages = _page(path, image) if image.format == "TIFF" else (0, getattr(image, "n_frames", 1))
         if min(image.size) < 8:
             raise DataError(f"has {_size(image)}, too few for characters", "take a larger photograph")
-        pixels, pitch_mm = _decoded(path, image, page), _pitch_mm(image)
+        pixels, pitch_mm = _decode(path, image, page), _pitch_mm(image)
     pixels, ground = flatten_opacity(pixels)
     notes = [] if image.format == "MPO" or pages < 2 else [_page_note(image.format, page, pages)]
     notes += [f"the picture is transparent in places; it was laid on {ground}"] if ground else []
@@ -151,7 +151,7 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
 
 
 @contextlib.contextmanager
-def _opened(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
+def _open_image(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
     """Open a picture without decoding it; errors of the decoder name the file."""
     with reading(path, kind="picture", most_bytes=MOST_BYTES["photo"]), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
@@ -236,7 +236,7 @@ def _page(path: Path, image: ImageFile) -> tuple[int, int]:
     def shows_something(number: int) -> bool:
         image.seek(number)
         _check_work(path, image)
-        return not is_blank(_decoded(path, image, number))
+        return not is_blank(_decode(path, image, number))
 
     best = next(filter(shows_something, whole), whole[0]) if len(whole) > 1 else whole[0]
     image.seek(best)
@@ -249,7 +249,7 @@ def _page_note(kind: str | None, page: int, pages: int) -> str:
     return f"page {page + 1} of the file's {pages} was read" + ("; those before it are blank" if page else "")
 
 
-def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
+def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
     """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
     from PIL import Image
 
@@ -322,7 +322,7 @@ def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
     if (size := _size_of_doubles(path)) is not None:
         check_size(*size, most)
     else:
-        with _opened(path, most) as image:
+        with _open_image(path, most) as image:
             pitch_mm = _pitch_mm(image)
     z = _by_opencv(path)
     if z is None:

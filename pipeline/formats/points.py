@@ -129,7 +129,7 @@ def map_of_points(
         raise DataError(f"holds {known.sum()} points", "export the surface")
     if faces is None:
         faces = np.empty((0, 3), dtype=np.int64)
-    z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(at, faces, known, most)
+    z, x_pitch, y_pitch = _on_grid(at[known]) or _grid_of_triangles(at, faces, known, most)
     return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
 
 
@@ -156,7 +156,7 @@ def _on_grid(points: Points) -> tuple[Points, float, float] | None:
     return np.where(np.isfinite(z), z, np.nan), pitches[0], pitches[1]
 
 
-def _triangulated(
+def _grid_of_triangles(
     points: Points, faces: Faces, known: NDArray[np.bool_], most: int
 ) -> tuple[Points, float, float]:
     """Heights of the uppermost triangles on a new grid, and its pitch for both axes."""

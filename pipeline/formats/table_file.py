@@ -77,10 +77,10 @@ def table_lines(
         raise DataError("is a workbook and not a CSV table", "save its sheet as CSV UTF-8")
     try:
         with path.open(encoding=encoding_of(head), errors=errors, newline="") as stream:
-            lines: Iterator[str] = islice(_bounded(stream), skip_lines, None)
+            lines: Iterator[str] = islice(_bounded_lines(stream), skip_lines, None)
             skipped = skip_lines
             if not delimiter:
-                lines, delimiter, skipped = _delimited(lines, comments=comments)
+                lines, delimiter, skipped = _detect_delimiter(lines, comments=comments)
             # strict: otherwise one quote too many swallows the lines after it
             blanks = re.compile(rf'(?<!")" +(?={re.escape(delimiter)}|\s*$)')
             tidy = (blanks.sub('"', line) if '" ' in line else line for line in lines)
@@ -166,7 +166,7 @@ def _as_cp1252(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error(CP1252, _as_cp1252)
 
 
-def _bounded(stream: TextIO) -> Iterator[str]:
+def _bounded_lines(stream: TextIO) -> Iterator[str]:
     """The lines of a stream.
 
     Raises:
@@ -178,7 +178,7 @@ def _bounded(stream: TextIO) -> Iterator[str]:
         yield line
 
 
-def _delimited(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], str, int]:
+def _detect_delimiter(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], str, int]:
     """The lines to parse, their delimiter, and the number of lines before them.
 
     The delimiter is the one that a "sep=" line names, or the one that splits most of the first lines into as many cells

@@ -136,7 +136,7 @@ def enrol(
         ExemplarError: no font can be made from the exemplars.
         FontError: a font of the settings cannot be loaded.
     """
-    held = _opened(database, settings)
+    held = _open_database(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):
         hint = f"give the die another name, {font + '-worn'!r} for example"
         raise FileError(database, f"has {font!r} as a font of its own", hint)
@@ -197,7 +197,7 @@ def enrol(
     )
 
 
-def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
+def _open_database(database: Path, settings: ReadSettings) -> GlyphDatabase:
     if database.exists():
         return load_database(database)
     from glyphs.fonts.outlines import BUILTIN_FONTS, load_font

@@ -62,7 +62,7 @@ def photo_picture(photo: Photo) -> Picture:
     from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
     pixels = photo.eight_bit[..., ::-1] if photo.pixels.ndim == 3 else photo.eight_bit
-    return _encoded(
+    return _encode(
         EvidenceKind.PHOTO_PICTURE,
         "photo.jpg",
         pixels,
@@ -79,7 +79,7 @@ def edges_picture(edges: EdgeMap) -> Picture:
     index = np.clip(127.5 + 127.5 * value / top, 0.0, 255.0).astype(np.uint8)
     colours = _diverging()[index]
     colours[~edges.valid] = _NOT_FELT
-    return _encoded(
+    return _encode(
         EvidenceKind.EDGES_PICTURE,
         "edges.jpg",
         colours,
@@ -112,7 +112,7 @@ def _diverging() -> NDArray[np.uint8]:
     return np.stack([np.interp(np.arange(256), at, stops[:, k]) for k in range(3)], axis=1).astype(np.uint8)
 
 
-def _encoded(
+def _encode(
     kind: EvidenceKind,
     name: str,
     pixels: NDArray[Any],

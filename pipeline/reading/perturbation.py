@@ -145,11 +145,11 @@ class Retake:
 
     def recorded(self, scan: Scan) -> Scan:
         """Perturb a recording: noisier, larger or smaller, reordered; its lines stay in place."""
-        sweeps = tuple(self._recorded(k, s) for k, s in enumerate(scan.sweeps))
+        sweeps = tuple(self._perturb_sweep(k, s) for k, s in enumerate(scan.sweeps))
         again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown, log=None)
         return reverse_order(again) if self.how.reordered else again
 
-    def _recorded(self, number: int, sweep: Sweep) -> Sweep:
+    def _perturb_sweep(self, number: int, sweep: Sweep) -> Sweep:
         plan, moment = sweep.plan, sweep.moment_n_mm
         if self.how.noise:
             air = sweep.air_n_mm

@@ -33,11 +33,11 @@ def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
         FileError: the lexicon cannot be used.
         ValueError: the database or a font cannot be used.
     """
-    return _kept(settings, _changed_ns(settings.database), after_photo)
+    return _cached_reader(settings, _changed_ns(settings.database), after_photo)
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _kept(settings: ReadSettings, _: int, after_photo: bool) -> Reader:
+def _cached_reader(settings: ReadSettings, _: int, after_photo: bool) -> Reader:
     found = open_reader(settings)
     return found.after_photo() if after_photo else found
 

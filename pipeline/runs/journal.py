@@ -92,10 +92,10 @@ class Journal(Generic[Kept]):
             if description is None and not os.access(self.path, os.W_OK):
                 self._db = sqlite3.connect(f"{self.path.absolute().as_uri()}?immutable=1", uri=True)
             else:
-                self._db = self._opened()
+                self._db = self._open()
         try:
             with self._faults():
-                held = self._held()
+                held = self._stored_description()
                 self.resumed = held is not None
                 if held is None and description is None:
                     raise self._unusable(f"is not a journal of a {self.kind}")
@@ -136,7 +136,7 @@ class Journal(Generic[Kept]):
     def done(self) -> dict[str, Kept]:
         """Stored results by part name; grows with `keep`."""
         rows = self._db.execute("select name, kept from parts order by number")
-        return {_text(name): self._parsed(kept) for name, kept in rows}
+        return {_text(name): self._parse(kept) for name, kept in rows}
 
     def keep(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
         """Store the result of a part, and return it; the last one of a part counts.
@@ -182,7 +182,7 @@ class Journal(Generic[Kept]):
             names = ((_blob(name),) for name in order)
             self._db.executemany("insert or ignore into temp.asked values (?)", names)
         for kept, again in self._db.execute(_IN_ORDER):
-            yield self._parsed(kept), self._parsed(again) if again else None
+            yield self._parse(kept), self._parse(again) if again else None
 
     def close(self) -> None:
         """Close the journal; SQLite removes its extra files."""
@@ -202,7 +202,7 @@ class Journal(Generic[Kept]):
             sync_names(self.path.parent)
             self.path.unlink()
 
-    def _opened(self) -> sqlite3.Connection:
+    def _open(self) -> sqlite3.Connection:
         while True:
             self.path.touch()
             before = self.path.stat()
@@ -227,7 +227,7 @@ class Journal(Generic[Kept]):
             return os.path.samestat(before, self.path.stat())
         return False
 
-    def _held(self) -> dict[str, Any] | None:
+    def _stored_description(self) -> dict[str, Any] | None:
         """Description of the interrupted run; None without one."""
         if not self._db.execute("select 1 from sqlite_schema where name = 'run'").fetchone():
             return None
@@ -258,7 +258,7 @@ class Journal(Generic[Kept]):
         except ValueError:  # lone surrogates, which file names may hold: only Python's own JSON writes them
             return json.dumps(self._adapter.dump_python(kept, mode="json", exclude_defaults=True))
 
-    def _parsed(self, text: str) -> Kept:
+    def _parse(self, text: str) -> Kept:
         try:
             return self._adapter.validate_json(text)
         except ValueError:  # likewise

@@ -104,7 +104,7 @@ class Run:
             self.progress.more(len(waiting))
             for _, record in resumable(
                 self.journal, waiting, executor, read_listed, order,
-                lost=lost_part, kept=lambda _, read: self._checked(read.record), again=True,
+                lost=lost_part, kept=lambda _, read: self._check_lot(read.record), again=True,
             ):  # fmt: skip
                 self.second.again += 1
                 self.progress.advance(failed=bool(record.error))
@@ -115,12 +115,12 @@ class Run:
                 self._count(record)
         self.finished = True
 
-    def _checked(self, record: ReadingRecord) -> ReadingRecord:
+    def _check_lot(self, record: ReadingRecord) -> ReadingRecord:
         return record if self.lot is None else self.lot.check(record)
 
     def _record(self, part: PartFiles, read: ReadPart) -> ReadingRecord:
         """Make the record of a part: check it against the lot, store it, and compare it with the certificate."""
-        record = self._checked(read.record)
+        record = self._check_lot(read.record)
         if self.store is not None:
             try:
                 self.known += not self.store.add(part, replace(read, readings=(record,)))

@@ -78,7 +78,7 @@ class RunStore:
                 # no stage can scan it any more
                 state=PartState.ACCEPTED if accepted else PartState.REVIEW,
                 readings=(replace(read.record, part=text),),
-                evidence=self._kept(read.pictures),
+                evidence=self._keep_pictures(read.pictures),
                 expected=part.expected,
                 database=read.record.database,
                 idempotency=IdempotencyKey.of_run(self._run, part.name, read.sha256),
@@ -87,7 +87,7 @@ class RunStore:
             return False
         return True
 
-    def _kept(self, pictures: Sequence[Picture]) -> list[EvidenceRecord]:
+    def _keep_pictures(self, pictures: Sequence[Picture]) -> list[EvidenceRecord]:
         if (folder := self._folder) is None:
             return []
         return [

@@ -273,7 +273,7 @@ class Client:
             else:
                 if answer.is_success:
                     return answer
-                failure, asked_s = _refused(answer), retry_after_s(answer.headers)
+                failure, asked_s = _error_of(answer), retry_after_s(answer.headers)
                 safe = answer.status_code in _BUSY and ("retry-after" in answer.headers or repeatable)
             # spread the retries of clients that were refused at the same time
             pause_s = max(wait_s, asked_s) * (1.0 + 0.25 * random.random())
@@ -287,7 +287,7 @@ def _read(source: Source, name: str) -> tuple[str, bytes]:
     return (name, source) if isinstance(source, bytes) else (Path(source).name, Path(source).read_bytes())
 
 
-def _refused(answer: httpx.Response) -> ServiceError:
+def _error_of(answer: httpx.Response) -> ServiceError:
     with contextlib.suppress(ValueError):
         if isinstance(problem := answer.json(), dict) and problem:
             return ServiceError(answer.status_code, problem)

@@ -224,7 +224,7 @@ class Intake:
         """
 
         async def work() -> PartRecord:
-            part = await self._unreviewed(part_id)
+            part = await self._unreviewed_part(part_id)
             done = await self._read(part, [scan], earlier_photos=await self._photos_of(part))
             write = partial(self.store.add_readings, part.id, idempotency=idempotency)
             return await self._keep(write, done, [scan], part)
@@ -238,7 +238,7 @@ class Intake:
             Problem: as in `add_scan`.
             StageError: the stage cannot feel the part.
         """
-        part = await self._unreviewed(part_id)
+        part = await self._unreviewed_part(part_id)
         if part.touch is None or part.plan is None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
         self._refuse_if_draining()
@@ -296,7 +296,7 @@ class Intake:
             )
         return Received(await asyncio.to_thread(self.store.part, part_id), replayed=True)
 
-    async def _unreviewed(self, part_id: str) -> PartRecord:
+    async def _unreviewed_part(self, part_id: str) -> PartRecord:
         part = await asyncio.to_thread(self.store.part, part_id)
         if part.state is PartState.REVIEWED:
             raise Problem(

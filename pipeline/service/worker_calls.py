@@ -83,7 +83,7 @@ class WorkerCalls:
                 log.info("a clean part is read again: the parts that have lost the workers are to blame")
         for job, database in tuple(self._troubles):
             with contextlib.suppress(Problem, WorkerLostError):
-                async with self._noted(job, database):
+                async with self._note_fault(job, database):
                     await self._call_once(check_settings, await self._settings_with(database, job))
 
     async def _settings_with(self, database: str, job: str) -> ReadSettings:
@@ -121,7 +121,7 @@ class WorkerCalls:
             Problem: unusable files, a full queue, a lost worker.
             OwnProblem: an unusable file of the service.
         """
-        async with self._noted(job, database):
+        async with self._note_fault(job, database):
             settings = await self._settings_with(database, job)
             if felt_by is None:
                 return await self.call(read_order, order, settings, self.limits)
@@ -182,7 +182,7 @@ class WorkerCalls:
         return done
 
     @contextlib.asynccontextmanager
-    async def _noted(self, job: str, database: str) -> AsyncIterator[None]:
+    async def _note_fault(self, job: str, database: str) -> AsyncIterator[None]:
         """Remember the fault of a job or a database as long as it lasts."""
         key = (job, database)
         try:

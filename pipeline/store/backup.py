@@ -93,7 +93,7 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
         for left in partial.glob(f"{_STORE}*"):
             left.unlink()
         linked = None if previous is None else EvidenceFolder(previous / _FILES)
-        with _opened(partial / _STORE) as copied:
+        with _open_store(partial / _STORE) as copied:
             with store.read_transaction() as source, copied.write_transaction() as target:
                 copy_rows(source, target)
                 made_at, last = source.now.isoformat(), last_delivery(source)
@@ -147,7 +147,7 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
         copy = Path(folder) / _STORE
         with file_errors(copy):
             shutil.copy(backup / _STORE, copy)
-        with _opened(copy) as copied:
+        with _open_store(copy) as copied:
             yield made, copied
 
 
@@ -232,7 +232,7 @@ def _refuse_unless_empty(tx: Transaction, store: Store) -> None:
         raise ConflictError(f"the store {store.shown} is not empty", hint="restore into a new one")
 
 
-def _opened(path: Path) -> contextlib.closing[Store]:
+def _open_store(path: Path) -> contextlib.closing[Store]:
     return contextlib.closing(Store.open(f"sqlite:///{path.absolute()}"))
 
 

@@ -140,7 +140,7 @@ class Database:
             StoreError: it cannot be opened, or its version is not known; with `as_it_is` also one that is not there, or
                 of an older version.
         """
-        parsed = _checked(url)
+        parsed = _checked_url(url)
         shown = parsed.render_as_string(hide_password=True)
         with _store_errors(shown), contextlib.ExitStack() as held:
             if parsed.get_backend_name() == "sqlite":
@@ -165,7 +165,7 @@ class Database:
         """
         # SQLite's transactions see one moment anyway
         options = {"isolation_level": "REPEATABLE READ"} if self._writer is None else {}
-        with _store_errors(self.shown), self._connected() as connection:
+        with _store_errors(self.shown), self._connect() as connection:
             yield Transaction(connection.execution_options(**options), self._now().astimezone(UTC))
 
     @contextlib.contextmanager
@@ -180,13 +180,13 @@ class Database:
                 if not self._writer.acquire(timeout=_WAIT_S):
                     raise StoreError(f"the store {self.shown} is busy", hint="try again")
                 held.callback(self._writer.release)
-            connection = held.enter_context(self._connected())
+            connection = held.enter_context(self._connect())
             connection = connection.execution_options(tactile_marks_writes=True)
             held.enter_context(connection.begin())
             yield Transaction(connection, self._now().astimezone(UTC))
 
     @contextlib.contextmanager
-    def _connected(self) -> Iterator[Connection]:
+    def _connect(self) -> Iterator[Connection]:
         """Open a connection and check that the database answers."""
         with contextlib.ExitStack() as asking:
             if self._silent:
@@ -218,7 +218,7 @@ def _file_locked(file: Path) -> Iterator[None]:
         yield
 
 
-def _checked(url: str) -> URL:
+def _checked_url(url: str) -> URL:
     try:
         parsed = sa.make_url(fit(url, "the store's address", limit=_MOST_URL))
     except exc.ArgumentError as error:

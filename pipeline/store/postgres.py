@@ -49,10 +49,10 @@ class PatientConnection(psycopg.Connection[tuple[Any, ...]]):
         Raises:
             psycopg.OperationalError: the server is silent; the connection is closed.
         """
-        bounded = gen if self.silent_s is None else self._bounded(gen, self.silent_s)
+        bounded = gen if self.silent_s is None else self._end_if_silent(gen, self.silent_s)
         return super().wait(bounded, *arguments, **options)
 
-    def _bounded(self, gen: PQGen[T], silent_s: float) -> Generator[Wait, Ready | int, T]:
+    def _end_if_silent(self, gen: PQGen[T], silent_s: float) -> Generator[Wait, Ready | int, T]:
         heard_s = time.monotonic()
         try:
             wanted = next(gen)

@@ -68,7 +68,7 @@ def _key(name: str, kind: sa.types.TypeEngine[Any] = _ROW) -> sa.Column[Any]:
     return sa.Column(name, kind, primary_key=True, autoincrement=kind is _ROW)
 
 
-def _filled(kind: sa.types.TypeEngine[Any], *names: str) -> Iterator[sa.Column[Any]]:
+def _not_null(kind: sa.types.TypeEngine[Any], *names: str) -> Iterator[sa.Column[Any]]:
     return (sa.Column(name, kind, nullable=False) for name in names)
 
 
@@ -89,14 +89,14 @@ def _table(name: str, *columns: Any, indexes: Sequence[str] = (), **options: Any
 parts = _table(
     "parts",
     _key("id", _PART_ID),
-    *_filled(WORD, "state"),
-    *_filled(TIME, "created_at", "changed_at"),
+    *_not_null(WORD, "state"),
+    *_not_null(TIME, "created_at", "changed_at"),
     # names and texts are casefolded, to be searched: the databases differ in what lower case is
-    *_filled(TEXT, "name_folded", "text_folded", "job", "line"),
+    *_not_null(TEXT, "name_folded", "text_folded", "job", "line"),
     # while it waits for touch: whether the stage of its line is to feel it, and when a person gets it all the same
     *_empty(FLAG, "touch_by_stage"),
     *_empty(TIME, "touch_until"),
-    *_filled(FLAG, "fell_back", "by_camera", "rejected"),
+    *_not_null(FLAG, "fell_back", "by_camera", "rejected"),
     # after review: whether the reading was right, of how many characters, and how many of them
     *_empty(FLAG, "was_right"),
     *_empty(NUMBER, "characters", "characters_right"),
@@ -107,7 +107,7 @@ parts = _table(
     *_empty(TEXT, "claim_holder", "claim_who"),
     *_empty(TIME, "claim_until"),
     # last: SQLite reads a row from its beginning, and lists need not read as far
-    *_filled(JSON, "record"),
+    *_not_null(JSON, "record"),
     sa.Index("ix_parts_search", *["id", "state", "name_folded", "text_folded", "job", "line", "created_at"]),
     sa.Index("ix_parts_figures", *_FIGURES.split()),
     indexes=(
@@ -120,12 +120,12 @@ events = _table(
     "events",
     _key("id"),
     _of_part(),
-    *_filled(TIME, "at"),
-    *_filled(LONG_WORD, "kind"),
+    *_not_null(TIME, "at"),
+    *_not_null(LONG_WORD, "kind"),
     # source and duration of readings; name of the person for a first reader's opinion
     *_empty(TEXT, "actor"),
     *_empty(sa.Double(), "seconds"),
-    *_filled(JSON, "data"),
+    *_not_null(JSON, "data"),
     indexes=("part_id", "kind at actor seconds"),
 )
 
@@ -133,13 +133,13 @@ evidence = _table(
     "evidence",
     _key("id"),
     _of_part(),
-    *_filled(TIME, "at"),
-    *_filled(LONG_WORD, "kind"),
-    *_filled(HASH, "sha256"),
-    *_filled(sa.BigInteger(), "n_bytes"),
-    *_filled(TEXT, "name", "media_type"),
-    *_filled(JSON, "meta"),
-    *_filled(FLAG, "gone"),
+    *_not_null(TIME, "at"),
+    *_not_null(LONG_WORD, "kind"),
+    *_not_null(HASH, "sha256"),
+    *_not_null(sa.BigInteger(), "n_bytes"),
+    *_not_null(TEXT, "name", "media_type"),
+    *_not_null(JSON, "meta"),
+    *_not_null(FLAG, "gone"),
     indexes=("part_id", "sha256 gone", "gone at"),
 )
 
@@ -147,9 +147,9 @@ evidence = _table(
 idempotency = _table(
     "idempotency",
     _key("key_hash", HASH),
-    *_filled(TEXT, "fingerprint"),
+    *_not_null(TEXT, "fingerprint"),
     _of_part(),
-    *_filled(TIME, "at"),
+    *_not_null(TIME, "at"),
     indexes=("at",),
 )
 
@@ -157,11 +157,11 @@ outbox = _table(
     "outbox",
     _key("id"),
     _of_part(),
-    *_filled(LONG_WORD, "target"),
-    *_filled(JSON, "payload"),
-    *_filled(NUMBER, "attempts"),
-    *_filled(TEXT, "error"),
-    *_filled(TIME, "created_at", "due_at"),
+    *_not_null(LONG_WORD, "target"),
+    *_not_null(JSON, "payload"),
+    *_not_null(NUMBER, "attempts"),
+    *_not_null(TEXT, "error"),
+    *_not_null(TIME, "created_at", "due_at"),
     # the dispatcher that is at it, and until when the others leave it alone
     *_empty(LONG_WORD, "owner"),
     *_empty(TIME, "leased_until"),
@@ -171,27 +171,27 @@ outbox = _table(
 )
 
 # those that are raised now
-alerts = _table("alerts", _key("name", TEXT), _of_part(), *_filled(TIME, "at"), *_filled(TEXT, "message"))
+alerts = _table("alerts", _key("name", TEXT), _of_part(), *_not_null(TIME, "at"), *_not_null(TEXT, "message"))
 
 golden = _table(
     "golden",
     _key("id"),
-    *_filled(TEXT, "line"),
-    *_filled(FLAG, "reference"),
-    *_filled(JSON, "record"),
+    *_not_null(TEXT, "line"),
+    *_not_null(FLAG, "reference"),
+    *_not_null(JSON, "record"),
     indexes=("line id",),
 )
 
 tokens = _table(
     "tokens",
     _key("name", TEXT),
-    *_filled(HASH, "secret_hash"),
-    *_filled(JSON, "scopes"),
-    *_filled(TIME, "created_at"),
+    *_not_null(HASH, "secret_hash"),
+    *_not_null(JSON, "scopes"),
+    *_not_null(TIME, "created_at"),
     *_empty(TIME, "expires_at", "revoked_at"),
     sa.UniqueConstraint("secret_hash"),
 )
 
 sessions = _table(
-    "sessions", _key("cookie_hash", HASH), *_filled(HASH, "token_hash"), *_filled(TIME, "created_at")
+    "sessions", _key("cookie_hash", HASH), *_not_null(HASH, "token_hash"), *_not_null(TIME, "created_at")
 )

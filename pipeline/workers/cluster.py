@@ -59,7 +59,7 @@ class ClusterExecutor(Executor):
             MissingExtraError: the extra `cluster` is not installed.
         """
         require_distributed()
-        self._client = self._connected()
+        self._client = self._connect()
         try:
             self._seen_s = self._looked_s = time.monotonic()
             while not self.count():
@@ -94,7 +94,7 @@ class ClusterExecutor(Executor):
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
         """Submit a call of the function to a worker, and return its future."""
-        return self._client.submit(_called, self._mark, function, *args, pure=False)
+        return self._client.submit(_call_in_worker, self._mark, function, *args, pure=False)
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
         while True:
@@ -144,7 +144,7 @@ class ClusterExecutor(Executor):
             fault = WorkerLostError("its result was lost twice on the way")
         return Outcome(task, error=fault)
 
-    def _connected(self) -> Any:
+    def _connect(self) -> Any:
         """Connect: the client's thread has ten seconds to start, too few if all cores are busy."""
         import distributed
 
@@ -184,7 +184,7 @@ def _same(order: Any) -> Any:
     return order
 
 
-def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
+def _call_in_worker(mark: str, function: Callable[..., Any], *args: Any) -> Any:
     """Call a function in a worker, which may have joined after the check of programs, and may have several threads."""
     if _own_mark() != mark:
         raise ClusterError(_other_program(socket.gethostname()))

@@ -51,11 +51,11 @@ class Shared:
         self._data = pickle.dumps(value)
 
     def __reduce__(self) -> tuple[Callable[[bytes], Any], tuple[bytes]]:
-        return _unpickled, (self._data,)
+        return _unpickle, (self._data,)
 
 
 @lru_cache(maxsize=2)
-def _unpickled(data: bytes) -> Any:
+def _unpickle(data: bytes) -> Any:
     return pickle.loads(data)
 
 
@@ -188,7 +188,7 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
         _keep_to(pipe.recv())
         while True:
-            pipe.send_bytes(_answered(pipe.recv_bytes()))
+            pipe.send_bytes(_answer(pipe.recv_bytes()))
             end_part()
 
 
@@ -226,7 +226,7 @@ def pickled_call(function: Callable[..., Any], *args: Any) -> bytes:
     return pickle.dumps((function, args))
 
 
-def _answered(call: bytes) -> bytes:
+def _answer(call: bytes) -> bytes:
     """Make a call, and pickle its `Answer` or its exception."""
     try:
         function, args = pickle.loads(call)

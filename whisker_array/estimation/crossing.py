@@ -57,7 +57,7 @@ def fill_from_crossing(
         slope = np.gradient(height, pitch_mm, axis=1 - axis)
         for direction in pair:
             k = at[direction]
-            expected = _expected(height, -slope if direction.backward else slope, touch)
+            expected = _expected_factor(height, -slope if direction.backward else slope, touch)
             take = sure & ~measured[k] & np.isfinite(expected)
             layers[k] = np.where(take, expected, layers[k])
             known[k] = known[k] | take
@@ -77,7 +77,7 @@ def _height_mm(
     return relief_from_edges(edges, touch).height_mm.astype(np.float64)
 
 
-def _expected(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:
+def _expected_factor(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:
     """Enhancement of a pass over this height and slope: eq. (16), at the nominal friction."""
     lift = 1.0 + height_mm / touch.preload_mm
     if is_profiler(touch.tip):

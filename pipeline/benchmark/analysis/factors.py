@@ -92,7 +92,7 @@ def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
 
 def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
     """Effect on one mode; None if only one level can be compared."""
-    members = list(_matched(trials, factor)) if factor in _KNOWLEDGE else trials
+    members = list(_in_pairs(trials, factor)) if factor in _KNOWLEDGE else trials
     levels = ordered_levels(level_of(t, factor) for t in members)
     if len(levels) < 2:
         return None
@@ -121,7 +121,7 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
     return FactorEffect(factor, trials[0].mode, tuple(effects))
 
 
-def _matched(trials: Sequence[Trial], factor: str) -> Iterator[Trial]:
+def _in_pairs(trials: Sequence[Trial], factor: str) -> Iterator[Trial]:
     """Readings of parts that were read with and without a fact, with all other facts equal."""
     others = [name for name in _KNOWLEDGE if name != factor]
 

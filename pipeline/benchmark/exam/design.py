@@ -116,7 +116,7 @@ class Design(BaseModel):
 
     @field_validator("given")
     @classmethod
-    def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if not value:
             raise ValueError("name at least one, such as format")
         return tuple(map(parse_given, value))

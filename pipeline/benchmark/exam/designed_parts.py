@@ -115,7 +115,7 @@ class DesignedParts:
             if number == 0:  # the next section begins
                 sections.append([])
             name = "-".join([*([section.name] if section.name else []),
-                             *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
+                             *(_level_name(condition, factor) for factor in self.design.cross)])  # fmt: skip
             own = replicate if self.design.alike else (len(sections) - 1) * MAX_PARTS + number
             item = Item(f"{name}-{replicate:04d}", own, condition, self.design.given)
             found.append(item)
@@ -217,7 +217,7 @@ def _check_type(factor: str, level: Level) -> None:
         raise SettingsError(f"a {factor} is {level!r}", hint=f"it is {_KINDS[kind]}")
 
 
-def _named(condition: Condition, factor: str) -> str:
+def _level_name(condition: Condition, factor: str) -> str:
     level = condition.levels[factor]
     return re.sub(r"[^A-Za-z0-9.+]+", "_", level_name(level))
 

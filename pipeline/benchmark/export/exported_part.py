@@ -111,7 +111,7 @@ class _Writer:
         self._picture("photo", f"photos/{part}.png", photo, photo_grid)
         plate = _grid(surface.pitch_mm, (0.0, 0.0), surface.z_mm.shape)
         self._layer("ideal", f"ideal/{part}.png", surface.z_mm, "mm", plate)
-        self._felt(self.senses.felt, f"felt/{part}")
+        self._add_felt_views(self.senses.felt, f"felt/{part}")
         for view in (view for view in PICTURES if view in self.views):
             path = f"lines/{part}-{view}.png"
             try:
@@ -121,7 +121,7 @@ class _Writer:
             write_photo(self.folder / path, drawn)
             self.lines[view] = path
 
-    def _felt(self, maps: FeltMaps, stem: str) -> None:
+    def _add_felt_views(self, maps: FeltMaps, stem: str) -> None:
         self.scan, edges, relief = _scan(maps.scan), maps.edges, maps.relief
         if edges is not None:
             grid = _grid(edges.pitch_mm, edges.origin_mm, edges.shape)

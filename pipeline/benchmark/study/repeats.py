@@ -131,7 +131,7 @@ def measure(
 
 def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
     """Measure every trial of one part."""
-    return tuple(_measured(plan, part, array, blank) for array, blank in _blanks(plan, part))
+    return tuple(_measure(plan, part, array, blank) for array, blank in _blanks(plan, part))
 
 
 def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Trial]]:
@@ -143,7 +143,7 @@ def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Trial]]:
             yield array, Trial(part.name, trial, levels, plan.appraiser(array), truth="")
 
 
-def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> Trial:
+def _measure(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> Trial:
     recording = part.recordings[(blank.number - 1) % len(part.recordings)]
     seed = zlib.crc32(f"{part.name} {array} {blank.number}".encode())
     again = None if blank.levels[RECORDED] else Retake(REMOUNTED, seed, array=array)

@@ -133,7 +133,7 @@ def run_benchmark(
     with TrialJournal(folder, benchmark.description()) as book:
         if progress:
             progress.start(len(items), sum(item.part in book.names for item in items))
-        lost = partial(_failed, benchmark)
+        lost = partial(_failed_trials, benchmark)
         for _, trials in resumable(
             book, items, executor or Executor(), try_part, benchmark, lost=lost, name="part"
         ):
@@ -151,7 +151,7 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
     try:
         specimen = benchmark.parts.make(item)
     except Exception as error:
-        return _failed(benchmark, item, error)
+        return _failed_trials(benchmark, item, error)
     trials: list[Trial] = []
     for given in item.given:
         reader = reader_for(benchmark.settings_for(item.condition, given))
@@ -175,7 +175,7 @@ def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
     ]
 
 
-def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
+def _failed_trials(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
     """The trials of a part that could not be made, or whose worker was lost."""
     return tuple(replace(b, error=f"the part: {_describe(error)}") for b in _blanks(benchmark, item))
 

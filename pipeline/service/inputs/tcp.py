@@ -112,11 +112,11 @@ class ResultString:
         texts = {name: str(getattr(part, name)) for name in _OF_PART}
         texts |= {name: getattr(reading, name) for name in _OF_READING}
         texts |= {name: make(part, reading) for name, make in _MADE.items()}
-        texts = {name: self._quoted(text) for name, text in texts.items()}
+        texts = {name: self._quote(text) for name, text in texts.items()}
         numbers = {name: getattr(reading, name) or 0.0 for name in NUMBER_FIELDS}
         return self.template.format(**texts, **numbers)
 
-    def _quoted(self, text: str) -> str:
+    def _quote(self, text: str) -> str:
         return "".join(
             _percent(char) if char in self._kept_apart or is_hidden(char) else char for char in text
         )

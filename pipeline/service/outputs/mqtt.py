@@ -88,7 +88,7 @@ class MqttSender:
         Raises:
             DeliveryError: no broker.
         """
-        await self._connected()
+        await self._connect()
         return True
 
     async def send(self, delivery: Delivery) -> None:
@@ -97,7 +97,7 @@ class MqttSender:
         Raises:
             DeliveryError: no broker, no acknowledgement, or the broker refuses it.
         """
-        connection = await self._connected()
+        connection = await self._connect()
         try:
             alert = delivery.payload.get("alert")
             about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
@@ -122,7 +122,7 @@ class MqttSender:
                 await connection.publish(self._status, OFFLINE, retain=True)
         await connection.end()
 
-    async def _connected(self) -> MqttConnection:
+    async def _connect(self) -> MqttConnection:
         async with self._connecting:
             if self._closed:
                 raise DeliveryError("closed", away=True)

@@ -120,7 +120,7 @@ def add_job_pages(router: APIRouter, frame: Frame) -> None:
         story = frame.store.story(part)
         picture, *_ = _pictures(frame, story, by)
         reading = last_reading(story.readings, ("vision",) if picture.which == "photo" else TOUCH)
-        lesson = _proposed(story.part, reading, picture.frame, job=name)
+        lesson = _propose_lines(story.part, reading, picture.frame, job=name)
         return _teach_page(view, jobs, lesson.model_copy(update={"part": part, "by": by}))
 
     @router.post("/jobs/new")
@@ -182,7 +182,7 @@ def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
     return sorted(found, key=lambda one: one.which != by)
 
 
-def _proposed(
+def _propose_lines(
     part: PartRecord, reading: ReadingRecord | None, frame: PictureFrame | None, *, job: str
 ) -> Lesson:
     """The line that was read; if the job has it, an unnamed line beside the serial, if any."""

@@ -108,11 +108,11 @@ def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateReco
 
 def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
     """The characters of a text, each with its place."""
-    answered = _answered([p.char for p in places], text)
+    answered = _place_of_each([p.char for p in places], text)
     return tuple(Cell(char, at, "" if at is None else places[at].doubt) for char, at in answered)
 
 
-def _answered(chars: Sequence[str], text: str) -> list[tuple[str, int | None]]:
+def _place_of_each(chars: Sequence[str], text: str) -> list[tuple[str, int | None]]:
     """The characters of a text, each with its place among the chars; a space has none."""
     answers = iter(align_places(chars, [char for char in text if not char.isspace()]))
     return [(char, None if char.isspace() else next(answers)) for char in text]
@@ -152,5 +152,5 @@ def expected_cells(part: PartRecord) -> tuple[Cell, ...]:
     borne = [char for char in part.text if not char.isspace()]
     return tuple(
         Cell(char, at, "" if char.isspace() or (at is not None and borne[at] == char) else "mismatch")
-        for char, at in _answered(borne, part.expected)
+        for char, at in _place_of_each(borne, part.expected)
     )

@@ -175,13 +175,13 @@ def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, s
         words = one.get("description") or one["schema"].get("description", "")
         yield one["name"], one["in"], _kind(one["schema"], made), one.get("required", False), words
     for media, content in operation.get("requestBody", {}).get("content", {}).items():
-        schema = _resolved(content["schema"], made)
+        schema = _resolve(content["schema"], made)
         for name, one in schema.get("properties", {}).items():
             kind, needed = _kind(one, made), name in schema.get("required", ())
             yield name, "body (JSON)" if "json" in media else "form", kind, needed, one.get("description", "")
 
 
-def _resolved(schema: Described, made: Described) -> Described:
+def _resolve(schema: Described, made: Described) -> Described:
     """A schema, resolved if it is a reference."""
     for one in (schema, *schema.get("allOf", ())):
         if "$ref" in one:
@@ -192,7 +192,7 @@ def _resolved(schema: Described, made: Described) -> Described:
 
 def _kind(schema: Described, made: Described) -> str:
     """The kind of a value, in words."""
-    schema = _resolved(schema, made)
+    schema = _resolve(schema, made)
     if several := [one for one in schema.get("anyOf", ()) if one.get("type") != "null"]:
         return " or ".join(dict.fromkeys(_kind(one, made) for one in several))
     if "enum" in schema:

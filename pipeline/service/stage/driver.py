@@ -263,15 +263,15 @@ class StageLink:
         session = None
         with connection, contextlib.suppress(*_LOST):
             try:
-                session = self._answered(connection, stage.open, attrgetter("fitting"))
+                session = self._answer_question(connection, stage.open, attrgetter("fitting"))
                 while session is not None:
-                    self._answered(connection, session.feel)
+                    self._answer_question(connection, session.feel)
             finally:
                 if session is not None:
                     with contextlib.suppress(StageError):  # the log has it
                         self._driver.call(session.close)
 
-    def _answered(
+    def _answer_question(
         self,
         connection: Connection,
         work: Callable[[Any], Any],

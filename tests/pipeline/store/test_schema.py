@@ -25,7 +25,7 @@ from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction, TouchWait
 from pipeline.store import database
 from pipeline.store.check import check
-from pipeline.store.database import MIGRATIONS, VERSION_TABLE, _checked
+from pipeline.store.database import MIGRATIONS, VERSION_TABLE, _checked_url
 from pipeline.store.errors import StoreError
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
@@ -247,7 +247,7 @@ def test_stores_that_cannot_be(tmp_path: Path, url: str, message: str) -> None:
 
 def test_postgresql_however_it_is_written_needs_its_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     for scheme in ("postgresql", "postgres", "postgresql+psycopg", "postgresql+psycopg2"):
-        assert _checked(f"{scheme}://u:p@h/x").drivername == "postgresql+psycopg"
+        assert _checked_url(f"{scheme}://u:p@h/x").drivername == "postgresql+psycopg"
     monkeypatch.setitem(sys.modules, "psycopg", None)
     with pytest.raises(StoreError, match=r"pip install 'tactile-marks\[postgres\]', or use sqlite"):
         Store.open("postgresql://u@h/x")
