@@ -19,8 +19,8 @@ class DieKind:
 
     Attributes:
         face: shape of its edge.
-        tip: width of the flat on the edge of a blunt V of face FLAT, as a share of the usual stroke; 0: no V. Outlined
-            fonts keep their own widths; the flat appears where they are wide enough.
+        tip: blunt V only (`face` is FLAT): width of the flat at its edge, as a share of the usual stroke; 0: an
+            ordinary die of its face. Outlined fonts keep their own widths; the flat appears where they are wide enough.
         changes: names and values of the fields of `StampingVariation` that this die changes.
     """
 
@@ -64,4 +64,4 @@ DIES: Final[dict[str, DieKind]] = {
     "one-flank": DieKind(Face.FLAT, changes=(("flank_loss", 1.0),)),
 }
 """`flat` is the default. `blunt-v` is a V with a flat of a fifth of the stroke, `lopsided` piles metal up on one side,
-`double` strikes every second blow twice, and `one-flank` leaves out the wall on one side."""
+`double` strikes about half of the characters twice, at random, and `one-flank` leaves out the wall on one side."""

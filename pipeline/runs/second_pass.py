@@ -46,19 +46,20 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
     if settings.font or settings.database is not None:
         return "is for a die whose font is unknown", "leave out --font and --database"
     if settings.certificate is not None:
-        return "changes how parts are read", "leave out --certificate"
+        return "changes how parts are read, so a certificate does not hold", "leave out --certificate"
     if settings.mode == "vision":
         return "learns by touch", "leave out --mode vision"
     if settings.experts and "templates" not in settings.experts:
-        return "needs the expert templates", "add it to --experts"
+        return "needs the expert `templates`", "add it to --experts"
     if options.store is not None:
-        return "goes with a table", "write one, or learn from the store's reviewed parts: enroll --from-store"
+        hint = "use --out with a table, or learn from the store's reviewed parts: enroll --from-store"
+        return "works only when a table is written", hint
     return None
 
 
 @dataclass
 class SecondPass:
-    """Learn the shapes of a lot's own die, and read the parts that were not accepted again with them.
+    """Learn the shapes of a lot's own die, and use them to read the parts again that were not accepted.
 
     Attributes:
         database: glyph database to be made.
@@ -87,7 +88,7 @@ class SecondPass:
         Args:
             journal: first readings.
             parts: parts of the lot.
-            order: order of the first readings.
+            order: run order (settings and files) of the first readings.
             executor: executor that cuts out characters.
             say: called with a message: what was learned, or why nothing was.
         """
@@ -122,7 +123,7 @@ class SecondPass:
         self.learned = report
         say(
             f"learned {name} from {len(report.enrolled) + len(report.known)} parts that were read with certainty:"
-            f" {report.exemplars} exemplars of {report.felt}"
+            f" {report.exemplars} exemplars of the characters {report.felt}"
         )
         settings = order.settings.model_copy(update={"database": self.database, "font": (name,)})
         return waiting, replace(

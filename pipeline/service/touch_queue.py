@@ -7,9 +7,10 @@
 * Waiting parts are kept in the store, so a request for touch outlives a kill: the service's next start continues it.
 * There is one attempt at a time per part; further callers get the result of that attempt.
 * A part is tried until its time limit, then given up: no part waits for ever, whether the stage or the sender was to
-  feel it. The limit is kept in the store. From the first look on it is measured by the monotonic clock, so a leap of
-  the clock does not matter.
-* The log, the part's history and page, and /readyz say why a part was not felt yet, and how long it still waits.
+  feel it. The limit is kept in the store. After the first check the monotonic clock measures it, so a jump of the
+  system clock does not matter.
+* The log and the part's page say why a part was not felt yet and how long it waits; the history records stage faults;
+  /readyz says how many wait, and how long.
 * Services that share a store feel only the parts of their own lines; any of them gives up any part.
 """
 
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
 RETRY_S = 15.0
 """Time between two attempts at a part, s."""
 AT_ONCE = 4
-"""Maximum number of concurrent attempts without a waiting request; a real stage feels one part at a time anyway."""
+"""Attempts in progress, requested ones included, from which the queue starts no further one; a real stage feels one
+part at a time anyway."""
 NOBODY = "nobody has felt it in time"
 log = structlog.get_logger("tactile-marks")
 
@@ -74,12 +76,12 @@ class TouchQueue:
         untils_s = [until_s for (part, _), until_s in self._deadlines.items() if part in self._failures]
         if not untils_s:
             return ""
-        parts = "1 part waits" if len(untils_s) == 1 else f"{len(untils_s)} parts wait, the first"
-        left_s = max(0.0, min(untils_s) - time.monotonic())
-        return f"{parts} another {left_s:.0f} s for the stage; its page and the log say why"
+        n, left_s = len(untils_s), max(0.0, min(untils_s) - time.monotonic())
+        parts = "1 part waits for the stage; it" if n == 1 else f"{n} parts wait for the stage; the first"
+        return f"{parts} is given up in {left_s:.0f} s; its page and the log say why"
 
     def until(self) -> datetime:
-        """Time until which a part waits that begins to wait now."""
+        """Deadline of a part that starts to wait now."""
         return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
     async def attempt(self, part: PartRecord) -> PartRecord:
@@ -159,9 +161,9 @@ class TouchQueue:
         except StoreError:
             raise
         except Exception:  # one part may not keep the others waiting
-            log.exception("part not given up by touch", part=part_id)
+            log.exception("waiting part could not be handed to a person", part=part_id)
         else:
-            log.warning("part given up by touch", part=part.id, name=part.name, why=NOBODY)
+            log.warning("part not felt in time, handed to a person", part=part.id, name=part.name, why=NOBODY)
 
 
 def _looked_at(attempt: asyncio.Task[PartRecord]) -> None:

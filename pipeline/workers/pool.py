@@ -83,7 +83,7 @@ class _Slot:
 class WorkPool(Executor):
     """Run functions in worker processes of this machine.
 
-    Workers must be able to import the functions, and arguments, results and exceptions to be pickled.
+    Workers must be able to import the functions. Arguments, results and exceptions must be picklable.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class WorkPool(Executor):
 
         Args:
             workers: number of processes.
-            queue: most jobs that may wait (default: enough to keep the workers busy).
+            queue: maximum number of waiting jobs (default: enough to keep the workers busy).
             timeout_s: longest time of a job; its process is then replaced.
             memory_mb: memory limit of a worker; 0: no limit (default: its share of the machine's).
             warm_up: function that every worker calls before its first job; it must be picklable (default: none).
@@ -112,7 +112,8 @@ class WorkPool(Executor):
         queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
             raise SettingsError(
-                f"{workers} jobs, {queue} waiting, {timeout_s} s per part: give at least 1, at least 0 and above 0"
+                f"invalid limits: {workers} jobs (at least 1), {queue} waiting (at least 0),"
+                f" {timeout_s} s per part (above 0)"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
         self.memory_mb = _share_mb(workers) if memory_mb is None else memory_mb

@@ -1,8 +1,8 @@
 """Characters cut out of a part whose text is known, for the glyph database.
 
-The part is felt as the reader feels it, and its text is forced on the recogniser's alignment: it says where the
-characters stand, not which. What was felt there is then sampled to one size, upright, 40 pixels to the height, the
-middle of the ink across and half the height up in the middle::
+The part is felt as the reader feels it. The recogniser is aligned to the known text (forced alignment): it finds only
+where each character stands. What was felt there is then resampled upright at 40 pixels per character height. The cell's
+middle is the ink's middle across, and half the character height up::
 
           plate frame                      cut, in the line's frame
        _____________________                +-----------+
@@ -53,12 +53,12 @@ class Cut:
 
     Attributes:
         char: the character, as the reviewer named it.
-        relief: (rows, cols) float32 height over the land in character heights, a mark is negative however it was
-            stamped; NaN where unknown or where a neighbour stands.
+        relief: (rows, cols) float32 height over the land in character heights; marks are negative, whether sunk or
+            raised; NaN where unknown or where a neighbour stands.
         height_mm: character height of its line.
         rotation_deg: rotation of its line.
         raised: whether the marks stand out.
-        score: posterior of a character, mean of the text.
+        score: geometric mean posterior per character.
         place: place of the character in the text, from 1.
     """
 
@@ -85,7 +85,7 @@ def cut_height_map(
         height_map: height map of the part.
         text, height_mm: as in `cut_scan`.
         soil: dirt into which the tip sinks, if known.
-        good_score: belief a character from which no other scale is tried.
+        good_score: mean posterior per character above which no other scale is tried.
 
     Raises:
         ExemplarError: as in `cut_scan`, or no characters to be seen.
@@ -104,7 +104,9 @@ def cut_height_map(
         if _score(found[-1]) > good_score:
             break
     if not found:
-        problems.append(ExemplarError("no characters found", hint="look at the part, or give its height"))
+        problems.append(
+            ExemplarError("no characters found", hint="check the part, or give the character height")
+        )
         raise problems[0]
     return max(found, key=_score)
 
@@ -122,7 +124,7 @@ def cut_scan(
         scan: scan of the part.
         text: text of the part; blanks are ignored.
         height_mm: character height, if known.
-        least_likely: posterior of a character, mean of the text, below which it does not fit the marks.
+        least_likely: geometric mean posterior per character, below which the text is taken not to fit the marks.
 
     Returns:
         One exemplar per character, in order, without those of which too little was felt.
@@ -145,12 +147,13 @@ def cut_scan(
     found = LineReader(search).read(view).main
     if found is None:
         raise ExemplarError(
-            "no line of marks as long as the text was found", hint="look at the part and its text"
+            "found no line of marks with as many characters as the text", hint="look at the part and its text"
         )
     likely = float(np.exp(found.evidence / len(plain)))
     if likely < least_likely:
         raise ExemplarError(
-            f"the text does not fit the marks (belief {likely:.2f} a character)", hint="check the text"
+            f"the text does not fit the marks (mean posterior {likely:.2f} per character)",
+            hint="check the text",
         )
     raised = _stands_out(view.strip(found.line))
     along = ((found.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
@@ -184,8 +187,8 @@ def _fit_size(
         line: the line that was found.
         places: (n, 2) of its characters, along the line from its start and down from it, mm.
         raised: whether its marks stand out.
-        tolerance: share of the line's height by which a character of full height may differ; others are placed by
-            the line.
+        tolerance: a character whose ink differs less than this from the median height (share of the line's height)
+            counts as full height; the others get the median vertical shift.
     """
     for _ in range(2):
         height = line.height_mm
@@ -213,8 +216,8 @@ def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap
 
     Args:
         relief, line, places, raised: as in `_fit_size`.
-        gap_pull: ink, as a share of the fullest column's, that a gap may have rather than lie a whole spacing off the
-            middle.
+        gap_pull: weight that pulls a gap to the half-way point: the cost, in ink of the fullest column, of lying one
+            spacing off it.
     """
     u = ACROSS * line.height_mm
     apart, gaps = np.diff(places[:, 0]), []
@@ -236,7 +239,7 @@ def _own_shape(
     if np.isfinite(middle).mean() < least_known:
         return None
     own = (ACROSS * height_mm > -bounds[0]) & (ACROSS * height_mm < bounds[1])
-    # sixteen bits are more than was felt, and pack well
+    # float16 is finer than the measurement, and compresses well
     return np.asarray(np.where(own, felt / height_mm, np.nan).astype(np.float16), dtype=np.float32)
 
 
@@ -273,7 +276,7 @@ def _over_land(
         return felt
     v, u = np.meshgrid(DOWN, ACROSS, indexing="ij")
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
-    # at first the upper half is held for land
+    # first guess: the upper half of the samples is land
     land, over = known & (felt >= np.median(felt[known])), felt
     for _ in range(rounds):
         if land.sum() < least_land:
@@ -300,6 +303,6 @@ def _ink_box(felt: Floats, bounds: Floats, height_mm: float, *, ink_share: float
     across, down = np.flatnonzero(ink.sum(axis=0) >= 2), np.flatnonzero(ink.sum(axis=1) >= 2)
     if deep <= 0.0 or not across.size or not down.size:
         return np.full(4, np.nan)
-    # from half the depth up a wall of 45 degrees to the land
+    # extend the box from `ink_share` of the depth up to the land, along a 45-degree wall
     wall = ink_share * deep + 0.5 * height_mm / RELIEF_PIXELS
     return np.array([u[across[0]] - wall, v[down[0]] - wall, u[across[-1]] + wall, v[down[-1]] + wall])

@@ -56,7 +56,8 @@ def anywhere(
         view: the view.
         height_mm: height of the characters, if known.
         blind_step: spacing of the lines if the height is known, character heights.
-        most_blind: most lines that are tried; characters lower than 1 / `most_blind` of the view are not looked for.
+        most_blind: maximum number of lines tried; characters lower than 1 / `most_blind` of the view are not looked
+            for.
     """
     if height_mm is None:
         return _across(view, BLIND)

@@ -65,7 +65,8 @@ def about_region(
     """Part of a view with all lines whose middle is in a region; the whole view if that is most of it.
 
     Args:
-        margins: around a region, across and down, as shares of its size: only the middle of a line must be in it.
+        margins: around a region, across and down, as shares of its size, since a line may extend beyond the region
+            that contains its middle.
         most_of_view: share of the view above which the whole view is returned.
     """
     if region is None:
@@ -89,7 +90,7 @@ class PartLines:
         main: the line of the serial; None if there is none.
         named: other requested lines that were found, by name.
         others: unassigned lines that can be read as well.
-        candidates: places that look like the serial's line, the most promising first; they lie apart.
+        candidates: places that look like the serial's line, the most promising first; they do not overlap.
     """
 
     main: ReadLine | None

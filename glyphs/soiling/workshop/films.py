@@ -23,7 +23,9 @@ _PAINTS = (
 
 
 def add_paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Add a film in large areas, which levels: it is thicker in grooves than on the land, and chipped in places.
+    """Add a film of paint over large areas.
+
+    It levels out, so it is thicker in grooves than on the land; it is chipped in places.
 
     ::
 

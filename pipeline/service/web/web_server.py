@@ -1,9 +1,10 @@
 """The web server around the application: stopping, and limits of connections and slow request heads.
 
-* Asked to stop (SIGTERM, SIGINT, SIGHUP), it says so for a while before it does; asked again, it stops at once.
-* A connection has HEAD_S for the head of each request, however slowly it sends; then it is closed.
-* One address has a limited number of connections; more are closed as they come. A trusted proxy, which calls for many,
-  has any number.
+* After a first SIGTERM, SIGINT or SIGHUP it keeps answering for `drain_s` and reports that it is stopping; a second one
+  stops it at once.
+* A connection that has not sent a whole request head within HEAD_S is closed.
+* One address has a limited number of connections; more are closed as they come. A trusted proxy, which connects for
+  many callers, has no limit.
 * A request that is answered before all of it has come gets its answer: the rest is read and dropped for LINGER_S.
   A connection closed with bytes unread is reset by the system, and a proxy then has no answer to pass on (502).
 """
@@ -37,7 +38,7 @@ class DrainingServer(uvicorn.Server):
     """A web server that announces for a while that it is stopping; a second signal stops it at once."""
 
     def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
-        """Set the server's messages.
+        """Make the server; nothing is opened yet.
 
         Args:
             config: config of the server.
@@ -76,7 +77,7 @@ class DrainingServer(uvicorn.Server):
 def patient_protocol(
     *, an_address: int, proxies: Sequence[str] = (), head_s: float = HEAD_S
 ) -> type[H11Protocol]:
-    """Make the protocol of connections, with limits of silence and number.
+    """Make the HTTP protocol class, with a time limit for request heads and a limit of connections per address.
 
     Args:
         an_address: connections that one address may have.
@@ -95,7 +96,7 @@ def patient_protocol(
         def connection_made(self, transport: Any) -> None:
             """Count the connection; close it if there are too many."""
             super().connection_made(transport)
-            self.app_state = {**self.app_state, "connection": {}}  # in the state of all its requests
+            self.app_state = {**self.app_state, "connection": {}}  # shared by all requests of this connection
             self.transport = _Lingering(transport, self)  # type: ignore[assignment]
             self._address = self.client[0] if self.client else ""
             open_now[self._address] += 1
@@ -132,8 +133,11 @@ def patient_protocol(
 
 
 class _Lingering:
-    """A connection's transport that closes in two steps where a request is not read whole: it says no more, and hears
-    the rest for LINGER_S or until the caller closes."""
+    """A connection's transport.
+
+    If a request was not read to its end, close in two steps: end our side, then read and drop the rest for LINGER_S or
+    until the caller closes.
+    """
 
     def __init__(self, transport: Any, protocol: H11Protocol) -> None:
         self._transport, self._protocol = transport, protocol

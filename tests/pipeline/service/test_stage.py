@@ -168,6 +168,8 @@ def test_a_part_whose_file_never_comes_says_what_is_waited_for(
         assert client.portal is not None
         client.portal.call(service.intake.touching.look)
         waits = client.get("/readyz").json()["touch"]
-        assert re.fullmatch(r"1 part waits another \d+ s for the stage; its page and the log say why", waits)
+        assert re.fullmatch(
+            r"1 part waits for the stage; it is given up in \d+ s; its page and the log say why", waits
+        )
         asked = client.post("/v1/parts", files=photo, data={"name": "P18"}).json()
         assert f"/v1/parts/{asked['id']}/touch" in client.get(f"/parts/{asked['id']}").text
