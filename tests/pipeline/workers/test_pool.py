@@ -185,5 +185,5 @@ def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
     [(0, 1, 1.0), (-1, None, 1.0), (1, -1, 1.0), (1, 1, 0.0), (1, None, float("nan"))],
 )
 def test_numbers_that_cannot_be_are_refused(workers: int, queue: int | None, timeout_s: float) -> None:
-    with pytest.raises(SettingsError, match="give at least 1"):
+    with pytest.raises(SettingsError, match="invalid limits"):
         WorkPool(workers, queue=queue, timeout_s=timeout_s)
