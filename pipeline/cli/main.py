@@ -334,10 +334,10 @@ def _explain(error: CycloptsError) -> str:
         from pipeline.cli.settings import explained
 
         return explained(error)
-    if isinstance(error, UnknownOptionError) and error.token.keyword:
+    if isinstance(error, UnknownOptionError):
         from pipeline.cli.settings import flag_like
 
-        given = error.token.keyword
+        given = error.token.keyword or error.token.value.partition("=")[0]
         near = flag_like(
             given, [name for one in error.argument_collection if one.parse for name in one.names]
         )

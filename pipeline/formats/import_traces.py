@@ -118,7 +118,7 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
     largest = float(np.nanmax(np.abs(signal), initial=0.0, where=np.isfinite(signal)))
     if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
-        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, more than any whisker bears"
+        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, more than any whisker can carry"
         raise DataError(what, 'correct moment_unit; write "V" for counts, too, and run calibrate')
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0

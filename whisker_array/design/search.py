@@ -262,7 +262,7 @@ def _is_feasible(candidate: Candidate) -> bool:
 
 
 def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
-    """Find the best candidate that keeps all constraints, from several starts; None if there is none."""
+    """Find the best candidate that meets all constraints, from several starts; None if no candidate does."""
     first = list(beginnings)
     kept = [c for start in first if _is_feasible(c := climb(problem, start))]
     if not kept:

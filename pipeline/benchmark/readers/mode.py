@@ -42,8 +42,8 @@ class FeltMaps:
 
     Attributes:
         scan: scan of the virtual array, with ideal sensors.
-        edges: its edge map; None if there is none.
-        relief: its heights; None likewise.
+        edges: its edge map; None if none can be made of the scan.
+        relief: its heights; None if there is no edge map.
         simulated_s: time to simulate the scan.
     """
 

@@ -142,7 +142,7 @@ class Users(UserManager):
 
 
 def settings_fit(arguments: tuple[Any, ...], *, endless: bool) -> bool:
-    """Whether ScanSettings are supported: one cycle, ended by itself, by time, or not at all where allowed."""
+    """Whether ScanSettings are supported: at most one cycle; without any end only where that is allowed."""
     settings = arguments[0].Value if len(arguments) == 1 else None
     duration, cycles = getattr(settings, "Duration", None), getattr(settings, "Cycles", None)
     if not isinstance(duration, float | int) or not 0.0 <= duration < math.inf or cycles not in (0, 1):

@@ -69,7 +69,7 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
         ("5XX", "a fault of the service; its log says more"),
         (
             "503",
-            "not now: the queue is full, or the store does not answer; Retry-After tells when to ask again",
+            "not now: the queue is full, or the store does not answer; Retry-After says when to ask again",
         ),
     )
 }

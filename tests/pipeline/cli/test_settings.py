@@ -369,3 +369,8 @@ def test_a_file_of_settings_on_a_full_disk_leaves_nothing_behind(
 def test_help_of_a_command_is_its_whole_docstring(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tokens", "add", "--help"]) == 0
     assert "the store keeps only its hash" in capsys.readouterr().out
+
+
+def test_a_flag_unlike_all_others_is_not_explained_by_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["read", "part.npz", "--settings", "line.toml"]) == 2
+    assert "Unknown option: --settings. (see " in capsys.readouterr().err
