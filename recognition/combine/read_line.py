@@ -29,6 +29,9 @@ from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 Floats = NDArray[np.float64]
 _LEAST = 1e-12
+LEAST_PROMISE = -1.0
+"""Promise per place from which a line is text. Under a format 3 of 200 photographs of bare dirty plates reach it, 2 of
+104 of other things, and 1 of 150 felt plates; without one short marks do as well, which count only if they are sure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +94,17 @@ class ReadLine:
     @property
     def promise(self) -> float:
         """Evidence of the line against a guess, nats: the sum over its places."""
-        best = np.maximum(self.lattice.log_belief.max(axis=1, initial=-np.inf), -3.0)
+        return self._promise_of(self.lattice)
+
+    def _promise_of(self, lattice: Lattice) -> float:
+        best = np.maximum(lattice.log_belief.max(axis=1, initial=-np.inf), -3.0)
         return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the expert that looked at the line saw text (`LEAST_PROMISE`); templates match any dirt somehow."""
+        own = self.by_expert[self.looks[0].expert]
+        return self._promise_of(own) >= LEAST_PROMISE * own.n_places
 
 
 def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | None) -> ReadLine | None:

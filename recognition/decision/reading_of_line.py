@@ -36,20 +36,7 @@ alphabet, 22 were accepted without this rule and 12 with it: an Θ for a 0 or a 
 
 
 LEAST_READ = 0.52
-"""Least probability of the most certain character of a text, with the format and without it. Pictures of other things
-reach 0.51."""
-
-
-def is_text(lattice: Lattice, openly: Lattice, *, least_mean: float = 0.35) -> bool:
-    """Whether a line is text: it has one sure character, or probable characters at most places.
-
-    Args:
-        lattice: posteriors of the line.
-        openly: the same without the format.
-        least_mean: least mean over the places. Pictures of other things reach 0.34.
-    """
-    mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
-    return mean >= least_mean or min(lattice.surest, openly.surest) >= LEAST_READ
+"""Least probability of the most certain character of a text outside the format. Pictures of other things reach 0.51."""
 
 
 class LineSettings(Protocol):
@@ -102,7 +89,7 @@ def reading_of_line(
     lattice = replace(main.lattice, boxes=boxes_of(main.line, main.columns))
     openly, columns = main.open_places
     openly = replace(openly, boxes=boxes_of(main.line, columns))
-    if not choice.text or not is_text(lattice, openly):
+    if not choice.text or not main.is_text:
         found = _outside_format(openly, grammar)
         return nothing.with_findings(*found).with_trace(lattice=lattice)
     unsure = choice.probability < settings.accept_confidence
@@ -113,9 +100,7 @@ def reading_of_line(
     small = small_letters(main.looks, main.columns, choice.text) if grammar is None else ()
     worth = score_of(source)
     others = [
-        _named_line(name, one, asked[name].grammar, worth)
-        for name, one in part.named.items()
-        if is_text(one.lattice, one.open_places[0])
+        _named_line(name, one, asked[name].grammar, worth) for name, one in part.named.items() if one.is_text
     ]
     others += [_unassigned_line(one, grammar, worth, least_serial_evidence) for one in part.others]
     belief = choice.probability * main.likely

@@ -97,7 +97,7 @@ class LineReader:
                 rest = [one for one in rest if apart(one, found)]
         unassigned: list[ReadLine] = []
         for line in rest:
-            if _is_text(line) and all(apart(line, other) for other in unassigned):
+            if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
                 unassigned.append(line)
         return PartLines(main, MappingProxyType(named), tuple(unassigned), _candidates(view, meant))
 
@@ -190,7 +190,7 @@ def apart(one: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
     return not any(overlap(a, b, band_mm=band_mm) for a, b in permutations((one.line, other.line)))
 
 
-def _is_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3) -> bool:
+def _is_clear_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3) -> bool:
     """Whether a line can be read as any text.
 
     Args:

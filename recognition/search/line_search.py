@@ -13,14 +13,24 @@ from typing import TypeAlias
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
-from recognition.combine.read_line import ReadLine, combine_looks
+from recognition.combine.read_line import LEAST_PROMISE, ReadLine, combine_looks
 from recognition.experts.recogniser import steps_of
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.ink import on_ink
-from recognition.lines.moves import SIZES, anywhere, lengthen, longer, move_line, variants, whole_view
+from recognition.lines.moves import (
+    SAGS,
+    SIZES,
+    anywhere,
+    bend,
+    lengthen,
+    longer,
+    move_line,
+    variants,
+    whole_view,
+)
 from recognition.lines.tiles import find_in_tiles
 from recognition.search.part_lines import Region, about_region, stands_in
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
@@ -54,6 +64,7 @@ class SearchLimits:
         most_resized: greatest number of times that a doubtful line of a photograph is resized.
         growths: character heights by which a line is lengthened if a character lies at its end.
         most_growths: greatest number of times that a line is lengthened.
+        bend_gain: least promise that a line must gain by being bent, nats.
     """
 
     most_lines: int = 6
@@ -64,13 +75,14 @@ class SearchLimits:
     sure: float = 0.7
     some: float = 0.4
     settled: float = 0.9975
-    hopeless: float = -1.0
+    hopeless: float = LEAST_PROMISE
     clear_heights: float = 1.2
     most_refits: int = 3
     refit_gain: float = 0.3
     most_resized: int = 2
     growths: tuple[float, ...] = (1.0, 2.2)
     most_growths: int = 3
+    bend_gain: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -232,7 +244,18 @@ class LineSearch:
         return self.orientation is Orientation.ANY or abs(line.turned_deg) < UPSIDE_DOWN_DEG
 
     def refine(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
-        """Refine the best line: move and lengthen it where that makes it more promising."""
+        """Refine the best line: move, lengthen and bend it where that makes it more promising."""
+        best = self._settle(view, seen)
+        if is_convincing([best], self.limits.sure):
+            return best
+        bent = self._read_inside(view, [bend(seen[0].line, sag) for sag in SAGS])
+        # a straight line that is bent may look a little better by chance
+        if not bent or promise_of(bent[0]) < promise_of(best) + self.limits.bend_gain:
+            return best
+        return self._settle(view, bent[:1])
+
+    def _settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+        """Move and lengthen the best line where that makes it more promising."""
         best = seen[0]
         if promise_of(best) < self.limits.hopeless * best.lattice.n_places:
             return best

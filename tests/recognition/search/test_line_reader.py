@@ -51,6 +51,22 @@ def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
     assert refined.line.height_mm < 1.5 * best.height_mm
 
 
+def test_a_straight_line_over_an_arc_is_bent() -> None:
+    text, height_mm = "KXB4071", 5.0
+    part = stamp(
+        text, font="gothic", height_mm=height_mm, pitch_mm=height_mm / 60, seed=1,
+        layout=Layout(radius_mm=3.0 * height_mm),
+    )  # fmt: skip
+    view = heights_view(level(part.height_map))
+    boxes = np.array(part.stamped.boxes_mm)
+    middle_mm = (boxes[:, 1] + boxes[:, 3]).mean() / 2
+    straight = TextLine(np.array([(boxes[0, 0], middle_mm), (boxes[-1, 2], middle_mm)]), height_mm)
+    search = LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC, limits=SearchLimits(most_refits=0))
+    seen = search.read_once(view, [straight])
+    assert seen[0].lattice.text != text
+    assert search.refine(view, seen).lattice.text == text
+
+
 def test_a_line_that_says_nothing_is_left_as_it_was_found() -> None:
     search = LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC)
     best = search.refine(VIEW, search.lines(VIEW)).line
