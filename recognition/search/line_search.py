@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
-from recognition.combine.read_line import LEAST_PROMISE, ReadLine, combine_looks
+from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.experts.recogniser import steps_of
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
@@ -75,7 +75,7 @@ class SearchLimits:
     sure: float = 0.7
     some: float = 0.4
     settled: float = 0.9975
-    hopeless: float = LEAST_PROMISE
+    hopeless: float = -1.0
     clear_heights: float = 1.2
     most_refits: int = 3
     refit_gain: float = 0.3

@@ -417,6 +417,7 @@ def test_a_server_that_sends_badly_is_given_up(
     handler: type[_Quiet], told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(MOST_BYTES, "height_map", 20_000_000)
-    monkeypatch.setattr(remote, "_START_S", 0.5)
+    if "slowly" in told:  # a busy machine may be as slow as this limit
+        monkeypatch.setattr(remote, "_START_S", 0.5)
     with serving(handler) as url:
         refused(f"{url}/a.npz", told)
