@@ -30,9 +30,9 @@ from recognition.views.text_line import HEIGHT_ROWS, TextLine
 Floats = NDArray[np.float64]
 _LEAST = 1e-12
 LEAST_PROMISE = -0.8
-"""Promise per place from which a line is text. Under a format 2 of 200 photographs of bare dirty plates reach it, 1 of 104
-of other things, and 1 of 150 felt plates; a drawing of clutter reaches -0.86. Without a format short marks reach it as
-well; they count only if they are sure."""
+"""Promise per place from which a line is text. Under a format 2 of 200 photographs of bare dirty plates reach it, 1 of
+104 of other things, and 1 of 150 felt plates; a drawing of clutter reaches -0.86. Without a format short marks reach it
+as well; they count only if they are sure."""
 
 
 @dataclass(frozen=True, eq=False)
