@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from recognition.experts.ctc import PlaceBelief
+from recognition.experts.recogniser import wider_of
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -91,6 +92,18 @@ class ReadLine:
         any_char = np.logaddexp.reduce(steps.log_chars, axis=1)
         near = np.abs(steps.columns[:, None] - columns) <= reach
         return int(np.where(near, any_char[:, None], -50.0).max(axis=0).argmin())
+
+    @property
+    def advance(self) -> float:
+        """Mean distance from one character to the next, character heights; 0 with fewer than three."""
+        if self.columns.size < 3:
+            return 0.0
+        return float(self.columns[-1] - self.columns[0]) / (self.columns.size - 1) / HEIGHT_ROWS
+
+    @property
+    def wider(self) -> float:
+        """Factor by which its strip was widened at the first look."""
+        return wider_of(self.looks[0])
 
     @property
     def promise(self) -> float:

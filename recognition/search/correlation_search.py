@@ -140,7 +140,7 @@ class CorrelationSearch(LineSearch):
         return seen[0]
 
     def more_looks(
-        self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = ()
+        self, view: View, read: ReadLine, moves: Sequence[tuple[float, float, int]] = ()
     ) -> list[Steps]:
         """Return nothing: `_look` has already tried every position near the line."""
         return []

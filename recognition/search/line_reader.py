@@ -149,14 +149,14 @@ class LineReader:
         line, looks = best.line, list(best.looks)
         read = combine_looks(line, looks, grammar)
         if read is None or closely or not is_agreed(read):
-            looks += self.search.more_looks(view, line, (self.between, *self.moves))
+            looks += self.search.more_looks(view, best, (self.between, *self.moves))
             for number, other in enumerate(others, start=1):
                 # under another light, look first without a move
-                more = self.search.more_looks(other, line, ((0.0, 1.0, 0), *self.moves))
+                more = self.search.more_looks(other, best, ((0.0, 1.0, 0), *self.moves))
                 looks += [replace(one, view=number) for one in more]
             return combine_looks(line, looks, grammar)
         if twice:
-            looks += self.search.more_looks(view, line, (self.between,))
+            looks += self.search.more_looks(view, best, (self.between,))
             return combine_looks(line, looks, grammar)
         return read
 

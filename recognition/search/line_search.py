@@ -14,7 +14,7 @@ from typing import TypeAlias
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
 from recognition.combine.read_line import ReadLine, combine_looks
-from recognition.experts.recogniser import steps_of
+from recognition.experts.recogniser import WIDER, steps_of, wider_for
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
@@ -65,6 +65,8 @@ class SearchLimits:
         growths: character heights by which a line is lengthened if a character lies at its end.
         most_growths: greatest number of times that a line is lengthened.
         bend_gain: least promise that a line must gain by being bent, nats.
+        rewidened: ratio of the usual and the fitting width of a strip from which a doubtful line is read at both.
+        narrowest: advance below which a line runs across its characters; of 494 faces none is narrower than 0.38.
     """
 
     most_lines: int = 6
@@ -83,6 +85,8 @@ class SearchLimits:
     growths: tuple[float, ...] = (1.0, 2.2)
     most_growths: int = 3
     bend_gain: float = 1.0
+    rewidened: float = 1.3
+    narrowest: float = 0.32
 
 
 @dataclass(frozen=True)
@@ -219,24 +223,36 @@ class LineSearch:
         return [*lines, *(line.reversed for line in lines)]
 
     def read_once(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """Read each line once; the most promising comes first."""
+        """Read each line, doubtful ones also at the width of their characters; the most promising comes first."""
         lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
-        read = [combine_looks(line, [self._steps(view, line)], self.grammar) for line in lines]
+        read = [self._read_line(view, line) for line in lines]
         return rank([one for one in read if one is not None])
+
+    def _read_line(self, view: View, line: TextLine) -> ReadLine | None:
+        read = combine_looks(line, [self._steps(view, line)], self.grammar)
+        if read is None or read.advance < self.limits.narrowest or is_convincing([read], self.limits.settled):
+            return read
+        fitting = wider_for(read.advance)
+        if max(fitting / WIDER, WIDER / fitting) < self.limits.rewidened:
+            return read
+        again = combine_looks(line, [self._steps(view, line, wider=fitting)], self.grammar)
+        return rank([read, *([again] if again else [])])[0]
 
     def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; drop those that a move has taken out of the region."""
         return self.in_region(view, self.read_once(view, lines))
 
-    def _steps(self, view: View, line: TextLine, *, skip_columns: int = 0) -> Steps:
-        return steps_of(view.strip(line), chars=self.chars, rare=self.rare, skip_columns=skip_columns)
+    def _steps(self, view: View, line: TextLine, *, wider: float = WIDER, skip_columns: int = 0) -> Steps:
+        strip = view.strip(line)
+        return steps_of(strip, chars=self.chars, rare=self.rare, skip_columns=skip_columns, wider=wider)
 
     def more_looks(
-        self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]]
+        self, view: View, read: ReadLine, moves: Sequence[tuple[float, float, int]]
     ) -> list[Steps]:
         """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
         return [
-            self._steps(view, move_line(line, down, size), skip_columns=skip) for down, size, skip in moves
+            self._steps(view, move_line(read.line, down, size), wider=read.wider, skip_columns=skip)
+            for down, size, skip in moves
         ]
 
     def may_run(self, line: TextLine) -> bool:
@@ -250,14 +266,15 @@ class LineSearch:
             return best
         bent = self._read_inside(view, [bend(seen[0].line, sag) for sag in SAGS])
         # a straight line that is bent may look a little better by chance
-        if not bent or promise_of(bent[0]) < promise_of(best) + self.limits.bend_gain:
+        enough = promise_of(best) + self.limits.bend_gain
+        if not bent or promise_of(bent[0]) < enough or self._is_hopeless(bent[0]):
             return best
         return self._settle(view, bent[:1])
 
     def _settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """Move and lengthen the best line where that makes it more promising."""
         best = seen[0]
-        if promise_of(best) < self.limits.hopeless * best.lattice.n_places:
+        if self._is_hopeless(best):
             return best
         for one in seen[: self.limits.most_moved]:
             best = rank([best, self._refit_to_ink(view, one)])[0]
@@ -283,6 +300,9 @@ class LineSearch:
                 break
             best = looked[0]
         return best
+
+    def _is_hopeless(self, one: ReadLine) -> bool:
+        return promise_of(one) < self.limits.hopeless * one.lattice.n_places
 
     def _resize(self, view: View, best: ReadLine) -> ReadLine:
         """Make a doubtful line higher or lower, as long as that makes it more promising."""

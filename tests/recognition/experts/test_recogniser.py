@@ -34,7 +34,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[dict[str, float]], NDArra
         for char, value in shares.items():
             power[1 + CHARACTERS.index(char)] = value
         power[0] = 1.0 - sum(shares.values())
-        monkeypatch.setattr(recogniser, "posteriors", lambda strip: np.log(power)[None])
+        monkeypatch.setattr(recogniser, "posteriors", lambda strip, wider: np.log(power)[None])
         return power
 
     return says

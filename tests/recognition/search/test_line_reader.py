@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from glyphs import stamp
+from glyphs.fonts.glyph import transform_glyph
+from glyphs.fonts.outlines import load_font
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
+from recognition.experts.recogniser import WIDER, wider_for
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.lines.moves import move_line
@@ -65,6 +69,32 @@ def test_a_straight_line_over_an_arc_is_bent() -> None:
     seen = search.read_once(view, [straight])
     assert seen[0].lattice.text != text
     assert search.refine(view, seen).lattice.text == text
+
+
+@pytest.mark.parametrize("x_scale", [0.5, 3.0])
+def test_a_line_of_narrow_or_wide_characters_is_read_at_their_width(x_scale: float) -> None:
+    text, height_mm = "KXB4071", 5.0
+    font = load_font("gothic")
+    glyphs = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in text}
+    part = stamp(
+        text, font=replace(font, glyphs={**font.glyphs, **glyphs}), height_mm=height_mm,
+        pitch_mm=height_mm / 60, dirt=0.6, seed=1,
+    )  # fmt: skip
+    view = heights_view(level(part.height_map))
+    boxes = np.array(part.stamped.boxes_mm)
+    line = TextLine(
+        np.array([(boxes[0, 0], boxes[0, 1::2].mean()), (boxes[-1, 2], boxes[-1, 1::2].mean())]), height_mm
+    )
+    fitted, as_usual = (
+        LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC, limits=SearchLimits(rewidened=ratio)).read_once(
+            view, [line]
+        )[0]
+        for ratio in (SearchLimits().rewidened, math.inf)
+    )
+    assert fitted.lattice.text == text
+    assert promise_of(fitted) > promise_of(as_usual)
+    assert fitted.wider == pytest.approx(wider_for(as_usual.advance))
+    assert as_usual.wider == pytest.approx(WIDER)
 
 
 def test_a_line_that_says_nothing_is_left_as_it_was_found() -> None:
