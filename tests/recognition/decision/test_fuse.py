@@ -113,7 +113,8 @@ def test_touch_is_believed_where_the_camera_is_as_sure_of_another_character() ->
 
 def test_a_text_is_no_surer_of_both_than_the_number_of_its_characters_is_of_touch() -> None:
     sure, seen = touch(of_text("AB1234", 0.9999)), vision(of_text("AB1234", 0.999))
-    counted = sure.with_trace(odds=0.0)  # of touch, whether there are six characters is open
+    # of touch, whether there are six characters is open
+    counted = with_score(sure.with_trace(odds=0.0))
     assert fuse(counted, seen, SETTINGS).trace.odds == 0.0
     assert fuse(sure, seen, SETTINGS).confidence > fuse(counted, seen, SETTINGS).confidence
 
@@ -130,6 +131,16 @@ def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:
     odds = np.exp(both.log_belief[0, 0] - both.log_belief[0, 3])
     # 0.9 of two figures is 1.8 times what it would be unseen
     np.testing.assert_allclose(odds, 0.6 / (0.1 * 1.8), rtol=EXACT)
+
+
+@given(st.floats(0.3, 0.9999), st.floats(0.3, 0.9999))
+@settings(max_examples=25, deadline=None)
+def test_two_senses_are_no_surer_than_the_surer_one(felt: float, seen: float) -> None:
+    one, other = with_score(touch(of_text("AB1234", felt))), with_score(vision(of_text("AB1234", seen)))
+    read = fuse(one, other, SETTINGS)
+    assert read.confidence <= max(one.confidence, other.confidence)
+    if Decision.ACCEPT not in (one.decision, other.decision):
+        assert read.decision is not Decision.ACCEPT
 
 
 def test_both_doubtful_of_the_same_are_sure_together() -> None:
