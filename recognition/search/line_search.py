@@ -64,7 +64,8 @@ class SearchLimits:
         most_resized: greatest number of times that a doubtful line of a photograph is resized.
         growths: character heights by which a line is lengthened if a character lies at its end.
         most_growths: greatest number of times that a line is lengthened.
-        bend_gain: least promise that a line must gain by being bent, nats.
+        chance_gain: least promise that a line must gain by being bent or read at another width, nats: of two readings
+            the wrong one is often a little more promising by chance.
         rewidened: ratio of the usual and the fitting width of a strip from which a doubtful line is read at both.
         narrowest: advance below which a line runs across its characters; of 494 faces none is narrower than 0.38.
     """
@@ -84,7 +85,7 @@ class SearchLimits:
     most_resized: int = 2
     growths: tuple[float, ...] = (1.0, 2.2)
     most_growths: int = 3
-    bend_gain: float = 1.0
+    chance_gain: float = 1.0
     rewidened: float = 1.3
     narrowest: float = 0.32
 
@@ -236,7 +237,7 @@ class LineSearch:
         if max(fitting / WIDER, WIDER / fitting) < self.limits.rewidened:
             return read
         again = combine_looks(line, [self._steps(view, line, wider=fitting)], self.grammar)
-        return rank([read, *([again] if again else [])])[0]
+        return read if again is None or again.promise < read.promise + self.limits.chance_gain else again
 
     def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; drop those that a move has taken out of the region."""
@@ -265,16 +266,14 @@ class LineSearch:
         if is_convincing([best], self.limits.sure):
             return best
         bent = self._read_inside(view, [bend(seen[0].line, sag) for sag in SAGS])
-        # a straight line that is bent may look a little better by chance
-        enough = promise_of(best) + self.limits.bend_gain
-        if not bent or promise_of(bent[0]) < enough or self._is_hopeless(bent[0]):
+        if not bent or promise_of(bent[0]) < promise_of(best) + self.limits.chance_gain:
             return best
         return self._settle(view, bent[:1])
 
     def _settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """Move and lengthen the best line where that makes it more promising."""
         best = seen[0]
-        if self._is_hopeless(best):
+        if promise_of(best) < self.limits.hopeless * best.lattice.n_places:
             return best
         for one in seen[: self.limits.most_moved]:
             best = rank([best, self._refit_to_ink(view, one)])[0]
@@ -300,9 +299,6 @@ class LineSearch:
                 break
             best = looked[0]
         return best
-
-    def _is_hopeless(self, one: ReadLine) -> bool:
-        return promise_of(one) < self.limits.hopeless * one.lattice.n_places
 
     def _resize(self, view: View, best: ReadLine) -> ReadLine:
         """Make a doubtful line higher or lower, as long as that makes it more promising."""

@@ -78,7 +78,7 @@ def test_a_line_of_narrow_or_wide_characters_is_read_at_their_width(x_scale: flo
     glyphs = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in text}
     part = stamp(
         text, font=replace(font, glyphs={**font.glyphs, **glyphs}), height_mm=height_mm,
-        pitch_mm=height_mm / 60, dirt=0.6, seed=1,
+        pitch_mm=height_mm / 60, dirt=0.7, seed=1,
     )  # fmt: skip
     view = heights_view(level(part.height_map))
     boxes = np.array(part.stamped.boxes_mm)
