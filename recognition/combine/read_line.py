@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from recognition.experts.ctc import PlaceBelief
-from recognition.experts.recogniser import wider_of
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -99,11 +98,6 @@ class ReadLine:
         if self.columns.size < 3:
             return 0.0
         return float(self.columns[-1] - self.columns[0]) / (self.columns.size - 1) / HEIGHT_ROWS
-
-    @property
-    def wider(self) -> float:
-        """Factor by which its strip was widened at the first look."""
-        return wider_of(self.looks[0])
 
     @property
     def promise(self) -> float:

@@ -19,6 +19,9 @@ from typing import Self
 
 from recognition.language.confusions import CharacterState, PlaceState
 
+USUAL_THRESHOLD = 0.97
+"""Least score for acceptance if no other is asked for."""
+
 
 class Decision(StrEnum):
     """Accept, review or reject."""

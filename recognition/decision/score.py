@@ -30,7 +30,14 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from recognition.decision.contracts import DIGITS
-from recognition.decision.decide import EXPLANATIONS, MEASURE_FLAGS, Decision, Finding, ReadingFlag
+from recognition.decision.decide import (
+    EXPLANATIONS,
+    MEASURE_FLAGS,
+    USUAL_THRESHOLD,
+    Decision,
+    Finding,
+    ReadingFlag,
+)
 from recognition.decision.reading import Reading
 
 if TYPE_CHECKING:
@@ -266,9 +273,10 @@ def score_of(source: str) -> Score:
 def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
     """Add the score to a reading, with reasons if it is below the threshold.
 
-    A fused reading whose text has no log odds by touch is scored as one of the camera. It is at most as sure as the
-    surer sense: two that are in doubt and agree may err alike, as in a font that neither has learned. Of 424 parts in
-    such fonts 11 were accepted though neither sense alone would have been, and 2 of these were wrong, of 255 others 1.
+    A fused reading whose text has no log odds by touch is scored as one of the camera. If neither sense alone
+    reaches the usual threshold, both together are at most as sure as the surer one: two that are in doubt and agree may
+    err alike, as in a font that neither has learned. Of 424 parts in such fonts 11 were accepted though neither sense
+    alone would have been, and 2 of these were wrong, of the other 255 one.
 
     Args:
         reading: reading of one sense or both, with its data in the trace.
@@ -283,8 +291,10 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     senses = [
         one for one in (reading.trace.touch, reading.trace.vision) if one is not None and one.characters
     ]
-    surest = max(one.confidence for one in senses) if len(senses) == 2 else 1.0
-    made = replace(reading, confidence=min(score.probability(measures), surest))
+    surest, most = max((one.confidence for one in senses), default=1.0), 1.0
+    if len(senses) == 2 and surest < USUAL_THRESHOLD:
+        most = surest
+    made = replace(reading, confidence=min(score.probability(measures), most))
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE

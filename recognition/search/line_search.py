@@ -14,7 +14,7 @@ from typing import TypeAlias
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
 from recognition.combine.read_line import ReadLine, combine_looks
-from recognition.experts.recogniser import WIDER, steps_of, wider_for
+from recognition.experts.recogniser import WIDER, steps_of, wider_for, wider_of
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
@@ -251,8 +251,9 @@ class LineSearch:
         self, view: View, read: ReadLine, moves: Sequence[tuple[float, float, int]]
     ) -> list[Steps]:
         """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
+        wider = wider_of(read.looks[0])
         return [
-            self._steps(view, move_line(read.line, down, size), wider=read.wider, skip_columns=skip)
+            self._steps(view, move_line(read.line, down, size), wider=wider, skip_columns=skip)
             for down, size, skip in moves
         ]
 

@@ -14,6 +14,7 @@ from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
 from recognition.decision.contracts import CertifiedAcceptance
+from recognition.decision.decide import USUAL_THRESHOLD
 from recognition.decision.depth_rules import DepthRule
 from recognition.decision.score import SOURCES, score_of
 from recognition.experts.steps import EXPERTS
@@ -79,7 +80,7 @@ class ReaderSettings:
     format: str | Grammar | None = None
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
-    accept_confidence: float = 0.97
+    accept_confidence: float = USUAL_THRESHOLD
     accept_risk: float | None = None
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from glyphs.fonts.glyph import transform_glyph
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
-from recognition.experts.recogniser import WIDER, wider_for
+from recognition.experts.recogniser import WIDER, wider_for, wider_of
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.lines.moves import move_line
@@ -93,8 +93,8 @@ def test_a_line_of_narrow_or_wide_characters_is_read_at_their_width(x_scale: flo
     )
     assert fitted.lattice.text == text
     assert promise_of(fitted) > promise_of(as_usual)
-    assert fitted.wider == pytest.approx(wider_for(as_usual.advance))
-    assert as_usual.wider == pytest.approx(WIDER)
+    assert wider_of(fitted.looks[0]) == pytest.approx(wider_for(as_usual.advance))
+    assert wider_of(as_usual.looks[0]) == pytest.approx(WIDER)
 
 
 def test_a_line_that_says_nothing_is_left_as_it_was_found() -> None:
