@@ -46,11 +46,12 @@ def wider_for(advance: float, *, usual: float = 1.05, least: float = 0.8, most: 
     """Factor by which to widen a strip whose characters follow each other at `advance` character heights.
 
     Narrow and wide characters are read best at the width of usual ones. Of lines in fonts made 0.4 to 1.7 times as
-    wide, with dirt up to 0.6, the better of `WIDER` and this factor reads so many characters of a known format:
+    wide, with dirt up to 0.6, so many characters of a known format are read (with `WIDER` alone) if this factor counts
+    where it is more promising by a nat:
 
         advance (lines)     heights            photographs
-        below 0.45 (87)     95.8 % (94.0)      78.3 % (74.9 with `WIDER` alone)
-        above 1.2 (61)      99.2   (98.0)      83.4   (79.9)
+        below 0.45 (87)     95.5 % (94.0)      78.3 % (74.9)
+        above 1.2 (61)      99.2   (98.0)      83.0   (79.9)
 
     Args:
         advance: mean distance from one character to the next, character heights.
