@@ -291,10 +291,10 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     senses = [
         one for one in (reading.trace.touch, reading.trace.vision) if one is not None and one.characters
     ]
-    surest, most = max((one.confidence for one in senses), default=1.0), 1.0
-    if len(senses) == 2 and surest < USUAL_THRESHOLD:
-        most = surest
-    made = replace(reading, confidence=min(score.probability(measures), most))
+    confidence = score.probability(measures)
+    if len(senses) == 2 and (surest := max(one.confidence for one in senses)) < USUAL_THRESHOLD:
+        confidence = min(confidence, surest)
+    made = replace(reading, confidence=confidence)
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE

@@ -67,7 +67,7 @@ class SearchLimits:
         chance_gain: least promise that a line must gain by being bent or read at another width, nats: of two readings
             the wrong one is often a little more promising by chance.
         rewidened: ratio of the usual and the fitting width of a strip from which a doubtful line is read at both.
-        narrowest: advance below which a line runs across its characters; of 494 faces none is narrower than 0.38.
+        narrowest: advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38.
     """
 
     most_lines: int = 6
@@ -224,7 +224,7 @@ class LineSearch:
         return [*lines, *(line.reversed for line in lines)]
 
     def read_once(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """Read each line, doubtful ones also at the width of their characters; the most promising comes first."""
+        """Read each line; read a doubtful one again at the width of its characters. The most promising comes first."""
         lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
         read = [self._read_line(view, line) for line in lines]
         return rank([one for one in read if one is not None])
