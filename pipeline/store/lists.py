@@ -154,7 +154,12 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
     """Agreement with the line's own reader by day, of parts received in shadow mode since a time.
 
     Days without any are left out.
+
+    Raises:
+        UnfitError: the time has no zone.
     """
+    if since.tzinfo is None:
+        raise UnfitError("agreement cannot begin there", hint="give a time with its zone")
     kind, n = parts.c.agreement, sa.func.count()
     would = sa.and_(parts.c.would_be == PartState.ACCEPTED, kind != Agreement.ALONE)
     counted: _Counted = {
