@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 _MOST_SHOWN, _MOST_CHARACTERS = 4, 60
-_NO_EFFECT = frozenset({"cli", "plots", "service", "report.py", "charts.py", "curves.py", "worst_parts.py"})
+_NO_EFFECT = frozenset({"cli", "plots", "service", "report.py", "charts.py", "worst_parts.py"})
 """Packages and files for command line, drawing and service: they change no answer."""
 
 
