@@ -3,5 +3,5 @@
 bench.toml --read_bench--> Bench --open--> BenchSession --feel(pass)--> Sweep      (the protocol of `StageSession`)
                              |
                              +-- Controller: Grbl | Marlin        moves, over a serial port
-                             +-- Daq: LineDaq | NiDaq             samples, over a serial port or by NI-DAQmx
+                             +-- LineDaq | NiDaq                  samples, over a serial port or by NI-DAQmx
 """

@@ -27,8 +27,8 @@ from pipeline.bench.firmwares import Grbl, Marlin
 from pipeline.bench.line_daq import LineDaq
 from pipeline.bench.moves import Moves, check_limits, moves_of
 from pipeline.bench.ni_daq import NiDaq
-from pipeline.bench.sampling import Daq, Record, beyond, samples
-from pipeline.bench.settings import BenchSettings, DaqSettings
+from pipeline.bench.sampling import Record, beyond, samples
+from pipeline.bench.settings import BenchSettings
 from recognition.active.active_reader import scan_of
 from whisker_array.scan.calibration import Calibration, calibrate_lead_in
 from whisker_array.scan.scan import Scan
@@ -50,13 +50,18 @@ class Bench:
 
         Raises:
             MissingExtraError: a library is not installed.
-            StageError: a port cannot be opened, or the device on it does not answer.
+            StageError: a port cannot be opened, the device on it does not answer, or the converter has another number
+                of channels than the comb has whiskers.
         """
         self.settings = settings
         self._in_pass = False
+        whiskers = settings.comb.n_whiskers
         with contextlib.ExitStack() as until_connected:
-            self.daq = _open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
+            self.daq = LineDaq(settings.daq) if settings.daq.kind == "line" else NiDaq(settings.daq)
             until_connected.callback(self.daq.close)
+            if self.daq.whiskers != whiskers:
+                what = f"the converter has {self.daq.whiskers} channels for {whiskers} whiskers"
+                raise StageError(what, "see [comb] and [daq] of the bench")
             self.stage = _CONTROLLERS[settings.stage.firmware](settings.stage)
             until_connected.callback(self.stage.close)
             self.greeting = self.stage.connect()
@@ -186,23 +191,6 @@ class BenchSession:
             with contextlib.suppress(StageError):
                 self._bench.stage.lift()
         self._bench = None
-
-
-def _open_daq(settings: DaqSettings, *, whiskers: int) -> Daq:
-    """Open the converter of a bench.
-
-    Raises:
-        MissingExtraError: its library is not installed.
-        StageError: it cannot be opened, or its number of channels is not that of the whiskers.
-    """
-    daq: Daq = LineDaq(settings) if settings.kind == "line" else NiDaq(settings)
-    if daq.whiskers != whiskers:
-        found = daq.whiskers
-        daq.close()
-        raise StageError(
-            f"the converter has {found} channels for {whiskers} whiskers", "see [comb] and [daq] of the bench"
-        )
-    return daq
 
 
 def raster_passes(

@@ -11,7 +11,6 @@ positions are unknown.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,34 +46,6 @@ class Record:
         """Stretches where the stage's output was set, in time order."""
         edges = np.flatnonzero(np.diff(np.concatenate([[0], self.sync.astype(np.int8), [0]])))
         return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-
-
-class Daq(Protocol):
-    """A converter."""
-
-    @property
-    def whiskers(self) -> int:
-        """Number of whisker channels."""
-
-    def describe(self) -> str:
-        """Identification string of the converter."""
-
-    def start(self) -> None:
-        """Start sampling.
-
-        Raises:
-            StageError: it cannot.
-        """
-
-    def stop(self) -> Record:
-        """Stop sampling and return all samples since the start.
-
-        Raises:
-            StageError: samples were lost, or the converter does not answer.
-        """
-
-    def close(self) -> None:
-        """Release the converter; closing again does nothing."""
 
 
 def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:
