@@ -2,7 +2,7 @@
 
     most certain ----------------------> least certain
     0.9999   0.999   0.99   0.98   0.97  ...
-    too few  shown   shown  not shown          the last one shown is certified: 0.99
+    too few  shown   shown  not shown          the last threshold that was shown to hold is certified: 0.99
 
 Clopper and Pearson 1934 for the bounds. The threshold is found as in "Learn then Test" (Angelopoulos, Bates, Candès,
 Jordan and Lei, arXiv:2110.01052): each threshold is a hypothesis "of what is accepted here, more than the risk is
@@ -10,8 +10,8 @@ wrong", tested by the exact binomial, from the strictest to the most lenient, up
 Tested in a sequence that was fixed beforehand, each may use the whole of 1 - confidence: no matter how many there are,
 the chance that one is certified whose true risk is higher is at most 1 - confidence.
 
-Two things are assumed: the parts are independent and like those to come, and less sure readings are not
-right more often (thresholds at which too few are accepted for any answer are passed over, by their number alone).
+Two things are assumed: the parts are independent and like future parts, and less sure readings are not right more
+often. Thresholds that accept too few parts for any answer are skipped; only the number of parts decides this.
 
 Whether parts are of the same kind is tested by their measures::
 
@@ -61,9 +61,9 @@ class ThresholdTest:
 
     Attributes:
         threshold: least confidence for acceptance.
-        accepted: parts at least so sure.
-        wrong: number of wrong ones among these.
-        bound: upper bound of the share of wrong ones among the accepted, by itself.
+        accepted: number of parts with at least this confidence.
+        wrong: number of these that were read wrong.
+        bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
         shown: whether the risk is shown to hold here.
     """
 
@@ -79,11 +79,11 @@ def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, f
 
     Args:
         count: number of cases.
-        total: number of trials; of 0 nothing is known.
+        total: number of trials; for 0 the bounds are 0 and 1.
         confidence: confidence of each bound, between 0 and 1.
 
     Raises:
-        ValueError: more than all, or fewer than none; a confidence that is none.
+        ValueError: the count is below 0 or above the total, or the confidence does not lie between 0 and 1.
     """
     from scipy.special import betaincinv
 
@@ -101,7 +101,7 @@ def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
     Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %.
 
     Raises:
-        ValueError: a risk or confidence that is no share between 0 and 1.
+        ValueError: the risk or the confidence does not lie between 0 and 1.
     """
     from scipy.special import bdtrin
 
@@ -120,19 +120,20 @@ def threshold_tests(
     thresholds: Sequence[float] = THRESHOLDS,
     allowed_wrong: Sequence[int] = (2, 1, 0),
 ) -> tuple[ThresholdTest, ...]:
-    """All tested thresholds, see the module; the last proven one is the one to use.
+    """Test the thresholds in order, as the module describes; the last one shown to hold is the one to use.
 
     Args:
-        confidences: confidences of the readings that only a threshold keeps from acceptance.
+        confidences: confidence of each reading that is accepted if it reaches the threshold.
         right: whether each is right.
-        risk: share of wrong ones among the accepted that is not to be passed.
-        confidence: confidence of the answer.
-        thresholds: strictest first; fixed without a look at the parts.
-        allowed_wrong: the first test waits for so many accepted that this many wrong ones would not decide it, if there
-            are.
+        risk: largest share of wrong readings among the accepted.
+        confidence: confidence level of the tests.
+        thresholds: strictest first; chosen before any part is read.
+        allowed_wrong: number of wrong readings at which the first tested threshold can still be shown to hold; the
+            first number is used for which enough readings are accepted.
 
     Raises:
-        ValueError: lengths that differ, shares that are none, thresholds in another order.
+        ValueError: the lengths differ, the risk or the confidence does not lie between 0 and 1, or the thresholds do
+            not fall.
     """
     said, good = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
     if said.shape != good.shape:
@@ -165,16 +166,16 @@ def certified_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
 def parts_missing(
     tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float, most_wrong: int = 10_000
 ) -> int | None:
-    """Estimate how many more parts would prove the risk at some threshold; None if no number would.
+    """Estimate how many more parts would show the risk to hold at some threshold; None if no number would.
 
-    An estimate: as many of them accepted, and as many of these wrong, as among the parts there are.
+    The estimate assumes the same shares of accepted and of wrong readings among further parts.
 
     Args:
-        tests: tests on these parts.
-        parts: number of parts, accepted or not.
-        risk: risk that is to be shown.
-        confidence: with which.
-        most_wrong: wrong ones from which no number of parts is taken to show it.
+        tests: tests on the present parts.
+        parts: number of these parts, accepted or not.
+        risk: largest share of wrong readings among the accepted.
+        confidence: confidence level of the tests.
+        most_wrong: number of wrong readings at which the search ends.
     """
     totals = []
     for test in tests:
