@@ -125,14 +125,14 @@ class PartReader:
             raise part.problem
         self._check_expected(part, expected)
         touches, sees = senses_of(part, self.mode)
-        photo, notes = (
-            self._photo(part, touches=touches) if sees else (None, [])
-        )  # before touch takes its time
+        photo, notes = None, list[str]()
+        if sees:  # first, because touch takes longer
+            photo, notes = self._photo(part, touches=touches)
         top = None
         if touches and felt is None and not part.scan:
-            path, most = Path(part.height_map), self.limits.map_samples if self.limits else MAX_PIXELS
+            most = self.limits.map_samples if self.limits else MAX_PIXELS
             with naming(part.height_map):
-                top = read_part_map(path, self.settings, most=most)
+                top = read_part_map(Path(part.height_map), self.settings, most=most)
         if again is not None:
             photo = None if photo is None else again.photo(photo)
             top = None if top is None else replace(top, height_map=again.surface(top.height_map))
@@ -141,21 +141,13 @@ class PartReader:
             photo = photo if top is None else centre_on(photo, top.height_map)
             with naming(part.photo):
                 vision = self.reader.vision.read_photo(photo)
-            if self.budget_s is not None and top is not None and again is None:
+            if self.budget_s is not None and top is not None:
                 # touch scans where the camera sees the line
                 region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
-        touch, feel = felt.reading if felt is not None and touches else None, None
-        if touches and felt is None:
+        touch = felt.reading if touches and felt is not None else None
+        if touches and touch is None:
             with naming(part.scan or part.height_map):
-                if again is not None and top is not None:
-                    fidelity = self.reader.settings.fidelity
-                    feel = again.feel(fidelity=fidelity, soil=top.soil, part_id=part.name)
-                if top is None:
-                    touch = self._scan(part, again)
-                else:
-                    touch = read_surface(
-                        *(self.reader, top, part.name), feel=feel, budget_s=self.budget_s, region_mm=region_mm
-                    )
+                touch = self._touch(part, top, again, region_mm)
         reading = self.reader.fuse(touch, vision) if touch and vision else touch or vision
         assert reading is not None
         return replace(reading, notes=(*reading.notes, *notes))
@@ -177,6 +169,19 @@ class PartReader:
             VerifyError: the text cannot be verified.
         """
         return self.reader.verify(reading, expected) if expected else reading
+
+    def _touch(
+        self, part: PartFiles, top: PartMap | None, again: Retake | None, region_mm: Region | None
+    ) -> Reading:
+        """Read the height map; without one the recorded scan."""
+        if top is None:
+            return self._scan(part, again)
+        feel = None
+        if again is not None:
+            feel = again.feel(fidelity=self.reader.settings.fidelity, soil=top.soil, part_id=part.name)
+        return read_surface(
+            self.reader, top, part.name, feel=feel, budget_s=self.budget_s, region_mm=region_mm
+        )
 
     def _scan(self, part: PartFiles, again: Retake | None) -> Reading:
         """Read a recorded scan, which is preferred to a height map."""
