@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pipeline.reading.framed_session import FramedSession
-from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.decision.score import serial_is_sure
 from recognition.search.first_pass import felt_heights_mm
@@ -69,10 +68,5 @@ def read_actively(
             break
     if found is None:
         return reader.read_height_map(surface, soil=soil, part_id=part_id)
-    note = note_of(found, spent_s)
+    note = f"felt in {len(found.passes)} passes, {spent_s:.1f} s of stage time: {found.stop.message}"
     return replace(found.reading, notes=(*found.reading.notes, note)).with_trace(height_map=levelled)
-
-
-def note_of(found: ActiveReading, stage_s: float) -> str:
-    """Describe the stage time of a reading and why scanning stopped, for a table row or a page."""
-    return f"felt in {len(found.passes)} passes, {stage_s:.1f} s of stage time: {found.stop.message}"

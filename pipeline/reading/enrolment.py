@@ -20,12 +20,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from pipeline.common.texts import without_blanks
 from pipeline.common.version import file_sha256
-from pipeline.formats.glyph_database import (
-    Exemplar,
-    GlyphDatabase,
-    load_database,
-    save_database,
-)
+from pipeline.formats.glyph_database import Exemplar, GlyphDatabase, load_database, save_database
 from recognition.enrol.exemplars import Cut, ExemplarError, cut_height_map, cut_scan
 from recognition.enrol.learned_font import agreement, learn_font
 
@@ -210,11 +205,7 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
     """Cut the characters of a part with a known text; none if the part is already enrolled."""
     from pipeline.formats.touch_file import read_part_map, read_scan
 
-    text, height_mm, path = (
-        without_blanks(part.expected),
-        settings.height_mm,
-        Path(part.scan or part.height_map),
-    )
+    text, path = without_blanks(part.expected), Path(part.scan or part.height_map)
     try:
         if not part.felt:
             raise ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
@@ -225,10 +216,10 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
         if (sha, text) in before:
             return sha, ()
         if part.scan:
-            cuts = cut_scan(read_scan(path), text, height_mm=height_mm)
+            cuts = cut_scan(read_scan(path), text, height_mm=settings.height_mm)
         else:
             top = read_part_map(path, settings)
-            cuts = cut_height_map(top.height_map, text, soil=top.soil, height_mm=height_mm)
+            cuts = cut_height_map(top.height_map, text, soil=top.soil, height_mm=settings.height_mm)
         if not cuts:
             raise ExemplarError("too little of its characters was scanned", hint="scan it again")
         return sha, tuple(cuts)

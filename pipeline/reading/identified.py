@@ -146,17 +146,11 @@ def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
 
 
 def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
-    """Write the identified whisker, with the drawing's raster and character height.
+    """Write the whisker that `identify_recording` has identified, with the drawing's raster and character height.
 
     Raises:
         FileError: it cannot be written.
     """
-    if drawn.whisker.is_straight:
-        raise FileError(
-            path,
-            "can hold only an L-shaped whisker",
-            "give the drawing of an L-shaped whisker",
-        )
     whisker = found.bench.whisker(drawn.whisker)
     touch = found.bench.touch(drawn.whisker)
     write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))

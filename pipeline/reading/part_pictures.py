@@ -89,15 +89,6 @@ def edges_picture(edges: EdgeMap) -> Picture:
     )
 
 
-def _size(shape: tuple[int, int], most: int, least: int = 0) -> tuple[int, int]:
-    """(width, height) of a picture, scaled to the size of the page."""
-    longest = max(shape)
-    scale = most / longest if longest > most else 1.0
-    if shape[1] * scale < least:
-        scale = min(least / shape[1], most / longest)
-    return max(1, round(shape[1] * scale)), max(1, round(shape[0] * scale))
-
-
 def _strongest(size: NDArray[np.float32], valid: NDArray[np.bool_]) -> float:
     known = size[valid]
     if not known.size:
@@ -121,11 +112,12 @@ def _encode(
     pitch_mm: float,
     least: int = 0,
 ) -> Picture:
-    """Encode a picture, rescaled if needed."""
+    """Encode a picture, scaled to at least `least` pixels in width and at most `MOST_PIXELS_A_SIDE` on either side."""
     from glyphs.opencv import cv2
 
-    shape = (pixels.shape[0], pixels.shape[1])
-    width, height = _size(shape, MOST_PIXELS_A_SIDE, least)
+    shape = pixels.shape[:2]
+    scale = min(max(1.0, least / shape[1]), MOST_PIXELS_A_SIDE / max(shape))
+    height, width = (max(1, round(side * scale)) for side in shape)
     if (height, width) != shape:
         how = cv2.INTER_AREA if width < shape[1] else cv2.INTER_LINEAR
         pixels = cv2.resize(pixels, (width, height), interpolation=how)

@@ -60,8 +60,8 @@ def open_reader(settings: ReadSettings) -> Reader:
         SettingsError: settings contradict each other.
         ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
-    given = {name: getattr(settings, name) for name in ("accept_confidence", "accept_risk")}
-    threshold: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    names = ("accept_confidence", "accept_risk")
+    threshold: dict[str, Any] = {n: v for n in names if (v := getattr(settings, n)) is not None}
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),

@@ -36,7 +36,7 @@ STAGE_FIELD_MM = (60.0, 25.0)
 
 
 def plan_of(
-    vision: Reading | None,
+    vision: Reading,
     photo: Photo,
     settings: ReadSettings,
     *,
@@ -46,7 +46,7 @@ def plan_of(
     """Plan the scan that resolves the doubts of the camera.
 
     Args:
-        vision: reading by camera; None if there is none.
+        vision: reading by camera.
         photo: the photograph; if its pitch is known, the region lies around the line, or is the whole picture if no
             line was found with certainty.
         settings: settings with the character height, if it is known.
@@ -91,27 +91,27 @@ def seen_region(
     Returns:
         The region; None if the line's position is not trusted, or the picture has no scale.
     """
-    if photo.pitch_mm is None or vision.trace.line is None or _mean_belief(vision) < TRUSTED_SHARE:
+    if photo.pitch_mm is None or vision.trace.line is None or _mean_confidence(vision) < TRUSTED_SHARE:
         return None
     return _around(vision, photo, height_mm)[0]
 
 
 def _around(
-    vision: Reading | None, photo: Photo, height_mm: float | None
+    vision: Reading, photo: Photo, height_mm: float | None
 ) -> tuple[tuple[float, float, float, float], float]:
-    """The region of the line and its margin, within the picture, and the height of its characters."""
+    """The region of the line and its margin, else the whole picture, and the height of the characters."""
     from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm
 
     left, top = photo_origin_mm(photo)
     middle = photo_middle_mm(photo)
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
-    line = vision.trace.line if vision is not None else None
-    if line is None or vision is None:
-        return (left, top, right, bottom), (height_mm or USUAL_HEIGHT_MM)
+    picture, line = (left, top, right, bottom), vision.trace.line
+    if line is None:
+        return picture, height_mm or USUAL_HEIGHT_MM
     height = height_mm or float(f"{line.height_mm:.3g}")
-    if _mean_belief(vision) < TRUSTED_SHARE:
+    if _mean_confidence(vision) < TRUSTED_SHARE:
         # dirt that fills the picture is easily mistaken for one line as high as the picture
-        return (left, top, right, bottom), min(height, 0.5 * (bottom - top))
+        return picture, min(height, 0.5 * (bottom - top))
     half = 0.5 * line.height_mm
     x0, y0 = (float(v) - half for v in line.centre_mm.min(axis=0))
     x1, y1 = (float(v) + half for v in line.centre_mm.max(axis=0))
@@ -123,10 +123,10 @@ def _around(
     x0, y0, x1, y1 = x0 - wide, y0 - high, x1 + wide, y1 + high
     x0, y0, x1, y1 = max(x0, left), max(y0, top), min(x1, right), min(y1, bottom)
     if x1 - x0 < height or y1 - y0 < height:  # the line lies outside the picture
-        return (left, top, right, bottom), height
+        return picture, height
     return (x0, y0, x1, y1), height
 
 
-def _mean_belief(vision: Reading) -> float:
-    beliefs = [c.confidence for c in vision.characters]
-    return math.fsum(beliefs) / len(beliefs) if beliefs else 0.0
+def _mean_confidence(vision: Reading) -> float:
+    confidences = [c.confidence for c in vision.characters]
+    return math.fsum(confidences) / len(confidences) if confidences else 0.0

@@ -60,8 +60,7 @@ def state_after(reading: ReadingRecord) -> PartState:
     The reader's own decision applies the thresholds of confidence and margin. If a text is expected, only a part with
     that text is accepted.
     """
-    sure = reading.decision == "accept" and reading.verdict in ("", "confirmed")
-    if sure:
+    if reading.decision == "accept" and reading.verdict in ("", "confirmed"):
         return PartState.ACCEPTED
     return PartState.TOUCH_NEEDED if reading.source == "vision" else PartState.REVIEW
 

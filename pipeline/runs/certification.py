@@ -33,7 +33,7 @@ from pipeline.reading.certificate_statistics import (
 from pipeline.reading.readers import open_reader
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
-from pipeline.runs.production import absolute, parts_for
+from pipeline.runs.production import parts_for
 from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, lost_part, read_listed
@@ -173,7 +173,7 @@ def _read_all(
         progress.start(len(parts) - known)
         sent = files_to_send(settings) if executor.remote else None
         order = RunOrder(settings, digests=True, measures=True, sent=sent)
-        tasks = absolute(parts) if executor.remote else parts
+        tasks = [part.absolute() for part in parts] if executor.remote else parts
         for _, read in resumable(journal, tasks, executor, read_listed, order, lost=lost_part):
             progress.advance(failed=bool(read.record.error))
 

@@ -52,11 +52,6 @@ def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Seque
     )
 
 
-def absolute(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
-    """Make the paths of local files absolute, so that every machine that shares the disk finds them."""
-    return [part.absolute() for part in parts]
-
-
 def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executor: Executor) -> int:
     """Read parts and print the results.
 
@@ -96,7 +91,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         by_part = expected.text_of if isinstance(expected, PartTexts) else lambda _: expected
         parts = [replace(p, expected=by_part(p.name) or p.expected) for p in parts]
     if executor.remote:
-        parts = absolute(parts)
+        parts = [part.absolute() for part in parts]
     order = RunOrder(
         settings,
         verify=expected is not None,
