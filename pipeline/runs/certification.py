@@ -88,19 +88,18 @@ def certify(
         settings: read settings, for which the certificate will hold.
         workers: settings of the workers that read.
         out: certificate file to write; the journal of the parts already read is kept beside it.
-        risk: largest share of wrong readings among the accepted.
-        confidence: confidence level of the test.
+        risk: largest share of wrong readings among the accepted, between 0 and 1.
+        confidence: confidence level of the test, between 0 and 1.
         manifests: tables of parts.
 
     Raises:
         FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
         SettingsError: the settings cannot be certified.
         NothingFoundError: no part was found.
-        ValueError: the risk, confidence or settings are invalid.
+        ValueError: the settings are invalid.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")
-    threshold_tests((), (), risk=risk, confidence=confidence)
     known = load_truth(truth)
     found = parts_for(inputs, settings, manifests=manifests)
     texts = ((part.name, known.text_of(part.name)) for part in found)

@@ -2,7 +2,7 @@
 
     first readings --teachers--> parts to enrol --learn_font--> a font --second readings--> better, or as they were
 
-Readings are chosen by what they say, never by when they came: the order of the parts makes no difference.
+Readings are chosen by their content, so the order of the parts makes no difference.
 """
 
 from __future__ import annotations
@@ -15,18 +15,20 @@ from pipeline.common.reading_records import ReadingRecord
 
 FEWEST_PARTS = 12
 """Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
-MOST_TEACHERS, EXEMPLARS_EACH = 40, 6
-"""Most enrolled parts, and number of exemplars of a character after which no part is enrolled for it."""
+MOST_TEACHERS = 40
+"""Most enrolled parts."""
+EXEMPLARS_EACH = 6
+"""Number of exemplars of a character after which no further part is enrolled for it."""
 LEAST_AGREEMENT = 0.7
-"""Least share of exemplars that agree with their siblings, for parts of one die: blows of one die
-agree in nine of ten and more, of two dies each set aside the other's."""
-_MOST_LOOKED_AT = 2000
+"""Least share of exemplars that agree with others of their character. Of one die, nine in ten or more agree; exemplars
+of two dies do not agree with each other."""
+_MOST_CONSIDERED = 2000
 
 
 def teachers(readings: Iterable[ReadingRecord]) -> dict[str, str]:
-    """Parts whose characters the lot learns from, and their texts, by name.
+    """Choose the parts to learn from, and return their texts by name.
 
-    Those that were accepted, surest first, as long as each adds a character that is still rare.
+    They are the accepted parts, surest first, that add a character of which there are few exemplars so far.
 
     Args:
         readings: readings of the lot, in any order.
@@ -34,7 +36,7 @@ def teachers(readings: Iterable[ReadingRecord]) -> dict[str, str]:
     sure = (one for one in readings if one.decision == "accept" and not one.error)
     chosen: dict[str, str] = {}
     found: Counter[str] = Counter()
-    for one in heapq.nsmallest(_MOST_LOOKED_AT, sure, key=lambda one: (-one.confidence, one.part)):
+    for one in heapq.nsmallest(_MOST_CONSIDERED, sure, key=lambda one: (-one.confidence, one.part)):
         if len(chosen) == MOST_TEACHERS:
             break
         text = "".join(one.text.split())
@@ -52,7 +54,7 @@ def needs_another(reading: ReadingRecord) -> bool:
 def is_better(second: ReadingRecord, first: ReadingRecord) -> bool:
     """Whether a part's second reading replaces its first.
 
-    It does where it is accepted, or surer of the same text; never where the first was accepted.
+    It does if it is accepted, or if it has the same text and a higher confidence. An accepted reading is kept.
     """
     if not needs_another(first) or second.error:
         return False
