@@ -383,15 +383,12 @@ def _parts(
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.listed_parts import ListedParts
 
-    levels: dict[str, tuple[str | float, ...]] = {
-        name: _numbers(str(value))
-        if name == "severity"
-        else split_commas(value)
-        if isinstance(value, str)
-        else (value,)
-        for name, value in flags.items()
-        if value is not None
-    }
+    levels: dict[str, tuple[str | float, ...]] = {}
+    for name, value in flags.items():
+        if isinstance(value, str):
+            levels[name] = _numbers(value) if name == "severity" else split_commas(value)
+        elif value is not None:
+            levels[name] = (value,)
     words = {"severity": "dirt", "height_mm": "height-mm"}
     if (inputs is None) != (truth is None):
         raise UsageError("benchmark: --inputs and --truth go together")

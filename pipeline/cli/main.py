@@ -237,9 +237,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # looking for pydantic plugins, which nothing here uses, takes each process 30 ms
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:
-        gc.set_threshold(
-            10_000
-        )  # modules make many lasting objects; searching them takes a tenth of the start
+        # modules make many lasting objects; searching them takes a tenth of the start
+        gc.set_threshold(10_000)
         # multiprocessing would run the file named here in every worker, and workers do not need it
         vars(sys.modules["__main__"]).pop("__file__", None)
     given = sys.argv[1:] if arguments is None else list(arguments)

@@ -40,11 +40,10 @@ MOST_TEXT = 100_000
 """Most characters of one escaped text; Python's own CSV reader takes up to 131,072."""
 _GROUP_RECORDS = 500  # rows of a Parquet group, some megabytes in memory
 _ODD = re.compile(r"[\x00\ud800-\udfff]|\\(?=u(?:0000|005c|d[89a-f][0-9a-f]{2}))")
-_LINE_BREAKS = {
-    ord(c): f"\\u{ord(c):04x}" for c in "\x85\u2028\u2029"
-}  # line breaks for some programs, though not in JSON
+# line breaks for some programs, though not in JSON
+_LINE_BREAKS = {ord(c): f"\\u{ord(c):04x}" for c in "\x85\u2028\u2029"}
 _dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
-_NOBODY = {f.name: f.default for f in fields(CandidateRecord)} | {"char": "", "probability": 0.0}
+_NO_CANDIDATE = {f.name: f.default for f in fields(CandidateRecord)} | {"char": "", "probability": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +136,7 @@ def _json_line(record: ReadingRecord) -> bytes:
 
 def _flat(place: dict[str, Any]) -> dict[str, Any]:
     """A character with its best candidate beside its other fields."""
-    best, *others = place.pop("candidates") or (_NOBODY,)
+    best, *others = place.pop("candidates") or (_NO_CANDIDATE,)
     return {**best, "alternatives": others, **place}
 
 

@@ -16,7 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -185,7 +185,8 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
         # a failed import is reported by the call that needs the module
         with contextlib.suppress(Exception):
             importlib.import_module(name)
-    with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
+    say = partial(print, file=sys.stderr, flush=True)
+    with show_compiling(say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
         _keep_to(pipe.recv())
         while True:
             pipe.send_bytes(_answer(pipe.recv_bytes()))
@@ -199,10 +200,6 @@ def _keep_to(memory_mb: int) -> None:
             import resource
 
             resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * _MB, memory_mb * _MB))
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
 
 
 def _end_with_parent() -> None:
