@@ -6,7 +6,8 @@
     none r           .00  .01  .01
 
 A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other
-texts need not fit the format: a wrong serial may break it.
+texts need not fit the format: a wrong serial may break it. A reading that is accepted with the expected text confirms
+it as well: its score also counts what the format excludes.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from recognition.decision.decide import ReadingFlag
+from recognition.decision.decide import Decision, ReadingFlag
 from recognition.language.confusions import CharacterState, PlaceState, state_of
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -72,7 +73,8 @@ class Verification:
     Attributes:
         expected: the text, without blanks.
         verdict: the verdict on it.
-        probability: probability of the expected text; 0 if the number of characters differs.
+        probability: probability of the expected text, or the score of a reading that is accepted with it; 0 if the
+            number of characters differs.
         refutation: probability that at least one character is clearly another.
         characters: checks in the order of the text; places left over come where they were found.
         places: number of characters found.
@@ -109,6 +111,7 @@ def verify(
     *,
     grammar: Grammar | None = None,
     contradicted: bool = False,
+    accepted: float = 0.0,
     least: float = 0.99,
 ) -> Verification:
     """Compare the posteriors of a line with the expected text.
@@ -121,8 +124,9 @@ def verify(
         expected: the text; blanks are ignored.
         grammar: format that the expected text must fit.
         contradicted: whether two senses are sure of different characters; then nothing is confirmed.
-        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED, for which no character may
-            mismatch either.
+        accepted: score of a reading that is accepted with the expected text; 0 if there is none.
+        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED if no reading is accepted. Nor
+            may any character mismatch for CONFIRMED.
 
     Raises:
         VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks.
@@ -159,8 +163,8 @@ def verify(
     verdict = Verdict.UNDECIDED
     if 1.0 - not_other >= least:
         verdict = Verdict.REFUTED
-    elif same >= least and not contradicted:
-        verdict = Verdict.CONFIRMED
+    elif (same >= least or (whole and accepted)) and not contradicted:
+        verdict, same = Verdict.CONFIRMED, max(same, accepted)
     return Verification(text, verdict, same, 1.0 - not_other, tuple(checks), lattice.n_places)
 
 
@@ -218,7 +222,9 @@ def with_verification(
     """
     if lattice is None:
         lattice = Lattice((), np.zeros((0, 0)))
-    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted)
+    same_text = "".join(reading.text.split()) == "".join(expected.split())
+    accepted = reading.confidence if same_text and reading.decision is Decision.ACCEPT else 0.0
+    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted, accepted=accepted)
     flags, characters = reading.flags, reading.characters
     if contradicted:
         flags |= ReadingFlag.SENSES_DISAGREE

@@ -180,6 +180,25 @@ def test_a_reading_bears_the_states_of_what_is_expected() -> None:
     assert read.text == "81"
 
 
+DOUBTED_B1 = lattice_of({"B": 0.97, "8": 0.03}, {"1": 0.998})
+
+
+@pytest.mark.parametrize(
+    ("confidence", "text", "said"),
+    [
+        (0.98, "B1", (Verdict.CONFIRMED, 0.98)),
+        (0.9, "B1", (Verdict.UNDECIDED, 0.97 * 0.998)),
+        (0.98, "81", (Verdict.UNDECIDED, 0.03 * 0.998)),
+    ],
+)
+def test_a_reading_that_is_accepted_confirms_its_text(
+    confidence: float, text: str, said: tuple[Verdict, float]
+) -> None:
+    read = replace(reading_of("B1", confidence), threshold=0.97)
+    found = verdict(read, DOUBTED_B1, text)[1]
+    assert (found.verdict, found.probability) == (said[0], pytest.approx(said[1]))
+
+
 def test_without_characters_nothing_is_known() -> None:
     read, found = verdict(replace(READ_B1, characters=()), None, "B1")
     assert (found.verdict, found.probability) == (Verdict.UNDECIDED, 0.0)
