@@ -369,20 +369,17 @@ class Intake:
 
     def _decide(self, done: ReadPart, part: NewPart | PartRecord) -> Added:
         """Decide the state of a part; only the store's serial rules may still send it to a person."""
-        live = self._decide_live(done, part)
-        if not self._in_shadow(part):
-            return live
-        shadow = ShadowRecord(agreement_of(done.record, part.expected), live["state"])
-        return {"state": PartState.SHADOW, "shadow": shadow}
-
-    def _decide_live(self, done: ReadPart, part: NewPart | PartRecord) -> Added:
-        if done.state is not PartState.TOUCH_NEEDED or isinstance(part, PartRecord):
-            return {"state": done.state}
-        if part.touch is not Touch.PLAN and not self.stage.there:
-            why = "there is no stage to feel it"
-            return {"state": PartState.REVIEW, "plan": done.plan, "not_felt": why}
-        wait = TouchWait(part.touch is Touch.STAGE, self.touching.until())
-        return {"state": PartState.TOUCH_NEEDED, "plan": done.plan, "touch": wait}
+        decided: Added = {"state": done.state}
+        if done.state is PartState.TOUCH_NEEDED and isinstance(part, NewPart):
+            decided["plan"] = done.plan
+            if part.touch is Touch.PLAN or self.stage.there:
+                decided["touch"] = TouchWait(part.touch is Touch.STAGE, self.touching.until())
+            else:
+                decided |= {"state": PartState.REVIEW, "not_felt": "there is no stage to feel it"}
+        if self._in_shadow(part):
+            shadow = ShadowRecord(agreement_of(done.record, part.expected), decided["state"])
+            return {"state": PartState.SHADOW, "shadow": shadow}
+        return decided
 
     def _in_shadow(self, part: NewPart | PartRecord) -> bool:
         """Whether a part is in shadow mode; a part that was read in shadow mode stays in it."""

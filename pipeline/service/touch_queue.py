@@ -101,9 +101,7 @@ class TouchQueue:
         now = time.monotonic()
         waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self.store.waiting_for_touch)}
         self._deadlines = {
-            key: self._deadlines[key]
-            if key in self._deadlines
-            else now + self._left_s(one.changed_at, one.until)
+            key: self._deadlines.get(key, now + self._left_s(one.changed_at, one.until))
             for key, one in waiting.items()
         }
         for (part_id, _), deadline in self._deadlines.items():

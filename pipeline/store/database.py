@@ -150,10 +150,11 @@ class Database:
                     )
                 held.enter_context(_file_locked(Path(str(parsed.database))))
             engine = _engine(parsed)
-            failed = held.enter_context(contextlib.ExitStack())
-            failed.callback(engine.dispose)
-            _bring_up_to_date(engine, shown, as_it_is=as_it_is)
-            failed.pop_all()
+            try:
+                _bring_up_to_date(engine, shown, as_it_is=as_it_is)
+            except BaseException:
+                engine.dispose()
+                raise
         return cls(engine, shown, now)
 
     @contextlib.contextmanager

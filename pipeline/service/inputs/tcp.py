@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
 import re
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -185,7 +184,7 @@ class TcpPort:
         self.host, self.port = settings.host, settings.port or 0
         self._trigger = trigger
         self._result = ResultString(settings.format or DEFAULT_FORMAT)
-        self._clients = tuple(ipaddress.ip_network(client) for client in settings.clients)
+        self._clients = settings.clients
         self._limits = limits or TcpLimits()
         self._server: asyncio.Server | None = None
         self._callers: dict[asyncio.Task[None], _Caller] = {}

@@ -19,6 +19,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import re
 import secrets
 import socket
 import ssl
@@ -49,13 +50,12 @@ _HEAD_BYTES = 16
 ONLINE, OFFLINE = b"online", b"offline"
 # seconds after which a running service says again that it is online
 ONLINE_EVERY_S = 5.0
-_NO_TOPIC = frozenset("+#\0")
 _log = logging.getLogger(__name__)
 
 
 def topic_level(name: str) -> str:
     """A name as one level of a topic."""
-    return "".join("_" if c in _NO_TOPIC or c == "/" else c for c in name)
+    return re.sub(r"[+#/\0]", "_", name)
 
 
 class MqttSender:

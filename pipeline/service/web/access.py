@@ -8,6 +8,7 @@ from __future__ import annotations
 import ipaddress
 import os
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +34,6 @@ _PROC = Path("/proc/net")
 _ESTABLISHED = "01"
 # columns of the table
 _LOCAL, _REMOTE, _STATE, _UID = 1, 2, 3, 7
-Networks = tuple[ipaddress.IPv4Network | ipaddress.IPv6Network, ...]
 
 
 class DeniedError(Problem):
@@ -116,14 +116,14 @@ class Access:
         return record
 
 
-def is_in(address: str, networks: Networks) -> bool:
-    """Whether an address is in one of the networks; False if it is not an address."""
+def is_in(address: str, networks: Iterable[str]) -> bool:
+    """Whether an address is in one of the networks, such as 10.0.0.0/8; False if it is not an address."""
     try:
         found = ipaddress.ip_address(address)
     except ValueError:
         return False
     found = getattr(found, "ipv4_mapped", None) or found
-    return any(found in network for network in networks)
+    return any(found in ipaddress.ip_network(network) for network in networks)
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:

@@ -11,7 +11,6 @@ head --> from a page of another site?      403
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import re
 import secrets
 import time
@@ -74,7 +73,6 @@ class Door:
         """Wrap the application; `busy` gives the seconds after which to send a part again, None while there is room."""
         self._app, self._settings, self._access, self._metrics = app, settings, access, metrics
         self._busy = busy
-        self._proxies = tuple(map(ipaddress.ip_network, settings.trusted_proxies))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -155,7 +153,7 @@ class Door:
         """Whether a program of another user of this machine calls; a proxy must be named in the settings."""
         client, server = scope.get("client") or ("", 0), scope.get("server")
         if any(name in headers for name in _FORWARDED):
-            if is_in(client[0], self._proxies):
+            if is_in(client[0], self._settings.trusted_proxies):
                 return False
             raise Problem(
                 403,

@@ -174,9 +174,8 @@ def problem_answer(problem: Problem, scope: Scope) -> Response:
         to = f"/login?to={quote(path, safe='')}" if scope["method"] == "GET" else "/login"
         return RedirectResponse(relative(scope, to), status_code=303, headers=problem.headers)
     accepted = Headers(scope=scope).get("accept", "")
-    page = getattr(scope["app"].state, "problem_page", None) if "app" in scope else None
-    if page is not None and "text/html" in accepted and "json" not in accepted:
-        made: Response = page(Request(scope), problem.status, problem.detail)
+    if "text/html" in accepted and "json" not in accepted:
+        made: Response = scope["app"].state.problem_page(Request(scope), problem.status, problem.detail)
         made.headers.update(problem.headers)
         return made
     request_id = scope.get("state", {}).get("request_id", "")

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
 import signal
 import threading
 import time
@@ -84,7 +83,6 @@ def patient_protocol(
         proxies: addresses and networks that may have any number.
         head_s: seconds for the head of a request.
     """
-    trusted = tuple(ipaddress.ip_network(proxy) for proxy in proxies)
     open_now: Counter[str] = Counter()
 
     class PatientProtocol(H11Protocol):
@@ -100,7 +98,7 @@ def patient_protocol(
             self.transport = _Lingering(transport, self)  # type: ignore[assignment]
             self._address = self.client[0] if self.client else ""
             open_now[self._address] += 1
-            if open_now[self._address] > an_address and not is_in(self._address, trusted):
+            if open_now[self._address] > an_address and not is_in(self._address, proxies):
                 transport.abort()
             else:
                 self._wait_for_head()
