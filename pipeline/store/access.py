@@ -18,9 +18,9 @@ from pipeline.store.errors import ConflictError, NotFoundError, UnfitError, fit
 from pipeline.store.rows import record_of
 from pipeline.store.tables import sessions, tokens
 
-# programs find leaked secrets by it
+# secret scanners find leaked tokens by it
 PREFIX = "tm_"
-# a shift
+# length of a shift, s
 SIGNED_IN_S = 12 * 3600
 
 

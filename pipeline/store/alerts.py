@@ -1,6 +1,6 @@
 """Alerts, and the scans of golden parts from which some of them come.
 
-An alert is raised once when something goes wrong, and cleared once when it has gone right again, across restarts.
+An alert is raised once when something goes wrong, and cleared once when it is right again, across restarts.
 
 rate of the last n parts    limit ------/----\\------------ raised above
                             clear -----/------\\------/\\--- cleared at or below; between the two nothing happens
@@ -81,7 +81,7 @@ def look_for_alerts(
         return f"{n} of the last {window} parts were {_WORDS[name]}; the limit is {100.0 * limit:g} %"
 
     def send(alert: AlertRecord, state: str) -> None:
-        # as the part's that raised it, for what is of one part arrives in its order
+        # sent as a message about the part that raised it: messages about one part arrive in order
         told = {"alert": alert.name, "state": state, "message": alert.message, "part_id": alert.part_id}
         told |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
         put_in_outbox(tx, alert.part_id, targets, told)

@@ -1,12 +1,12 @@
 """Back up a store and its files while the service runs, and restore them elsewhere or into another database.
 
     backups/2026-11-23/
-        manifest.json       what it is: version, counts, the hash of store.db
+        manifest.json       version, counts, the hash of store.db
         store.db            every row as it was at one moment: SQLite, whatever the store is in
         evidence/files/     every file that a row names, each under its hash
 
 The rows are copied first: a file is on the disk before a row names it, so none is missing. A backup appears whole or
-not at all. Bringing back takes the files first and then all rows in one transaction: broken off, it is begun again.
+not at all. A restore copies the files first, then all rows in one transaction; after an interruption, run it again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from pipeline.store.tables import METADATA, evidence, outbox, sessions
 
 FORMAT_VERSION = 1
 _MANIFEST, _STORE, _FILES = "manifest.json", "store.db", "evidence"
-# numbers that a store brought back gives to no delivery: those since the backup are known to the receivers
+# delivery numbers that a restored store skips: receivers may know those given since the backup
 SKIPPED_DELIVERIES = 1_000_000
 _CHUNK = 500
 # without sessions: restoring a backup must not sign a user in again

@@ -1,6 +1,6 @@
 """Check a store and its files for damaged, missing, changed or stuck items.
 
-It only looks, and the service may run meanwhile: parts are taken by the page, each page as it was at one moment.
+It changes nothing, and the service may run meanwhile: parts are read in pages, each as it was at one moment.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def check(
     """Check a store and its files.
 
     Args:
-        store: store to be looked through.
+        store: store to check.
         files: its evidence.
         read_files: compare what they hold with their hashes; else only see whether they are there.
         against: backup of this store: all that it holds must still be there, unchanged.
@@ -192,7 +192,7 @@ def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[
     last = {event.kind: event.data for event in happened}
     received = last.get("received", {})
     wanted = {name: received.get(name) for name in ("name", "expected", "database", "job")}
-    # as records, for one of an earlier version is written anew with the part, and not with its event
+    # compared as records: after an update the part's row is written in the new form, its events are not
     wanted["reading"] = from_json(ReadingRecord, last[READ]) if READ in last else None
     wanted["review"] = from_json(ReviewRecord, last[REVIEWED]) if REVIEWED in last else None
     return wrong + [name for name, value in wanted.items() if getattr(part, name) != value]

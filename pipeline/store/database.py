@@ -37,7 +37,7 @@ AnyRow = Row[*tuple[Any, ...]]
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
-# turn of the one caller that checks whether a silent server is back
+# longest wait, s, for the one caller that checks whether a silent server is back
 _TURN_S = 1.0
 _MOST_URL = 5000  # longer than any path of the system
 _CHECK = "check that the database runs, that it or its folder is writable, and its address"
@@ -265,7 +265,7 @@ def _engine(url: URL) -> Engine:
 
 
 def _prepare_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-    # transactions begin where we say, not where the driver thinks fit
+    # transactions begin at our BEGIN, not where the driver would begin them
     connection.isolation_level = None
     cursor = connection.cursor()
     for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
@@ -292,7 +292,7 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
     ):
         if engine.dialect.name == "postgresql":
             raw: Any = connection.connection.dbapi_connection
-            raw.silent_s = None  # another may take long to bring it up to date
+            raw.silent_s = None  # another process may take long to bring the tables up to date
             connection.detach()
             connection.exec_driver_sql("SET LOCAL lock_timeout = 0")
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_ADVISORY_LOCK)))

@@ -4,8 +4,8 @@
     root/incoming/         uploads and work files on the same disk; nothing there outlives a crash
     root/swept             its time is that of the last sweep
 
-A file is on the disk before the store names it, and the store has forgotten it before it is removed: after a crash
-there may be a file too many, never one too few, and `sweep` takes those.
+A file is on the disk before the store names it, and the store has forgotten it before it is removed. So after a crash
+there may be a file too many, which `sweep` removes, but never one too few.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class EvidenceFolder:
                 os.fsync(handle)
                 n_bytes = os.fstat(handle).st_size
             target = self.path(sha256)
-            # one that is there may be another thread's of this moment, or of a process that died at this place
+            # a folder that is there may not be synced yet: another thread or a killed process may have made it
             if target.parent not in self._synced:
                 target.parent.mkdir(mode=0o700, exist_ok=True)
                 sync_folder(self._files)
@@ -260,7 +260,7 @@ def _remove_if_older(path: Path, latest_s: float) -> int:
         if not stat.S_ISDIR(status.st_mode):
             path.unlink()
             return 1
-        # a folder shows when a name in it changed, not when a file was written
+        # the time of a folder is that of a change of its names, not of its files
         inside = [p for p in path.rglob("*") if not p.is_dir()]
         if any(p.lstat().st_mtime > latest_s for p in inside):
             return 0
@@ -268,7 +268,7 @@ def _remove_if_older(path: Path, latest_s: float) -> int:
         return len(inside)
     except FileNotFoundError:
         return 0
-    except OSError as error:  # one that cannot be removed may not keep the others
+    except OSError as error:  # one that cannot be removed must not stop the others
         _log.warning("not removed: %s (%s)", visible(path.name), error.strerror or error)
         return 0
 

@@ -62,7 +62,7 @@ def find_parts(
         for column, value in (("text", text), ("name", name))
         if value
     ]
-    # not by the index of times, which would sort all of them for every page: through the ids, once for all pages
+    # not `created_at` alone: by its index the database would sort all matches for every page, instead of using the ids
     received = sa.func.coalesce(parts.c.created_at, parts.c.created_at)
     if since is not None:
         wanted.append(received >= since)
@@ -185,7 +185,7 @@ def _by_step(
     else:
         begin = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, 13 if step == HOUR else 10)
     columns = (what.label(sa.quoted_name(name, quote=True)) for name, what in counted.items())
-    # by its place, for PostgreSQL takes the same function with other parameters for another one
+    # by position, because PostgreSQL regards the same function with other parameters as another expression
     place: sa.ColumnElement[str] = sa.literal_column("1")
     asked = sa.select(begin.label("begin"), *columns).where(where).group_by(place).order_by(place)
     return [dict(row) for row in tx.execute(asked).mappings()]
@@ -199,7 +199,7 @@ def _of(state: PartState) -> str:
 def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, float]]:
     import numpy as np
 
-    # counted by the millisecond, which is several times quicker than to sort them
+    # counted by millisecond, which is several times faster than sorting them
     ms = sa.func.round(events.c.seconds * 1000.0).label("ms")
     read = sa.select(events.c.actor, ms).where(events.c.kind == READ, events.c.at >= since).subquery()
     kinds = (read.c.actor, read.c.ms)

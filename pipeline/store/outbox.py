@@ -1,11 +1,11 @@
 """Results waiting to be published: written with the part, removed when the receiver has them.
 
-waiting --lease--> one dispatcher's --delivered--> gone
+waiting --lease--> leased by one dispatcher --delivered--> removed
    ^                       |
    +--release, postpone----+      postponed, it is due later; when its lease runs out, it is as released
 
-No delivery waits because a clock was set back: what was never tried is due whatever the time is, and nothing is put off
-for longer than `LONGEST_WAIT_S`.
+No delivery waits because a clock was set back: one that was never tried is always due, and none is postponed for longer
+than `LONGEST_WAIT_S`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pipeline.store.database import JsonText, Transaction
 from pipeline.store.errors import cleaned, fit
 from pipeline.store.tables import outbox
 
-# when that is due which was never tried
+# due time of a delivery that was never tried
 AT_ONCE = datetime(1970, 1, 1, tzinfo=UTC)
 # longest time between two attempts, and longest lease: a target or a service that is back is served within minutes
 LONGEST_WAIT_S = LONGEST_LEASE_S = 300.0
@@ -44,8 +44,8 @@ def lease(
 ) -> tuple[Delivery, ...]:
     """Lease the deliveries to send now, untried ones first; until the lease ends only the owner sends them.
 
-    Of a part and a target only the eldest is given, so that order is kept, also among services that share the store.
-    What the owner itself has leased is given again; what another has, once its lease is over.
+    Only the oldest of each part and target is given, so that order is kept, also among services that share the store.
+    An owner gets its own leased deliveries again, and those of others once their lease is over.
 
     Args:
         tx: the transaction.

@@ -108,7 +108,7 @@ def add_part(
         database: glyph database asked for.
         job: job that it was read by.
         line: line that it comes from.
-        added: readings and what comes with them, as `Added`.
+        added: readings and all that comes with them, as `Added`.
 
     Raises:
         AlreadyDoneError: the key is taken.
@@ -123,7 +123,7 @@ def add_part(
         "job": fit(job, "the name of the job"),
         "line": fit(line, "the name of the line"),
     }
-    ask_alone(tx, added.get("rules", ANY_SERIAL))
+    lock_serials(tx, added.get("rules", ANY_SERIAL))
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
     part = PartRecord(id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **given)
     part, happened, changed = _read(tx, part, added)
@@ -144,7 +144,7 @@ def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartR
         AlreadyDoneError: the key is taken.
         ConflictError: the part was reviewed meanwhile.
     """
-    ask_alone(tx, added.get("rules", ANY_SERIAL))
+    lock_serials(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
     _claim_key(tx, added.get("idempotency"), part_id)
     if part.state is PartState.REVIEWED:
@@ -181,7 +181,7 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
     waits, by_touch = part.state is PartState.TOUCH_NEEDED, [r.source != "vision" for r in readings]
     happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
     if plan is not None or waits:
-        # what came after the camera's reading was scanned because of it
+        # scans came after the camera's reading, because of it
         why = {} if plan is None else {"reason": plan.reason, "seconds": plan.seconds}
         place = by_touch.index(True) if True in by_touch else len(happened)
         happened.insert(place, ("touch_needed", why))
@@ -346,9 +346,9 @@ def _hash(key: str) -> str:
 # ---- checks of serials against the parts in the store
 
 
-def ask_alone(tx: Transaction, rules: SerialRules) -> None:
-    """Keep others that ask out until the transaction ends, if there are rules to check; to be called before a part is
-    locked, or two may wait for each other."""
+def lock_serials(tx: Transaction, rules: SerialRules) -> None:
+    """Let one transaction at a time check serials, if there are rules; call it before a part is locked, or two
+    transactions may wait for each other."""
     if rules.any and tx.postgresql:
         tx.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SILENT_S = 30.0
 # a lock that is never released must not block requests for ever
 LOCK_S = 20.0
-# of a connection whose other end has gone without a word: seconds, and milliseconds
+# limits for a connection whose other end has vanished: in seconds, the last in milliseconds
 PATIENCE = {"connect_timeout": 10, "keepalives_idle": 30, "tcp_user_timeout": 30_000}
 # an answer means that it is on the disk, whatever the server's default
 _SETTINGS = (

@@ -34,10 +34,8 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
     Raises:
         NotFoundError: no part has that id.
     """
-    asked = sa.select(parts.c.record).where(parts.c.id == part_id)
-    found = (
-        tx.execute(asked.with_for_update() if lock else asked).one_or_none() if is_part_id(part_id) else None
-    )
+    asked = sa.select(parts.c.record).where(parts.c.id == _checked(part_id))
+    found = tx.execute(asked.with_for_update() if lock else asked).one_or_none()
     if found is None:
         raise _no_part(part_id)
     return from_json(PartRecord, found.record)
@@ -154,17 +152,21 @@ def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:
     Raises:
         NotFoundError: there is no such part.
     """
-    asked = sa.select(events).where(events.c.part_id == part_id).order_by(events.c.id)
-    rows = tx.execute(asked).all() if is_part_id(part_id) else ()
+    asked = sa.select(events).where(events.c.part_id == _checked(part_id)).order_by(events.c.id)
+    rows = tx.execute(asked).all()
     if not rows:  # every part was received
         raise _no_part(part_id)
     return rows
 
 
 def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
-    """A part's files in order, also deleted ones."""
-    asked = sa.select(evidence).where(evidence.c.part_id == part_id).order_by(evidence.c.id)
-    rows = tx.execute(asked).all() if is_part_id(part_id) else ()
+    """A part's files in order, also deleted ones.
+
+    Raises:
+        NotFoundError: there is no such part.
+    """
+    asked = sa.select(evidence).where(evidence.c.part_id == _checked(part_id)).order_by(evidence.c.id)
+    rows = tx.execute(asked).all()
     if not rows:
         part_by_id(tx, part_id)
     return tuple(record_of(EvidenceRecord, row) for row in rows)
@@ -202,6 +204,13 @@ def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple
 def record_of(kind: type[T], row: AnyRow) -> T:
     """The record whose fields are columns of a row."""
     return from_json(kind, dict(row._mapping))
+
+
+def _checked(part_id: str) -> str:
+    """The id, if it has the form of one; any other text names no part, and a database may not even hold it."""
+    if not is_part_id(part_id):
+        raise _no_part(part_id)
+    return part_id
 
 
 def _no_part(part_id: str) -> NotFoundError:

@@ -1,7 +1,7 @@
 """The store: all data of the service, in SQLite or PostgreSQL.
 
-An operation is a function of a transaction, written and described where its tables are; here each becomes a method of
-`Store`, with the same arguments but the transaction's. Threads and processes may use a store at once.
+An operation is a function that takes a transaction, in the module of its tables. Here each becomes a method of `Store`
+with the same other arguments. Threads and processes may share a store.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def _ping(tx: Transaction) -> None:
 class Store(Database):
     """Parts and all that belongs to them.
 
-    * Every method is one transaction. What a writing method returns is on the disk; where it raises, nothing has
-      changed.
-    * What has happened to a part is only added to, never changed.
-    * Every method raises StoreError where the database does not answer, UnfitError (a StoreError and a ValueError) for
-      values that cannot be stored, and NotFoundError for parts and tokens that are not there.
+    * Every method is one transaction. When a writing method returns, its changes are on the disk; if it raises, nothing
+      has changed.
+    * Events of a part are added, never changed.
+    * Every method raises StoreError if the database does not answer, UnfitError (a StoreError) for values that cannot
+      be stored, and NotFoundError for parts and tokens that do not exist.
     """
 
     ping = _reads(_ping)

@@ -162,11 +162,11 @@ outbox = _table(
     *_not_null(NUMBER, "attempts"),
     *_not_null(TEXT, "error"),
     *_not_null(TIME, "created_at", "due_at"),
-    # the dispatcher that is at it, and until when the others leave it alone
+    # the dispatcher that has leased it, and the end of the lease
     *_empty(LONG_WORD, "owner"),
     *_empty(TIME, "leased_until"),
     indexes=("target due_at id", "part_id target id"),
-    # a number is never given twice, for by it receivers know what they have had
+    # a number is never given twice: receivers recognise repetitions by it
     sqlite_autoincrement=True,
 )
 

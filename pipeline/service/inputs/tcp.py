@@ -265,7 +265,7 @@ class TcpPort:
     async def _converse(self, caller: _Caller, reader: asyncio.StreamReader) -> None:
         async for line in _lines(reader, self._limits):
             if not caller.spoken and _WEB.match(line):
-                # a page in somebody's browser can have that send here, and the lines after it might be a trigger
+                # a web page can make a browser send such a request, and its later lines might be a trigger
                 self._log.say("web", "a web browser or similar has called; its connection was closed")
                 return
             caller.spoken, caller.idle = True, False

@@ -124,7 +124,7 @@ class Sender(Protocol):
         """Return once the target has the delivery.
 
         Raises:
-            DeliveryError: it has it not, or not for sure.
+            DeliveryError: the delivery has not arrived, or may not have arrived.
         """
 
     async def close(self) -> None:
@@ -176,9 +176,8 @@ class Dispatcher:
         self.states = {target: Connection(target, TARGETS[target], datetime.now(UTC)) for target in senders}
         self._outbox, self._senders = outbox, dict(senders)
         self._rng, self._pace = rng or Random(), pace or Pace()
-        self._owner = secrets.token_hex(
-            8
-        )  # not from the rng: services with the same seed need different names
+        # not from the rng: services with the same seed need different names
+        self._owner = secrets.token_hex(8)
         self._woken = {target: asyncio.Event() for target in senders}
         self._stopping = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
@@ -199,7 +198,7 @@ class Dispatcher:
         self._stopping.set()
         self.wake()
         await end_tasks(self._tasks, grace_s=grace_s)
-        with contextlib.suppress(Exception):  # else they are the others' when the lease is over
+        with contextlib.suppress(Exception):  # otherwise the leases end by themselves
             await asyncio.to_thread(self._outbox.release, self._owner)
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
 
@@ -223,7 +222,7 @@ class Dispatcher:
                     limit=1 if rests else pace.together,
                 )
                 if loop.time() + pace.send_s > until_s:
-                    leased = ()  # it has stalled; they are given to it again
+                    leased = ()  # leasing took too long; the outbox gives them again
                 if not leased:
                     await self._ping(target, sender)
                 sendings = (self._send(sender, delivery, rests + 1) for delivery in leased)
@@ -294,7 +293,7 @@ class Dispatcher:
         short = error.away and not error.lasting and not error.retry_after_s
         longest_s = pace.longest_rest_s if short else pace.longest_wait_s
         wait_s = longest_s if error.lasting else min(pace.wait_s(failures), longest_s)
-        # many that failed together come back apart
+        # deliveries that failed together are tried again at different times
         return min(max(wait_s * self._rng.uniform(0.5, 1.0), error.retry_after_s), longest_s)
 
     def _report(self, target: str, error: str) -> None:

@@ -1,7 +1,7 @@
 """Post results to a web address, signed by Standard Webhooks (https://www.standardwebhooks.com).
 
 POST <url>
-webhook-id: 01JD...-17            the same for every attempt: by it a receiver knows what it has already
+webhook-id: 01JD...-17            the same for every attempt: receivers recognise repetitions by it
 webhook-timestamp: 1795000000     seconds, of the attempt
 webhook-signature: v1,<base64 of HMAC-SHA256 over "id.timestamp.body">
 

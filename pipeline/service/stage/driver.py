@@ -247,9 +247,8 @@ class StageLink:
             # a worker that never came is still waited for: a stranger's call, which is refused, ends that
             with contextlib.suppress(*_LOST):
                 Client(self.stage.address).close()
-        while (
-            self._serving.is_alive()
-        ):  # not joined: the end of the service need not wait for a driver that hangs
+        # not joined: the end of the service need not wait for a driver that hangs
+        while self._serving.is_alive():
             await asyncio.sleep(_LOOK_S)
 
     def _serve(self, stage: SessionStage[ScanOrder]) -> None:

@@ -30,7 +30,7 @@ _NEEDED_OF_OTHERS = (
 )
 
 _PROC = Path("/proc/net")
-# a socket whose program has closed it has no user any more
+# a socket that its program has closed has no user
 _ESTABLISHED = "01"
 # columns of the table
 _LOCAL, _REMOTE, _STATE, _UID = 1, 2, 3, 7

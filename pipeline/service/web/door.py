@@ -53,10 +53,9 @@ log = structlog.get_logger("tactile-marks")
 class Door:
     """Give each request an id, a log line and its place in the metrics, and reject requests before reading the body.
 
-    A page of another site that the operator has open must not reach the service through the operator's browser: not by
-    a form or script, which is caught here, nor by a name of its own that it lets point here, which Starlette's
-    TrustedHostMiddleware catches. Where no token is asked for, nor may a proxy on this machine, which makes the whole
-    world look as if it called from here.
+    A page of another site in the operator's browser must not reach the service. Its forms and scripts are refused here;
+    a host name of its own that points to this machine is refused by Starlette's TrustedHostMiddleware. If no token is
+    required, a proxy must be named in the settings: through it, every caller looks like one on this machine.
 
     HEAD is answered as GET without the body. A proxy's prefix (`root_path`) is removed from the path.
     """
@@ -180,7 +179,7 @@ class Door:
         # the route's pattern, so that the metrics have few routes whatever path is requested
         found = scope.get("route")
         route = str(getattr(found, "path_format", None) or getattr(found, "path", None) or "none")
-        # a caller may invent methods, and each would stay in the metrics for ever
+        # callers may invent methods, and each would stay in the metrics
         method = method if method in _METHODS else "other"
         self._metrics.requests.labels(method, route, str(status)).inc()
         self._metrics.request_seconds.labels(route).observe(seconds)

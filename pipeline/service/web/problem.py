@@ -116,9 +116,8 @@ def problem_of(error: BaseException) -> Problem:
     if isinstance(error, StoreError):
         log.error("store", why=str(error))
         return OwnProblem("the store does not answer; the service's log says why")
-    if isinstance(
-        error, FileError | OSError
-    ):  # of the service's own; what is wrong with one sent is a problem already
+    # an error of the service's own files: errors of sent files are Problems already
+    if isinstance(error, FileError | OSError):
         log.error("files cannot be kept", why=str(error))
         detail = "the service cannot keep what was sent; its log says why; send it again later"
         return OwnProblem(detail, retry_after_s=30)
@@ -144,7 +143,7 @@ def _problem(error: BaseException, scope: Scope) -> Problem:
         return Problem(422, f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}")
     if not isinstance(error, HTTPException):
         return problem_of(error)
-    if isinstance(error.__cause__, Problem | OSError):  # the upload has stalled, or could not be put down
+    if isinstance(error.__cause__, Problem | OSError):  # the upload has stalled, or could not be stored
         return problem_of(error.__cause__)
     detail = str(error.detail)
     if error.status_code == 404:

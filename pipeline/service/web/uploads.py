@@ -57,9 +57,8 @@ class Upload:
     @property
     def media_type(self) -> str:
         """Media type for browsers."""
-        types = {one.suffix: one.media_type for one in READ}
         usual = "application/x-hdf5" if self.kind is EvidenceKind.SCAN else "application/octet-stream"
-        return types.get(self.path.suffix, usual)
+        return next((one.media_type for one in READ if one.suffix == self.path.suffix), usual)
 
 
 def check_count(photos: int) -> None:
