@@ -95,16 +95,16 @@ class ReviewBody(BaseModel):
     )
 
     action: ReviewAction
-    text: str = Field("", max_length=200, pattern=TEXT, description="the serial; empty for unreadable")
+    text: str = Field("", max_length=200, pattern=TEXT, description="serial; empty for unreadable")
     who: str = Field(
-        "", max_length=100, pattern=TEXT, description="the person; a token signs with its own name"
+        "", max_length=100, pattern=TEXT, description="name of the person; a token signs with its own name"
     )
     note: str = Field("", max_length=2000, pattern=NOTE)
     outside_format: bool = Field(
-        False, description="save a serial that does not fit the format; else that is answered 422"
+        False, description="save a serial even if it does not fit the format; otherwise the answer is 422"
     )
     before: str | None = Field(
-        None, max_length=200, description="the text as it was; if it has changed since, the answer is 409"
+        None, max_length=200, description="text that was seen; if it has changed since, the answer is 409"
     )
 
 
@@ -116,22 +116,22 @@ def _sought(description: str) -> Any:
     return Field("", max_length=200, pattern=TEXT, description=description)
 
 
-Name = Annotated[str, _text("what the line calls the part", examples=["tray-7/part-3"])]
-Expected = Annotated[str, _text("the serial it should read: confirmed, refuted or undecided")]
-Database = Annotated[str, _text("glyph database, as /v1/databases lists them")]
+Name = Annotated[str, _text("name of the part on the line", examples=["tray-7/part-3"])]
+Expected = Annotated[str, _text("serial to verify: confirmed, refuted or undecided")]
+Database = Annotated[str, _text("name of a glyph database; /v1/databases lists them")]
 JobName = Annotated[
-    str, _text("job that says how to read, as /v1/jobs lists them", examples=["housing-left"])
+    str, _text("name of a job with the settings of reading; /v1/jobs lists them", examples=["housing-left"])
 ]
 Time = Annotated[datetime, AfterValidator(lambda at: at if at.tzinfo else at.replace(tzinfo=UTC))]
 PartId = Annotated[
-    str, Path(max_length=64, description="of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
+    str, Path(max_length=64, description="id of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
 ]
 Key = Annotated[
     str | None,
     Header(
         max_length=200,
         pattern=r"^[\x21-\x7e]+$",
-        description="made by the sender for each part; a request that is sent again with it makes no second part",
+        description="key that the sender makes for each part; a request repeated with it makes no second part",
     ),
 ]
 
@@ -140,20 +140,20 @@ class Sought(BaseModel):
     """Filters of a list of parts; times without a zone are UTC."""
 
     state: PartState | None = None
-    text: str = _sought("that its serial holds")
-    name: str = _sought("that its name holds")
-    job: str = _sought("that it was read by")
-    line: str = _sought("that it comes from")
+    text: str = _sought("text that the serial contains")
+    name: str = _sought("text that the name contains")
+    job: str = _sought("job that the part was read by")
+    line: str = _sought("line that the part comes from")
     since: Time | None = Field(
-        None, description="received then or later: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
+        None, description="received since then: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
     )
-    until: Time | None = Field(None, description="received before then", examples=["2026-11-22"])
+    until: Time | None = Field(None, description="received before this time", examples=["2026-11-22"])
 
 
 class SoughtPage(Sought):
     """A page of a list of parts."""
 
-    before: str | None = Field(None, max_length=64, pattern=TEXT, description="id after which to continue")
+    before: str | None = Field(None, max_length=64, pattern=TEXT, description="last id of the previous page")
     limit: int = Field(50, ge=1, le=500)
 
 
@@ -169,7 +169,7 @@ def may(access: Access, scope: Scope) -> Any:
 Photos = Annotated[
     list[UploadFile] | None,
     File(
-        description="PNG, JPEG, BMP, TIFF, WebP or GIF; several of one part under other lights are read as one"
+        description="PNG, JPEG, BMP, TIFF, WebP or GIF; several, of one part under different lights, are read as one"
     ),
 ]
 _SCAN = File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")
@@ -177,9 +177,9 @@ Scan = Annotated[UploadFile, _SCAN]
 TouchBy = Annotated[
     Touch,
     Form(
-        description="who feels the part where the camera is unsure: stage, the service's at once; plan, the sender by "
-        "the plan in the answer; asked, the service's stage once it is asked to (/touch). Without a stage a person "
-        "gets it, unless it is plan"
+        description="who feels the part if the camera is unsure: stage, the service's stage at once; asked, that stage "
+        "on a later request (/touch); plan, the sender, by the plan in the answer. Without a stage the part goes to a "
+        "person, except with plan"
     ),
 ]
 _REPLAYED: dict[int | str, dict[str, Any]] = {
@@ -244,7 +244,7 @@ def parts_router(service: Service) -> APIRouter:
         return replied(done, 200)
 
     def replied(done: Received, status: int) -> Response:
-        # made here, for of an answer that it makes FastAPI checks again what the store has checked
+        # encoded here: FastAPI would validate once more what the store has validated
         made = to_json_bytes(answer(done.part, root_path))
         headers = {"Idempotent-Replayed": "true"} if done.replayed else None
         return Response(made, 200 if done.replayed else status, headers, media_type="application/json")
@@ -272,7 +272,7 @@ def parts_router(service: Service) -> APIRouter:
     @router.delete("/parts/{part_id}/review")
     def undo_review(
         part_id: PartId,
-        who: Annotated[str, Query(max_length=100, description="the person, where no token is used")] = "",
+        who: Annotated[str, Query(max_length=100, description="name of the person, without a token")] = "",
         caller: Caller = Reviews,
     ) -> PartAnswer:
         """Undo one's own review: the part waits for review again."""
@@ -288,7 +288,7 @@ def parts_router(service: Service) -> APIRouter:
     )
     def table(sought: Annotated[Sought, Query()], caller: Caller = Reads) -> StreamingResponse:
         """Parts as CSV, newest first."""
-        # the first page is read before anything is answered, so that what cannot be sought is a problem, not a table
+        # the first page is read before the answer begins, so that invalid filters are answered with a problem
         first = store.parts(**sought.model_dump(), limit=_AT_ONCE)
         name = f"parts-{datetime.now(UTC):%Y-%m-%d}.csv"
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
@@ -413,7 +413,7 @@ class FiguresAnswer(Statistics):
     """The dashboard's numbers.
 
     Attributes:
-        audits: number of accepted parts that were accepted wrong, by those that people have audited.
+        audits: estimate of the accepted parts that were accepted wrong, from those that people have audited.
     """
 
     audits: AuditFigures
@@ -506,7 +506,7 @@ def service_router(service: Service) -> APIRouter:
     @router.post("/v1/golden", status_code=201, max_body_size=upload_bytes, tags=["golden part"])
     async def scan_golden(
         scan: UploadFile,
-        reference: Annotated[bool, Form(description="Compare later ones with this one.")] = False,
+        reference: Annotated[bool, Form(description="Compare later scans with this one.")] = False,
         caller: Caller = Writes,
     ) -> GoldenAnswer:
         """A scan of the golden part, which shows how the whiskers wear.

@@ -49,7 +49,7 @@ LOOK_AT_WORKERS_S = 0.05
 LOOK_AT_TOUCH_S = 1.0
 # Seconds between looks for alerts; a window of parts takes longer.
 LOOK_FOR_ALERTS_S = 5.0
-# A file that no record names is left alone for so long: its transaction may be under way.
+# Age, s, at which a file that no record names is removed; a younger one may belong to a running transaction.
 ORPHAN_AGE_S = 3600.0
 # Days after which a request that is sent again makes a new part.
 KEYS_KEPT_DAYS = 7.0
@@ -129,7 +129,7 @@ class Ports:
         """
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
-            # threads add results, too
+            # threads add results as well
             wake = partial(asyncio.get_running_loop().call_soon_threadsafe, self._dispatcher.wake)
             self._intake.on_result = wake
             stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
@@ -159,8 +159,8 @@ class Service:
         Raises:
             StoreError: a store that cannot be opened.
             FileError: a folder that cannot be made, an invalid certificate, an unusable job.
-            SettingsError: a certificate that does not fit this program and these settings, a watched folder's job that
-                is not there.
+            SettingsError: a certificate that does not fit this program and these settings, or a missing job of the
+                watched folder.
             ValueError: invalid settings.
         """
         self.settings = settings
@@ -199,7 +199,7 @@ class Service:
     def _add_gauges(self) -> None:
         gauge, bench = self.metrics.gauge, self.intake.bench
         gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
-        gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
+        gauge("jobs_running", "Parts that workers are reading.", lambda: self.pool.running)
         gauge("workers_ready", "1 while parts can be read.", self.pool.ready)
         if self.jobs.drifts():
             gauge("drift", "1 while parts are unlike the certified ones.", lambda: bool(self.jobs.drift))
@@ -301,7 +301,7 @@ class Service:
             repeat("look at parts that wait for touch", self.intake.touching.look, every_s=LOOK_AT_TOUCH_S),
             self._say_ready(),
         ]
-        if not self.settings.shadow:  # nothing is decided, so no rate of it says anything
+        if not self.settings.shadow:  # in shadow mode nothing is decided, so there are no rates
             look = partial(asyncio.to_thread, self.look_for_alerts)
             works.append(repeat("look for alerts", look, every_s=LOOK_FOR_ALERTS_S))
         beside = [asyncio.create_task(work) for work in works]

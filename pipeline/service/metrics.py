@@ -16,17 +16,17 @@ class Metrics:
         self.registry = CollectorRegistry()
         self.requests = self._counter("http_requests", "Requests answered.", "method", "route", "status")
         self.request_seconds = self._histogram(
-            "http_request_seconds", "From the request's head to the end of the answer.", "route"
+            "http_request_seconds", "Duration of a request, from its head to the end of the answer.", "route"
         )
-        self.parts = self._counter("parts", "Parts read, by how far that took them.", "state")
+        self.parts = self._counter("parts", "Parts read, by the state that they got.", "state")
         self.readings = self._counter("readings", "Readings made.", "source", "decision")
         self.reading_seconds = self._histogram(
-            "reading_seconds", "Time that a reading took in its worker.", "source"
+            "reading_seconds", "Duration of a reading in its worker.", "source"
         )
         self.reviews = self._counter("reviews", "Reviews by people.", "action")
         self.refused = self._counter("refused", "Parts refused at a full queue.")
         self.serial_alarms = self._counter(
-            "serial_alarms", "Serials read with certainty that others contradict."
+            "serial_alarms", "Serials read with certainty that fail a duplicate, order or sequence check."
         )
         self.lost_workers = self._counter("workers_lost", "Workers that died or took too long for a part.")
 

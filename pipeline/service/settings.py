@@ -82,7 +82,7 @@ class TlsSettings(Settings):
     """TLS of the web interface."""
 
     certificate: Path | None = None
-    """Certificate of the web interface, with those that vouch for it (PEM); with it the service speaks HTTPS."""
+    """Certificate of the web interface, with the intermediate ones (PEM); with it the service speaks HTTPS."""
     key: Path | None = None
     """Private key of that certificate (PEM), without a password. Default: in the certificate's file."""
 
@@ -113,10 +113,10 @@ class ReviewSettings(Settings):
     """The review policy: number of readers that must agree, share of accepted parts to audit, and blind reading."""
 
     second_reader: bool = False
-    """A part is reviewed when two people have read the same; the second does not see what was read before."""
+    """A part is reviewed when two people have read the same text; the second one does not see what was read before."""
     audit_per_thousand: float = Field(default=0.0, ge=0.0, le=1000.0)
-    """Number of accepted parts, of a thousand, that a person reads too, drawn at random, without seeing what was
-    accepted. The dashboard shows how many parts are accepted wrong."""
+    """Accepted parts per thousand, drawn at random, that a person reads as well, without seeing the accepted text.
+    The dashboard shows how many parts are accepted wrong."""
 
     @property
     def readers(self) -> int:
@@ -148,7 +148,7 @@ class SerialSettings(Settings):
     duplicates: bool = False
     """Send a part to a person if another part has the same serial."""
     jump: int = Field(default=0, ge=0, le=1_000_000)
-    """Send a part to a person if its serial is further than this from its place in the row; 0: never."""
+    """Send a part to a person if its serial is further than this from its place in the sequence; 0: never."""
     order: Path | None = None
     """Production order, a file of serials or ranges (KX400000..KX409999); a part with another goes to a person."""
 
@@ -157,15 +157,15 @@ class StageSettings(Settings):
     """The whisker stage."""
 
     folder: Path | None = None
-    """Folder of height maps for a simulated stage: NAME.npz is the part called NAME. Without any there is no stage."""
+    """Folder of height maps for a simulated stage: NAME.npz is the part called NAME. Default: no stage."""
     driver: str = ""
     """module:callable that makes the driver of a real stage (pipeline.service.stage.Stage)."""
     bench: Path | None = None
     """Bench file (bench.toml) of a real stage that is moved by G-code; it feels pass by pass."""
     timeout_s: Seconds = 60.0
-    """Seconds that the driver of a real stage has for one pass; one that scans the whole plan has its time beside."""
+    """Time limit of a real stage for one pass, s; for a whole plan the plan's own duration is added."""
     wait_s: float = Field(default=900.0, gt=0.0, le=604_800.0)
-    """Seconds that a part waits for touch; then a person gets it."""
+    """Seconds that a part waits for touch before it goes to a person."""
 
 
 class CameraSettings(Settings):
@@ -176,7 +176,7 @@ class CameraSettings(Settings):
     driver: str = ""
     """module:callable that makes the driver of a real camera (pipeline.service.stage.Camera)."""
     timeout_s: Seconds = 30.0
-    """Seconds that the camera has for the photographs of a part."""
+    """Time limit of the camera for the photographs of a part, s."""
 
 
 class WatchSettings(Settings):
@@ -185,14 +185,14 @@ class WatchSettings(Settings):
     folder: Path | None = None
     """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
     job: str = ""
-    """Job that the photographs of that folder are read by. Default: the service's own settings."""
+    """Job by which the photographs of that folder are read. Default: the service's own settings."""
     every_s: float = Field(default=1.0, ge=0.05, le=3600.0)
-    """Seconds between two looks into that folder; a photograph is complete when two looks find it alike."""
+    """Seconds between two checks of that folder; a photograph is complete when two checks find it unchanged."""
     photos: int = Field(default=0, ge=0, le=12)
-    """Photographs of a part in the watched folder if its files are numbered (part.light-1.png): with so many it is
-    read at once; 0: as many as come."""
+    """Number of photographs of a part whose files are numbered (part.light-1.png): with so many it is read at once;
+    0: any number."""
     settle_s: float = Field(default=2.0, ge=0.0, le=3600.0)
-    """A part of numbered photographs is read when none was added or changed for so long."""
+    """Seconds without a new or changed photograph after which a part of numbered photographs is read."""
 
 
 class TcpSettings(Settings):
@@ -201,9 +201,9 @@ class TcpSettings(Settings):
     port: Port | None = None
     """Trigger port for line controllers (raw TCP). Default: closed."""
     host: str = "127.0.0.1"
-    """Address of the TCP port, which knows no tokens."""
+    """Address of the TCP port, which asks for no token."""
     format: str = ""
-    """Its result string, such as {name};{decision};{text}."""
+    """Format of its answers, such as {name};{decision};{text}."""
     clients: Networks = ()
     """Address or network that may use the TCP port, such as 192.168.7.0/24; may be repeated. Default: any."""
 
@@ -214,14 +214,14 @@ class OpcUaSettings(Settings):
     port: Port | None = None
     """Port of the OPC UA server. Default: closed."""
     host: str = "127.0.0.1"
-    """Address of the OPC UA server, which knows no tokens."""
+    """Address of the OPC UA server, which asks for no token."""
     certificate: Path | None = None
     """Certificate of the OPC UA server; with it every connection is signed and encrypted."""
     key: Path | None = None
     """Private key of that certificate."""
     users: Annotated[dict[str, str], BeforeValidator(_from_json)] = Field(default_factory=dict, repr=False)
-    """Passwords of the OPC UA server by user; without users, everybody who can reach it may call. In the environment
-    as JSON: {"line": "secret"}."""
+    """Passwords of the OPC UA server by user; without users, everybody with access to the port may call. In the
+    environment as JSON: {"line": "secret"}."""
 
 
 class MqttSettings(Settings):
@@ -248,16 +248,16 @@ class AlertSettings(Settings):
     reject_rate: Rate = 0.0
     """Share of rejects among the latest parts above which an alert is sent (webhook, MQTT) and shown; 0: none."""
     review_rate: Rate = 0.0
-    """The same of parts that a person must look at."""
+    """The same for parts that go to a person."""
     window: int = Field(default=200, ge=10, le=10_000)
-    """Latest parts that those shares are of."""
+    """Number of latest parts from which those shares are computed."""
 
 
 class GoldenSettings(Settings):
     """The golden part."""
 
     relief: Path | None = None
-    """Relief of the golden part, which shows how whiskers wear: its height map, or the TOML of a test piece."""
+    """Relief of the golden part, which shows the wear of the whiskers: its height map, or the TOML of a test piece."""
     every_h: float = Field(default=0.0, ge=0.0, le=10_000.0)
     """Hours after which an alert asks for a scan of the golden part; 0: never."""
 
@@ -276,28 +276,28 @@ class ServiceSettings(Settings):
     store: str = ""
     """Address of the store: sqlite:///FILE or postgresql://user@host/marks. Default: a file in the folder."""
     line: str = Field(default="", max_length=100)
-    """Name of the line that the service stands at, kept with its parts. Services that share a store need one each:
-    a stage feels the parts of its own line."""
+    """Name of the line that the service stands at, kept with its parts. Services that share a store need different
+    names: a stage feels the parts of its own line."""
     tokens: Literal["auto", "on", "off"] = "auto"
     """Whether requests need a token; auto: all if other machines can reach the host, else those of other users of this
     machine, such as a proxy (on Linux, where the user can be seen)."""
     hosts: Names = ()
-    """Name that the service is called by, beside its address; may be repeated. Without tokens, requests for other
+    """Host name of the service, beside its address; may be repeated. Without tokens, requests for other
     names are refused."""
     trusted_proxies: Networks = ()
-    """Address or network of a proxy that may pass requests on, such as 127.0.0.1; may be repeated. Where its callers
-    come from, and whether by TLS, is then taken from what it says (X-Forwarded-For, X-Forwarded-Proto)."""
+    """Address or network of a proxy that may pass requests on, such as 127.0.0.1; may be repeated. The
+    address and scheme of its callers are then taken from its headers (X-Forwarded-For, X-Forwarded-Proto)."""
     root_path: Annotated[str, AfterValidator(_prefix)] = ""
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
     connections: int = Field(default=200, ge=1, le=1000)
-    """Connections that one address may have at a time; a trusted proxy any number."""
+    """Connections that one address may have at a time; a trusted proxy has no limit."""
     jobs: int = Field(default_factory=cores, ge=1, le=256)
     """Processes that read. Default: one for each core."""
     queue: int = Field(default=64, ge=0, le=100_000)
     """Parts that may wait for a process; more are refused at once, with 503."""
     part_timeout_s: Seconds = 120.0
-    """Seconds after which the service gives a part up."""
+    """Seconds after which the service gives up reading a part."""
     worker_memory_mb: int = Field(default=4096, ge=0, le=1_000_000)
     """Memory for the data of each process, in MB; 0: no limit."""
     databases: Path | None = None

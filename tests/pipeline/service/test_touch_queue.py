@@ -207,3 +207,5 @@ def test_a_store_that_is_away_for_a_while_ends_nothing(store: Store, monkeypatch
 
     monkeypatch.setattr(store, "waiting_for_touch", away)
     asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
+    assert len(looked) >= 3
+    assert store.part(part.id).state is PartState.ACCEPTED

@@ -118,6 +118,7 @@ async def test_another_sender_that_ends_leaves_the_status_online(
         await goes.close()
         late = listen(broker.port)  # finds what is retained
         await until(lambda: late.statuses()[-1:] == ["online"])
+        assert late.statuses()[-1] == "online"
     await stays.close()
 
 
@@ -155,6 +156,8 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
         await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
     await sender.close()
     await until(lambda: listener.statuses()[-1:] == ["offline"], why="for the goodbye")
+    assert "online" in listener.statuses()  # nothing was published but the status
+    assert not listener.results()
 
 
 async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
