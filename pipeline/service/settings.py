@@ -163,7 +163,7 @@ class StageSettings(Settings):
     bench: Path | None = None
     """Bench file (bench.toml) of a real stage that is moved by G-code; it feels pass by pass."""
     timeout_s: Seconds = 60.0
-    """Time limit of a real stage for one pass, s; for a whole plan the plan's own duration is added."""
+    """Time limit of a real stage for one pass, s; for a whole plan, twice its own duration is added."""
     wait_s: float = Field(default=900.0, gt=0.0, le=604_800.0)
     """Seconds that a part waits for touch before it goes to a person."""
 

@@ -158,7 +158,7 @@ class TouchQueue:
             return  # it was felt, reviewed or given up by another service meanwhile
         except StoreError:
             raise
-        except Exception:  # one part may not keep the others waiting
+        except Exception:  # one part must not keep the others waiting
             log.exception("waiting part could not be handed to a person", part=part_id)
         else:
             log.warning("part not felt in time, handed to a person", part=part.id, name=part.name, why=NOBODY)

@@ -9,9 +9,9 @@ Objects/DeviceSet/<name>: OcrReaderDeviceType
   TriggerJob(PartName, JobName) -> ...      the same, read by a job
   LastPartId, LastDecision, LastConfidence  of the last part, whatever triggered it
 
-One scan is one part: a repetition by Cycles or Duration would make further parts of the same piece of metal, so
-Cycles above 1 is refused, and Duration is for how long Scan waits. A part read through another door (HTTP, TCP) is
-shown as well: `show`.
+One scan is one part. A repetition by Cycles or Duration would make further parts of the same piece of metal, so Cycles
+above 1 is refused, and Duration is the time that Scan waits. Parts read through other inputs (HTTP, TCP) are shown as
+well: `show`.
 
 Without users anyone with access to the port may scan, so by default it listens on the loopback address. With a
 certificate only signed and encrypted connections are accepted; with users, only theirs.
@@ -60,7 +60,7 @@ DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
 CODE_TYPE = "RAW:STRING"
 _UM_PER_MM = 1000.0
 _INT32 = 2**31 - 1
-# set where a part is read for a caller whose method answers with it: in the task of the scan, and in all that it begins
+# whether the method that has started the scan returns its part; the tasks that the scan starts inherit it
 _ANSWERED = ContextVar("answered", default=False)
 
 
@@ -68,8 +68,8 @@ class OpcUaPort:
     """The OPC UA server.
 
     Attributes:
-        host: it listens on.
-        port: it listens on; the real one once it is started.
+        host: address that it listens on.
+        port: port that it listens on; with port 0 the real one once it is started.
     """
 
     title = "OPC UA server"
@@ -219,7 +219,7 @@ class OpcUaPort:
     def _begin(
         self, name: str, status: int, *, job: str = "", answered: bool = False
     ) -> asyncio.Task[PartRecord]:
-        """Begin a scan; only one may run at a time."""
+        """Start a scan; only one may run at a time."""
         self._scanning = task = asyncio.create_task(self._cycle(name, job, status, answered))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task

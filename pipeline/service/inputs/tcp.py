@@ -164,8 +164,8 @@ class TcpPort:
     """The trigger port.
 
     Attributes:
-        host: it listens on.
-        port: it listens on; the real one once it is started.
+        host: address that it listens on.
+        port: port that it listens on; with port 0 the real one once it is started.
     """
 
     title = "TCP trigger port"
@@ -317,7 +317,7 @@ class _Caller:
     Attributes:
         writer: writer to the connection.
         spoken: whether it has sent a line.
-        idle: its next line is waited for.
+        idle: whether it has no trigger in progress.
     """
 
     writer: asyncio.StreamWriter

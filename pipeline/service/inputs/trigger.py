@@ -19,7 +19,7 @@ _MOST_WORDS = 200
 LOG_EVERY_S = 10.0
 """Seconds between two lines of the log of one kind."""
 _MOST_KINDS = 1000
-"""Most kinds of lines that are remembered: callers may invent addresses."""
+"""Maximum number of kinds that are remembered: callers may invent addresses."""
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 Trigger = Callable[[str, str], Awaitable[PartRecord]]

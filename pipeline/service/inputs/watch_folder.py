@@ -3,7 +3,7 @@
     look --> new or changed --> next look --> unchanged: complete --> read, the oldest part first
                                          \\-> changed: looked at again
 
-* A file is known by its name, length and time: one that is written over is another photograph.
+* A file is identified by its name, length and time: one that is overwritten is another photograph.
 * It is complete when two looks, `every_s` apart, find the same length and time: one that is moved in, at its second.
 * Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
   all its files are, and there are as many as expected, or none was added or changed for a while. One that is added
@@ -11,8 +11,8 @@
 * The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for ever.
 * A file that cannot be used is named in the log, and left until it changes or the service starts again; of a set, the
   others are read. Nothing in the folder is ever changed.
-* Only what is wrong with the file itself is final. While the queue is full, or something of the service's own is of no
-  use, files wait in the folder. One over which workers or the program fail is named, and tried again after a rest.
+* Only a fault of the file itself is final. While the queue is full, or a job or file of the service cannot be used,
+  files wait in the folder. One that makes workers or the program fail is named, and tried again after a rest.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ class WatchedFolder:
         try:
             with os.scandir(self.folder) as entries:
                 for entry in entries:
-                    # taken away meanwhile, or of a share that cannot tell now: it is looked at again
+                    # removed meanwhile, or on a share that does not answer: checked again at the next look
                     with contextlib.suppress(OSError):
                         if not entry.name.startswith(".") and not entry.is_dir(follow_symlinks=False):
                             found[entry.path] = stamp_of(entry.stat(follow_symlinks=False))

@@ -143,7 +143,7 @@ class View:
         return self.frame.render(self.request, template, status=status, caller=self.caller, **values)
 
     def redirect(self, address: str, *, who: str = "") -> Response:
-        """Answer a form by the page to look at next; the browser remembers the name typed."""
+        """Answer a form by a redirect to the next page; the browser remembers the typed name."""
         answer = redirect(self.request, address)
         if who:
             set_cookie(self.request, answer, WHO_COOKIE, quote(who), max_age_s=_A_YEAR_S)

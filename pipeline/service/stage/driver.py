@@ -244,7 +244,7 @@ class StageLink:
     async def close(self) -> None:
         """Wait until the driver's session is closed, or has not answered in time."""
         if self._serving.is_alive():
-            # a worker that never came is still waited for: a stranger's call, which is refused, ends that
+            # the thread may still wait for a worker that never came; a connection without the key ends that
             with contextlib.suppress(*_LOST):
                 Client(self.stage.address).close()
         # not joined: the end of the service need not wait for a driver that hangs

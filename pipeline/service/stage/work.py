@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage
 
 _PLANS = 2.0
-"""Times a plan's own duration after which its stage is taken to hang."""
+"""Durations of a whole plan that are added to the time limit of a stage."""
 
 
 class StageWork:
@@ -86,7 +86,7 @@ class StageWork:
 
         def scanned() -> Path:
             path: Path = feel(order, folder)
-            # a driver may have a recording elsewhere, which stays there
+            # a recording that the driver has written elsewhere stays there, and is copied
             return (
                 path if path.parent == folder else Path(shutil.copyfile(path, folder / f"felt{path.suffix}"))
             )
