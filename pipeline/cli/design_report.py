@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from pipeline.cli.shared import print_table
-from pipeline.common.section_words import describe_section
 from pipeline.reading.predictions import Quantity
 from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_mm
 from whisker_array.design.checks import check
@@ -20,6 +19,7 @@ from whisker_array.design.plan_accuracy import describe_directions
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import Kind, Tuned
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
+from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
@@ -126,7 +126,7 @@ def _describe(design: Design) -> list[str]:
     return [
         f"asked: walls {low:g} to {high:g} deg falling and rising, friction {r.mu[0]:g} to {r.mu[1]:g}, marks "
         f"{r.depth_mm:g} mm deep, characters {r.character_height_mm:g} mm, {r.least_speed_mm_s:g} mm/s\n",
-        f"build  {describe_section(w)}",
+        f"build  {_describe_section(w)}",
         f"       l1 {w.l1_mm:.2f} mm set at beta {math.degrees(w.beta_rad):.2f} deg, tip arm l2 {w.l2_mm:.2f} mm "
         f"(k = {w.k:.3f}), ground down to a ball of radius {design.request.tip_radius_mm:.3f} mm",
         f"       sensor axis {abs(w.lowered_mm):.2f} mm {where} the clamp (l3 {w.lowered_mm:.2f} mm), "
@@ -233,3 +233,13 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
         "Accuracy was measured with the default whisker, slow: python\n"
         f"tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by {100 * request.speed_error:g} %."
     )
+
+
+def _describe_section(whisker: LShaped) -> str:
+    """Describe section and material."""
+    section, made = whisker.section, whisker.material.name
+    if isinstance(section, Rectangle):
+        return f"{made} ribbon {section.thickness_mm:.3f} mm thick, {section.width_mm:.2f} mm wide"
+    if isinstance(section, Round):
+        return f"round {made} {section.diameter_mm:.3f} mm"
+    return f"{made}, {section}"
