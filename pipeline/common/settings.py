@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 
 from glyphs.errors import MarksError
-from pipeline.common.parsed import json_of, shown
+from pipeline.common.parsed import Strict, json_of, shown
 from pipeline.common.texts import split_commas
 
 
@@ -139,20 +139,19 @@ def _by_name(value: Any) -> Any:
     return tuple(_line_of_table(name, written) for name, written in value.items())
 
 
+class _LineTable(Strict):
+    format: str
+    region: list[Any] | None = None
+
+
 def _line_of_table(name: str, written: Any) -> str:
-    if isinstance(written, str):
-        return f"{name}={written}"
-    region = written.get("region") if isinstance(written, Mapping) else None
-    if (
-        not isinstance(written, Mapping)
-        or not isinstance(written.get("format"), str)
-        or not (region is None or isinstance(region, list))
-        or not written.keys() <= {"format", "region"}
-    ):
-        raise ValueError(
-            f"line {name} is {shown(written)}; write its format, or a table of format and region"
-        )
-    return f"{name}{'@' if region else ''}{','.join(map(str, region or ()))}={written['format']}"
+    try:
+        line = _LineTable.model_validate({"format": written} if isinstance(written, str) else written)
+    except ValidationError as error:
+        hint = "write its format, or a table of format and region"
+        raise ValueError(f"line {name} is {shown(written)}; {hint}") from error
+    place = f"{name}@{','.join(map(str, line.region))}" if line.region else name
+    return f"{place}={line.format}"
 
 
 @dataclass(frozen=True)
