@@ -115,13 +115,13 @@ def discover(
     from pipeline.formats.remote import list_remote
 
     names = [local_name(str(given)) for given in inputs]
-    if len(names) + len(manifests) == 1 and (manifests or _is_manifest(names[0])):
+    if len(names) + len(manifests) == 1 and (manifests or is_manifest(names[0])):
         return Listing(read_manifest((*names, *manifests)[0]), PassedOver())
     found = FoundFiles(photos=photos, height_images=height_images)
     for name in names:
         if len(names) > 1 and names_no_files(name):
             continue  # a glob that the shell has expanded
-        if _is_manifest(name):
+        if is_manifest(name):
             found.add_listed(read_manifest(name))
         elif not is_url(name):
             found.add_local(name, beside=beside)
@@ -136,15 +136,6 @@ def discover(
     if not parts:
         raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
     return Listing(with_unique_names(parts), found.passed_over)
-
-
-def _is_manifest(name: str) -> bool:
-    """Whether an input is a table of parts, not a folder or a table of heights."""
-    if not is_manifest(name) or os.path.isdir(name):
-        return False
-    from pipeline.formats.text_maps import is_number_table  # slow, and few inputs are tables
-
-    return not is_number_table(Path(name))
 
 
 class FoundFiles:

@@ -116,7 +116,7 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[layout.position_unit]
     signal = np.column_stack([table.columns[c] for c in columns.moment])
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
-    largest = float(np.nanmax(np.abs(signal), initial=0.0, where=np.isfinite(signal)))
+    largest = float(np.abs(signal).max(initial=0.0, where=np.isfinite(signal)))
     if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
         what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, more than any whisker can carry"
         raise DataError(what, 'correct moment_unit; write "V" for counts, too, and run calibrate')
@@ -249,7 +249,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
 def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
     """Samples per second, from the clock of the rows if they have one; it may restart with each pass."""
     columns = layout.columns
-    if columns.time is None or table.n_rows < 2:
+    if columns.time is None:
         if not (rate := layout.sampling_rate_hz or table.rate_hz):
             raise DataError("has no time and no sampling rate", "give columns.time or sampling_rate_hz")
         return rate

@@ -26,7 +26,7 @@ import numpy as np
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.hdf5_checks import check_hdf5
-from pipeline.formats.kinds import FORMATS_SUFFIXES, TABLE_SUFFIXES
+from pipeline.formats.kinds import BYTES_PER_SAMPLE, FORMATS_SUFFIXES, SPARE_BYTES, TABLE_SUFFIXES
 from pipeline.formats.raw_map import RawMap, check_size
 
 _NO_HEIGHTS = re.compile(
@@ -155,10 +155,6 @@ def _raw_map(surface: Any, *, rows_stated: bool) -> RawMap:
 
 # unpacked description (main.xml), bytes: real ones are far smaller
 _MOST_DESCRIPTION_BYTES = 16_000_000
-# most that X3P stores for one sample: three coordinates as float64
-_MOST_BYTES_PER_SAMPLE = 24
-# bytes for whatever a file holds beside its heights: a vendor's files, a trailer
-_MOST_SPARE_BYTES = 64_000_000
 _IN_MEMORY_BYTES = 64_000_000
 _MAIN, _CHECKSUM = "main.xml", "md5checksum.hex"
 _ROOT = re.compile(rb"<(/?(?:\w+:)?)ISO5436(?=[\s>])")
@@ -206,8 +202,8 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
         x, y = info.header.x, info.header.y
         if not (x.is_incremental and y.is_incremental):
             raise DataError("holds points off a regular grid", "export the surface on a regular grid")
-        needed = rows * cols * info.layer_count * _MOST_BYTES_PER_SAMPLE
-        _check_members(archive, ending="", most=max(_MOST_SPARE_BYTES, needed))
+        needed = rows * cols * info.layer_count * BYTES_PER_SAMPLE
+        _check_members(archive, ending="", most=max(SPARE_BYTES, needed))
         with tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY_BYTES) as copy:
             with zipfile.ZipFile(copy, "w") as mended:
                 for name in archive.namelist():

@@ -18,6 +18,10 @@ SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MOST_BYTES = {"height_map": 1_000_000_000, "scan": 4_000_000_000, "photo": 500_000_000}
 """Size limit of a file of each kind."""
+BYTES_PER_SAMPLE = 24
+"""Most bytes that a file stores for one sample: three coordinates as float64."""
+SPARE_BYTES = 64_000_000
+"""Bytes for whatever a file holds beside its heights: a vendor's files, a trailer."""
 HEAD_BYTES = 16
 """Number of first bytes of a file that determine its kind."""
 

@@ -54,8 +54,12 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\[^\\]+")
 
 
 def is_manifest(name: str) -> bool:
-    """Whether a path or URL has the suffix of a table of parts."""
-    return split_name(name)[1].lower().endswith(".csv")
+    """Whether a path or URL names a table of parts, not a folder or a table of heights."""
+    if not split_name(name)[1].lower().endswith(".csv") or os.path.isdir(name):
+        return False
+    from pipeline.formats.text_maps import is_number_table  # slow, and few inputs are tables
+
+    return not is_number_table(Path(name))
 
 
 def names_no_files(name: str) -> bool:

@@ -78,12 +78,12 @@ class NumberTable:
     """A table of numbers.
 
     Attributes:
-        head: lines before the numbers.
+        head: text before the numbers.
         names: names of the columns, in lower case; empty if the last line of the head does not name them all.
         rows: (n, columns), NaN where a value is missing.
     """
 
-    head: tuple[str, ...]
+    head: str
     names: tuple[str, ...]
     rows: NDArray[np.float64]
 
@@ -107,27 +107,22 @@ def is_number_table(path: Path) -> bool:
     return len(body) >= 3 and found.first_line <= max(_MOST_HEAD_LINES, len(body))
 
 
-def read_number_table(path: Path) -> NumberTable:
-    """Read the numbers of a text file.
+def _number_table(text: str) -> NumberTable:
+    """Parse a table of numbers.
 
     Raises:
-        DataError: the file holds no table of numbers, too many numbers, or rows of different lengths.
+        DataError: the text holds no table of numbers, too many numbers, or rows of different lengths.
     """
-    text = _decode(path.read_bytes())
-    before: tuple[str, ...] = ()
-    if text.startswith(_ZYGO):
-        heading, _, text = text.partition("\n#\n")
-        before = tuple(heading.splitlines())
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
         what = "holds no table of numbers"
         raise DataError(what, "export columns x y z, or a matrix of heights, one row per line")
-    head = tuple(sample[: found.first_line])
+    head = sample[: found.first_line]
     body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
     if body.count("\n") * found.columns > 9 * MAX_PIXELS:
         raise DataError("holds more numbers than the limit", "crop or thin the map")
-    return NumberTable((*before, *head), _names(head, found), _numbers(body, found))
+    return NumberTable("\n".join(head), _names(head, found.columns), _numbers(body, found))
 
 
 def _decode(data: bytes) -> str:
@@ -168,9 +163,9 @@ def _count(line: str, layout: Layout) -> int:
     return len(cells) if 2 * numbers >= len(cells) else 0
 
 
-def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
+def _names(head: Sequence[str], columns: int) -> tuple[str, ...]:
     """The names of the columns, with the units from a line below them, if any."""
-    cells = tuple(_cells_of_head(line, layout.columns) for line in head[-2:])
+    cells = [_cells_of_head(line, columns) for line in head[-2:]]
     if len(cells) == 2 and all(cells):
         units = [unit.strip("[]()- ") for unit in cells[1]]
         if {*units} <= {"", *MM}:
@@ -189,9 +184,8 @@ def _cells_of_head(line: str, columns: int) -> tuple[str, ...]:
 def _numbers(body: str, layout: Layout) -> NDArray[np.float64]:
     if layout.comma:
         body = body.replace(",", ".")
-    if "#" not in body:
-        with contextlib.suppress(ValueError):
-            return np.loadtxt(io.StringIO(body), delimiter=layout.delimiter, ndmin=2)
+    with contextlib.suppress(ValueError):
+        return np.loadtxt(io.StringIO(body), comments=None, delimiter=layout.delimiter, ndmin=2)
     return _numbers_and_words(body, layout)
 
 
@@ -263,9 +257,10 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
     Raises:
         DataError: the file holds no heights.
     """
-    table = read_number_table(path)
-    if table.head[:1] and table.head[0].startswith(_ZYGO):
-        return _zygo(table, most)
+    text = _decode(path.read_bytes())
+    if text.startswith(_ZYGO):
+        return _zygo(text, most)
+    table = _number_table(text)
     if (named := _named_points(table)) is not None:
         points, z_mm, xy_mm = named
     elif _is_points(table):
@@ -300,17 +295,18 @@ def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], float | None
     return table.rows[:, [found[axis][0] for axis in "xyz"]], found["z"][1], found["x"][1]
 
 
-def _zygo(table: NumberTable, most: int) -> RawMap:
+def _zygo(text: str, most: int) -> RawMap:
     """Zygo XYZ: columns and rows of the camera, and heights in um; the 7th number of line 8 is the pixel in m."""
-    numbers = table.head[7].split() if len(table.head) > 7 else []
+    head, _, body = text.partition("\n#\n")
+    numbers = "".join(head.splitlines()[7:8]).split()
     pitch = (float(numbers[6]) if len(numbers) > 6 else 0.0) or None
-    raw = map_of_points(table.rows[:, :3] * (1.0, -1.0, 1.0), most=most)
+    raw = map_of_points(_number_table(body).rows[:, :3] * (1.0, -1.0, 1.0), most=most)
     return replace(raw, x_pitch=pitch, y_pitch=pitch, z_mm=1e-3, xy_mm=1e3)
 
 
 def _is_points(table: NumberTable) -> bool:
     rows, columns = table.rows.shape
-    head = "\n".join(table.head).lower()
+    head = table.head.lower()
     if "ncols" in head or _WYKO in head or columns < 3:
         return False
     many = columns <= _MOST_POINT_COLUMNS and rows > _LEAST_ROWS * columns
@@ -318,7 +314,7 @@ def _is_points(table: NumberTable) -> bool:
 
 
 def _matrix(table: NumberTable) -> RawMap:
-    head, z = "\n".join(table.head)[:_MOST_HEAD], table.rows
+    head, z = table.head[:_MOST_HEAD], table.rows
     if z.shape[1] < 3:
         raise DataError(f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
     if _WYKO in head.lower():

@@ -10,7 +10,15 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, naming, reading
 from pipeline.formats.hdf5_checks import check_hdf5
-from pipeline.formats.kinds import INSTRUMENT_READER, MOST_BYTES, PHOTO_SUFFIXES, READERS, TEXT_READER
+from pipeline.formats.kinds import (
+    BYTES_PER_SAMPLE,
+    INSTRUMENT_READER,
+    MOST_BYTES,
+    PHOTO_SUFFIXES,
+    READERS,
+    SPARE_BYTES,
+    TEXT_READER,
+)
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
@@ -18,8 +26,6 @@ if TYPE_CHECKING:
     from pipeline.formats.raw_map import RawMap
     from whisker_array.scan.scan import Scan
 
-# most bytes that a height file stores for one sample, and for everything else
-_BYTES_PER_SAMPLE, _SPARE_BYTES = 24, 64_000_000
 # readers of files that are height maps only if the user says so
 _NAMED = {
     ".mat": ("binary_grids.read_mat", "MATLAB"),
@@ -61,7 +67,7 @@ def read_part_map(
     if reader is None:
         reader = TEXT_READER if is_number_table(path) else (INSTRUMENT_READER, "height map")
     name, kind = reader
-    longest = min(MOST_BYTES["height_map"], most * _BYTES_PER_SAMPLE + _SPARE_BYTES)
+    longest = min(MOST_BYTES["height_map"], most * BYTES_PER_SAMPLE + SPARE_BYTES)
     with reading(path, kind=kind, most_bytes=longest):
         module, _, function = name.partition(".")
         raw: RawMap = getattr(import_module(f"pipeline.formats.{module}"), function)(path, most)
@@ -83,7 +89,7 @@ def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
 
     from whisker_array.scan.recording import load_scan
 
-    most_bytes = MOST_BYTES["scan"] if most is None else most * 16 + _SPARE_BYTES
+    most_bytes = MOST_BYTES["scan"] if most is None else most * 16 + SPARE_BYTES
     with reading(Path(path), kind="HDF5", most_bytes=most_bytes):
         if most is not None:
             if not h5py.is_hdf5(path):
