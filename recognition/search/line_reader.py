@@ -18,13 +18,10 @@ import numpy as np
 from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.language.grammar import Grammar
 from recognition.lines.find import overlap
-from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
+from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, Move, is_convincing, promise_of
 from recognition.search.part_lines import LineFormat, PartLines, stands_in
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
-
-Move = tuple[float, float, int]
-"""Shift down, character heights; factor of the height; columns skipped at the start."""
 
 
 @dataclass(frozen=True)

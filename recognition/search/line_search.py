@@ -38,6 +38,8 @@ from recognition.views.view import Layers, View, ViewKind
 
 Try: TypeAlias = tuple[Callable[[], list[TextLine]], float]
 """A function that proposes lines, and the share of the greatest promise from which it is not called."""
+Move: TypeAlias = tuple[float, float, int]
+"""Shift down, character heights; factor of the height; columns skipped at the start."""
 UPSIDE_DOWN_DEG = 105.0
 """Rotation from level beyond which a line is upside down. One that runs about straight up or down is not."""
 
@@ -121,11 +123,7 @@ class LineSearch:
 
     def heights_mm(self, view: View) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
-        return (
-            [self.height_mm]
-            if self.height_mm
-            else of_other_scales(o.line.height_mm for o in self.lines(view))
-        )
+        return of_other_scales(one.line.height_mm for one in self.lines(view))
 
     def lines(self, view: View) -> list[ReadLine]:
         """Read the lines of a view, most promising first; small lines that are only a guess come last.
@@ -247,9 +245,7 @@ class LineSearch:
     def _steps(self, strip: Layers, *, wider: float = WIDER, skip_columns: int = 0) -> Steps:
         return steps_of(strip, chars=self.chars, rare=self.rare, skip_columns=skip_columns, wider=wider)
 
-    def more_looks(
-        self, view: View, read: ReadLine, moves: Sequence[tuple[float, float, int]]
-    ) -> list[Steps]:
+    def more_looks(self, view: View, read: ReadLine, moves: Sequence[Move]) -> list[Steps]:
         """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
         wider = wider_of(read.looks[0])
         return [
