@@ -59,19 +59,17 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
     made = replace(reading.without_flags(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
     said = [holds(code.text, made.text) for code in made.codes]
     if True in said:
-        made = made.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
-    if made.text and True not in said:
-        made = made.with_findings(
-            *(
-                Finding(
-                    ReadingFlag.CODE_DISAGREES,
-                    f"the {code.kind} holds “{code.text}”, the marks read “{made.text}” (look at the part)",
-                )
-                for code, same in zip(made.codes, said, strict=True)
-                if same is False
+        return made.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
+    others = [code for code, same in zip(made.codes, said, strict=True) if same is False and made.text]
+    return made.with_findings(
+        *(
+            Finding(
+                ReadingFlag.CODE_DISAGREES,
+                f"the {code.kind} holds “{code.text}”, the marks read “{made.text}” (look at the part)",
             )
+            for code in others
         )
-    return made
+    )
 
 
 def doubted_guesses(

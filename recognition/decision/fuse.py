@@ -95,13 +95,9 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
         for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True)
     )
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
-    laid, slope = tactile.trace.laid, score_of("fused").slope
-    laid = (
-        replace(laid, text=tuple(choice.text))
-        if laid is not None and len(laid.text) == len(choice.text)
-        else None
-    )
-    strokes = () if laid is None else strokes_of(laid, lattice, slope=slope)
+    laid = tactile.trace.laid
+    laid = None if laid is None else replace(laid, text=tuple(choice.text))
+    strokes = () if laid is None else strokes_of(laid, lattice, slope=score_of("fused").slope)
     # the format counts as overruled only if both senses say so
     overruled = ReadingFlag.FORMAT_OVERRULED & vision.flags
     # touch's findings on characters, format and lines are computed anew for both senses

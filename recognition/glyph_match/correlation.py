@@ -24,9 +24,9 @@ from scipy.special import expit, softmax
 
 from glyphs.fonts.glyph import Font
 from recognition.experts.steps import Steps
-from recognition.glyph_match.chain import Placed, best_chain
+from recognition.glyph_match.chain import Placed, best_chain, usual_spacing
 from recognition.glyph_match.predicted import PIXELS, TemplateSet
-from recognition.glyph_match.spacing import usual_spacing
+from recognition.language.grammar import Grammar
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 from recognition.views.view import EDGES, KNOWN, View
 
@@ -174,9 +174,8 @@ def chain_of(
     response: Image,
     glyphs: GlyphImages,
     font: Font,
+    grammar: Grammar | None,
     *,
-    places: Sequence[str] | None,
-    gaps: frozenset[int],
     chance: float = 0.45,
     overlap_heights: float = 0.08,
     gap_heights: float = 1.5,
@@ -185,14 +184,13 @@ def chain_of(
 ) -> tuple[float, tuple[Placed, ...]]:
     """The chain of characters that explains most of a line, with its total reward.
 
-    If the number of characters is known, it is searched again with the spacing of the most certain ones.
+    If the format fixes the number of characters, it is searched again with the spacing of the most certain ones.
 
     Args:
         response: (T, columns) best correlation of every template near the line's middle.
         glyphs: the templates.
         font: font of the templates.
-        places: characters that a format allows at each place; None if their number is unknown.
-        gaps: places of the format before a word gap.
+        grammar: format of the line; None if unknown.
         chance: correlation up to which a template explains nothing, because any strokes reach it.
         overlap_heights: overlap that is allowed between neighbours, character heights.
         gap_heights: most land between neighbours, character heights.
@@ -203,7 +201,7 @@ def chain_of(
     share = np.clip(response, 0.0, 1.0) ** 2 - chance**2
     full = glyphs.half_cols.astype(np.float64) * (1.0 - chance**2)
     usual = float(np.median(full))
-    allowed = None
+    places, allowed = None if grammar is None else grammar.fixed_places, None
     if places is not None:
         allowed = np.array([[char in place for char in glyphs.chars] for place in places], dtype=np.bool_)
     best = partial(
@@ -217,9 +215,9 @@ def chain_of(
         gap_cost=gap_cost / pixels,
     )
     total, placed = best()
-    if places is None or not placed:
+    if grammar is None or places is None or not placed:
         return total, placed
-    spacing = usual_spacing(placed, glyphs.chars, font, full=full / usual, gaps=gaps, pixels=pixels)
+    spacing = usual_spacing(placed, glyphs.chars, font, full=full / usual, gaps=grammar.gaps, pixels=pixels)
     return (total, placed) if spacing is None else best(spacing=spacing)
 
 
@@ -240,7 +238,7 @@ def beside(
     for one in placed:
         room = glyphs.half_cols + glyphs.half_cols[one.template]
         free[np.abs(columns - one.column) < room[:, None]] = 0.0
-    _, others = chain_of(free, glyphs, font, places=None, gaps=frozenset())
+    _, others = chain_of(free, glyphs, font, None)
     return tuple(sorted((*placed, *others), key=lambda one: one.column))
 
 

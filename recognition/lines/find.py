@@ -6,9 +6,9 @@ view --at several scales--> findings of cells --joined--> lines --best of those 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,10 @@ class FoundLine:
 
     __repr__ = one_line
 
+    def mapped(self, change: Callable[[TextLine], TextLine]) -> FoundLine:
+        """The candidate with a change of both its positions."""
+        return replace(self, line=change(self.line), bent=self.bent and change(self.bent))
+
 
 def find_lines(
     view: View,
@@ -73,18 +77,12 @@ def find_lines(
         def back(line: TextLine) -> TextLine:
             return TextLine(turn_back(line.centre_mm, view, turned_deg), line.height_mm)
 
-        return [
-            replace(one, line=back(one.line), bent=one.bent and back(one.bent))
-            for one in find_lines(turn_view(view, turned_deg), height_mm=height_mm)
-        ]
+        return [one.mapped(back) for one in find_lines(turn_view(view, turned_deg), height_mm=height_mm)]
     found: list[FoundLine] = []
     for scale_mm in _scales(view, height_mm):
         found += _at_scale(view, scale_mm, _FAINT if faint else _MIDDLE)
     if height_mm is not None:
-        found = [
-            replace(one, line=_as_high(one.line, height_mm), bent=one.bent and _as_high(one.bent, height_mm))
-            for one in found
-        ]
+        found = [one.mapped(partial(_as_high, height_mm=height_mm)) for one in found]
     kept = without_doubles(found)
     whole = [
         made

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine, points_along
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine, moved_across, points_along
 from recognition.views.view import GREY, HEIGHTS, KNOWN, View
 
 Floats = NDArray[np.float64]
@@ -68,10 +68,7 @@ def on_ink(
     within = (at >= columns[0]) & (at <= columns[-1])
     if right_size and np.abs(off[within]).max(initial=0.0) < least_off:
         return ()
-    points = points_along(line, shares)
-    ahead = np.gradient(points, axis=0)
-    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
-    points = points + (off * line.height_mm)[:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    points = moved_across(points_along(line, shares), off * line.height_mm)
     chord = np.linspace(points[0], points[-1], len(points))
     if np.linalg.norm(points - chord, axis=1).max() < least_sag * line.height_mm:
         points = points[[0, -1]]

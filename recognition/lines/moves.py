@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from recognition.views.text_line import TextLine, points_along
+from recognition.views.text_line import TextLine, moved_across, points_along
 from recognition.views.view import View
 
 MOVES = (
@@ -98,10 +98,7 @@ def bend(line: TextLine, sag: float, *, points: int = 33) -> TextLine:
     """
     shares = np.linspace(0.0, 1.0, points)
     down = sag * line.height_mm * ((2.0 * shares - 1.0) ** 2 - 1.0 / 3.0)
-    on = points_along(line, shares)
-    ahead = np.gradient(on, axis=0)
-    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
-    return TextLine(on + down[:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1), line.height_mm)
+    return TextLine(moved_across(points_along(line, shares), down), line.height_mm)
 
 
 def variants(line: TextLine) -> list[TextLine]:

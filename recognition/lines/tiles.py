@@ -113,23 +113,19 @@ def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
     fed = np.pad(
         layers, ((0, 0), (before_y, before_y + _ROWS + _DOWN), (before_x, before_x + _COLUMNS + _ACROSS))
     )
-    surest: Floats | None = None
+    batches = (tiles[start : start + _BATCH] for start in range(0, len(tiles), _BATCH))
+    found = np.concatenate(
+        [findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some])) for some in batches]
+    )
     # leave out the rim of a tile: there the network sees nothing on one side
     rim_y, rim_x = (_ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
-    for start in range(0, len(tiles), _BATCH):
-        some = tiles[start : start + _BATCH]
-        found = findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some]))
-        if surest is None:
-            surest = np.full(
-                (found.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32
-            )
-        inner = found[:, :, rim_y : found.shape[2] - rim_y, rim_x : found.shape[3] - rim_x]
-        for (y, x), one in zip(some, inner, strict=True):
-            top, first = y // CELL + rim_y, x // CELL + rim_x
-            here = surest[:, top : top + one.shape[1], first : first + one.shape[2]]
-            better = one[0] > here[0]
-            here[:, better] = one[:, better]
-    assert surest is not None
+    inner = found[:, :, rim_y : found.shape[2] - rim_y, rim_x : found.shape[3] - rim_x]
+    surest = np.full((found.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32)
+    for (y, x), one in zip(tiles, inner, strict=True):
+        top, first = y // CELL + rim_y, x // CELL + rim_x
+        here = surest[:, top : top + one.shape[1], first : first + one.shape[2]]
+        better = one[0] > here[0]
+        here[:, better] = one[:, better]
     top, first = before_y // CELL, before_x // CELL
     rows, columns = (-(-n // CELL) for n in layers.shape[1:])
     return surest[:, top : top + rows, first : first + columns]

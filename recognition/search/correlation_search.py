@@ -17,7 +17,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
 from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.experts.steps import Steps
-from recognition.glyph_match.chain import Placed
+from recognition.glyph_match.chain import Placed, place_bounds
 from recognition.glyph_match.correlation import (
     GlyphImages,
     Image,
@@ -30,9 +30,8 @@ from recognition.glyph_match.correlation import (
     steps_of,
 )
 from recognition.glyph_match.predicted import TemplateKey, TemplateSet, template_key
-from recognition.glyph_match.spacing import place_bounds
 from recognition.lines.find import overlap
-from recognition.search.line_search import LineSearch, is_convincing, of_other_scales, rank
+from recognition.search.line_search import LineSearch, Move, is_convincing, of_other_scales, rank
 from recognition.search.part_lines import about_region
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
@@ -120,8 +119,7 @@ class CorrelationSearch(LineSearch):
         """Read the lines of a view, most promising first; try raised and dotted marks if sunk ones fail."""
         seen: list[ReadLine] = []
         for style, sizes in self._tries:
-            lines = self._candidates(view, style, sizes)
-            seen = rank([*seen, *self._looks(view, lines, style)])
+            seen = rank([*seen, *self._looks(view, self._candidates(view, style, sizes), style)])
             if is_convincing(self.in_region(view, seen), self.limits.sure):
                 break
         return seen
@@ -139,9 +137,7 @@ class CorrelationSearch(LineSearch):
         """Return the best line; `_look` has already moved it to its place."""
         return seen[0]
 
-    def more_looks(
-        self, view: View, read: ReadLine, moves: Sequence[tuple[float, float, int]] = ()
-    ) -> list[Steps]:
+    def more_looks(self, view: View, read: ReadLine, moves: Sequence[Move]) -> list[Steps]:
         """Return nothing: `_look` has already tried every position near the line."""
         return []
 
@@ -153,15 +149,6 @@ class CorrelationSearch(LineSearch):
         key = template_key(font, felt, height_mm=height_mm, face=style.face, raised=style.raised)
         templates = self.predict(font, self.chars_of(font), key)
         return glyph_images(templates, pixels=pixels)
-
-    @property
-    def _places(self) -> tuple[str, ...] | None:
-        """Characters that the format allows at each place; None if their number is not fixed."""
-        return None if self.grammar is None else self.grammar.fixed_places
-
-    @property
-    def _gaps(self) -> frozenset[int]:
-        return frozenset() if self.grammar is None else self.grammar.gaps
 
     def _fonts(self, style: MarkStyle) -> list[Font]:
         return [font for font in self.fonts if style.face is not Face.DOTTED or font.stroke_ratio > 0.0]
@@ -212,24 +199,21 @@ class CorrelationSearch(LineSearch):
         seen, found = _Rows(view, glyphs, height_mm), []
         ranked = sorted(seen.row_sums(self.matching.slopes), key=lambda one: -one[0])
         for _, rows in ranked[: self.matching.rows_a_size]:
-            total, placed = chain_of(seen.along(rows), glyphs, font, places=self._places, gaps=self._gaps)
+            total, placed = chain_of(seen.along(rows), glyphs, font, self.grammar)
             if placed:
-                half = glyphs.half_cols
-                ends = [
-                    placed[k].column + side * int(half[placed[k].template]) for k, side in ((0, -1), (-1, 1))
-                ]
+                first, last, half = placed[0], placed[-1], glyphs.half_cols
+                ends = np.array([first.column - half[first.template], last.column + half[last.template]])
                 found.append((total, seen.line(rows, ends)))
         return found
 
     def _looks(self, view: View, lines: Sequence[TextLine], style: MarkStyle) -> list[ReadLine]:
-        seen = [
+        return [
             one
             for line in lines
             if self.may_run(line)
             for font in self._fonts(style)
             if (one := self._look(view, line, font, style)) is not None
         ]
-        return rank(seen)
 
     def _look(self, view: View, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
         """Read a line, after moving it to the line through its characters if they lie off it."""
@@ -270,7 +254,7 @@ class CorrelationSearch(LineSearch):
         first = len(image) // 2 - slack
         response = responses(image, glyphs, rows=slice(first, first + 2 * slack + 1))
         best = response.max(axis=1)
-        total, placed = chain_of(best, glyphs, font, places=self._places, gaps=self._gaps)
+        total, placed = chain_of(best, glyphs, font, self.grammar)
         placed = beside(best, glyphs, font, placed)
         at = [first + int(response[one.template, :, one.column].argmax()) for one in placed]
         return _PlacedLine(line, image, total, placed, at, pixels, beyond)
@@ -306,7 +290,7 @@ class _Rows:
         """Return the responses at one row of each column, shape (T, columns)."""
         return np.asarray(self.near[:, rows, self.columns])
 
-    def line(self, rows: NDArray[np.int64], ends: Sequence[int]) -> TextLine:
+    def line(self, rows: NDArray[np.int64], ends: NDArray[np.int64]) -> TextLine:
         """Make the line that follows rows between two columns."""
         on = rows[np.clip(ends, 0, self.columns.size - 1)]
         u, v = (_in_strip(pixels, self.pixels) for pixels in (ends, on))

@@ -11,6 +11,7 @@ If the height is known, there is no first pass.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
@@ -30,7 +31,7 @@ FIRST_HEIGHT_MM = 4.0
 
 
 def virtual_feel(
-    *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = ""
+    *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = "", **plan: Any
 ) -> Feel:
     """Make a function that scans with the virtual array, ideal sensors and the default plan for a character height.
 
@@ -38,12 +39,13 @@ def virtual_feel(
         fidelity: fidelity of the contact.
         soil: dirt into which the tip sinks, and the part's friction, if known.
         part_id: name of the part.
+        plan: further arguments of `whisker_array.whisker.array.default_plan`.
     """
 
     def feel(surface: HeightMap, height_mm: float) -> Scan:
-        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
+        raster = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm, **plan)
         touch = default_touch(height_mm)
-        return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, part_id=part_id, soil=soil)
+        return trace_scan(surface, touch=touch, plan=raster, fidelity=fidelity, part_id=part_id, soil=soil)
 
     return feel
 
@@ -56,6 +58,7 @@ def felt_heights_mm(
     soil: Soil | None = None,
     feel: Feel | None = None,
     most: int = 2,
+    first_lines: int = 26,
 ) -> list[float]:
     """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
 
@@ -64,30 +67,25 @@ def felt_heights_mm(
         surface: the part, level.
         fidelity: fidelity of the contact.
         soil: dirt into which the tip sinks, and the part's friction, if known.
-        feel: function that scans the surface (default: the default plan with ideal sensors).
+        feel: function that scans the surface (default: a coarse plan with ideal sensors).
         most: greatest number of heights; the part is scanned for one after the other until a reading is accepted.
+        first_lines: lines per height of `FIRST_HEIGHT_MM` of the coarse plan; characters half as high still have
+            thirteen.
 
     Raises:
         MapError: a map that cannot be scanned, a soil on another grid.
     """
     if search.height_mm:
         return [search.height_mm]
-    scan = (
-        _first_scan(surface, fidelity=fidelity, soil=soil) if feel is None else feel(surface, FIRST_HEIGHT_MM)
+    feel = feel or virtual_feel(
+        fidelity=fidelity,
+        soil=soil,
+        directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+        lines_per_height=first_lines,
     )
+    scan = feel(surface, FIRST_HEIGHT_MM)
     try:
         edges = edge_map(scan)
     except MapError:  # nothing was felt
         return []
     return search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))[:most]
-
-
-def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None, first_lines: int = 26) -> Scan:
-    # first_lines: lines per height of `FIRST_HEIGHT_MM`; characters half as high still have thirteen
-    plan = default_plan(
-        (0.0, 0.0, *surface.size_mm),
-        character_height_mm=FIRST_HEIGHT_MM,
-        directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
-        lines_per_height=first_lines,
-    )
-    return trace_scan(surface, touch=default_touch(FIRST_HEIGHT_MM), plan=plan, fidelity=fidelity, soil=soil)

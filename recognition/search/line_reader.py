@@ -18,13 +18,10 @@ import numpy as np
 from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.language.grammar import Grammar
 from recognition.lines.find import overlap
-from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
+from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, Move, is_convincing, promise_of
 from recognition.search.part_lines import LineFormat, PartLines, stands_in
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
-
-Move = tuple[float, float, int]
-"""Shift down, character heights; factor of the height; columns skipped at the start."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,6 @@ class LineReader:
         best = self._right_way_up(view, self.search.refine(view, meant))
         closely = len(looked) > 1
         main = self._look_closely(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
-        main = main or best
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
         for name, asked in self.lines.items():
@@ -117,8 +113,7 @@ class LineReader:
         ]
         if not fits:
             return None
-        best = max(fits, key=promise_of)
-        best = self._look_closely(view, best, asked.grammar) or best
+        best = self._look_closely(view, max(fits, key=promise_of), asked.grammar)
         return best if best.evidence > asked_evidence else None
 
     def _right_way_up(self, view: View, best: ReadLine, *, plain_evidence: float = -0.5) -> ReadLine:
@@ -141,24 +136,23 @@ class LineReader:
         others: Sequence[View] = (),
         closely: bool = False,
         twice: bool = False,
-    ) -> ReadLine | None:
-        """Return the posteriors of a line: from one look if that is sure, otherwise from several.
+    ) -> ReadLine:
+        """Read a line again under its grammar: from one look if that is sure, otherwise from several.
 
-        With `closely`, always from several.
+        With `closely`, always from several; with `twice`, always from at least two.
         """
-        line, looks = best.line, list(best.looks)
-        read = combine_looks(line, looks, grammar)
-        if read is None or closely or not is_agreed(read):
+        looks = list(best.looks)
+        if closely or not is_agreed(best):
             looks += self.search.more_looks(view, best, (self.between, *self.moves))
             for number, other in enumerate(others, start=1):
                 # under another light, look first without a move
                 more = self.search.more_looks(other, best, ((0.0, 1.0, 0), *self.moves))
                 looks += [replace(one, view=number) for one in more]
-            return combine_looks(line, looks, grammar)
-        if twice:
+        elif twice:
             looks += self.search.more_looks(view, best, (self.between,))
-            return combine_looks(line, looks, grammar)
-        return read
+        else:
+            return best
+        return combine_looks(best.line, looks, grammar) or best
 
 
 def _candidates(

@@ -34,10 +34,12 @@ from recognition.lines.moves import (
 from recognition.lines.tiles import find_in_tiles
 from recognition.search.part_lines import Region, about_region, stands_in
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View, ViewKind
+from recognition.views.view import Layers, View, ViewKind
 
 Try: TypeAlias = tuple[Callable[[], list[TextLine]], float]
 """A function that proposes lines, and the share of the greatest promise from which it is not called."""
+Move: TypeAlias = tuple[float, float, int]
+"""Shift down, character heights; factor of the height; columns skipped at the start."""
 UPSIDE_DOWN_DEG = 105.0
 """Rotation from level beyond which a line is upside down. One that runs about straight up or down is not."""
 
@@ -121,11 +123,7 @@ class LineSearch:
 
     def heights_mm(self, view: View) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
-        return (
-            [self.height_mm]
-            if self.height_mm
-            else of_other_scales(o.line.height_mm for o in self.lines(view))
-        )
+        return of_other_scales(one.line.height_mm for one in self.lines(view))
 
     def lines(self, view: View) -> list[ReadLine]:
         """Read the lines of a view, most promising first; small lines that are only a guess come last.
@@ -230,30 +228,28 @@ class LineSearch:
         return rank([one for one in read if one is not None])
 
     def _read_line(self, view: View, line: TextLine) -> ReadLine | None:
-        read = combine_looks(line, [self._steps(view, line)], self.grammar)
+        strip = view.strip(line)
+        read = combine_looks(line, [self._steps(strip)], self.grammar)
         if read is None or read.advance < self.limits.narrowest or is_convincing([read], self.limits.settled):
             return read
         fitting = wider_for(read.advance)
         if max(fitting / WIDER, WIDER / fitting) < self.limits.rewidened:
             return read
-        again = combine_looks(line, [self._steps(view, line, wider=fitting)], self.grammar)
+        again = combine_looks(line, [self._steps(strip, wider=fitting)], self.grammar)
         return read if again is None or again.promise < read.promise + self.limits.chance_gain else again
 
     def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; drop those that a move has taken out of the region."""
         return self.in_region(view, self.read_once(view, lines))
 
-    def _steps(self, view: View, line: TextLine, *, wider: float = WIDER, skip_columns: int = 0) -> Steps:
-        strip = view.strip(line)
+    def _steps(self, strip: Layers, *, wider: float = WIDER, skip_columns: int = 0) -> Steps:
         return steps_of(strip, chars=self.chars, rare=self.rare, skip_columns=skip_columns, wider=wider)
 
-    def more_looks(
-        self, view: View, read: ReadLine, moves: Sequence[tuple[float, float, int]]
-    ) -> list[Steps]:
+    def more_looks(self, view: View, read: ReadLine, moves: Sequence[Move]) -> list[Steps]:
         """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
         wider = wider_of(read.looks[0])
         return [
-            self._steps(view, move_line(read.line, down, size), wider=wider, skip_columns=skip)
+            self._steps(view.strip(move_line(read.line, down, size)), wider=wider, skip_columns=skip)
             for down, size, skip in moves
         ]
 

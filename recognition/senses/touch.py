@@ -220,7 +220,8 @@ class TactileReader:
         """Templates of a font's characters, predicted for the touch of a view."""
         # the height found differs from part to part, and each new height takes 0.5 s to predict
         height_mm = self.settings.height_mm or height_mm
-        key = template_key(font, _touch_of(view), height_mm=height_mm, raised=raised, face=face)
+        assert view.touch is not None  # a felt view has one
+        key = template_key(font, view.touch, height_mm=height_mm, raised=raised, face=face)
         return self.predict(font, self.lines.search.chars_of(font), key)
 
     def _with_strokes(self, reading: Reading, main: ReadLine, felt: FeltLine) -> Reading:
@@ -260,11 +261,6 @@ class TactileReader:
         # the network judges each character by itself; templates only compare characters that were felt
         alone = "network" not in main.by_expert
         return doubted_guesses(settled, laid, self.places) if alone else settled
-
-
-def _touch_of(view: View) -> Touch:
-    assert view.touch is not None  # a felt view has one
-    return view.touch
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:

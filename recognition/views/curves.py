@@ -26,46 +26,20 @@ def straight_through(points: Points, *, before: float, after: float) -> Points:
     return np.asarray(middle + ends[:, None] * along)
 
 
-def arc_through(points: Points, *, height: float, before: float, after: float) -> Points | None:
-    """(n, 2) points along the best-fitting arc of a circle; None if it hardly bends or there are too few points.
+def arc_through(
+    points: Points, *, height: float, before: float, after: float, least_sag: float = 0.04
+) -> Points | None:
+    """(n, 2) points along the circle nearest the points (Kasa's fit); None if it hardly bends or with too few points.
 
     Args:
         points, before, after: as in `straight_through`.
         height: height of the characters, in the same unit.
+        least_sag: sagitta, in heights, below which an arc is a straight line.
     """
     points = np.asarray(points, dtype=np.float64)
     if len(points) < 4:
         return None
     middle, along, u, v = _axes(points)
-    arc = _arc(u, v, height=height, before=before, after=after)
-    if arc is None:
-        return None
-    across = np.array([-along[1], along[0]])
-    return np.asarray(middle + arc[:, :1] * along + arc[:, 1:] * across)
-
-
-def _axes(points: Points) -> tuple[Points, Points, Points, Points]:
-    """Middle and main direction of the points, and their coordinates along and across it."""
-    middle = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
-    along = axes[0] if axes[0] @ (points[-1] - points[0]) >= 0.0 else -axes[0]
-    return middle, along, (points - middle) @ along, (points - middle) @ np.array([-along[1], along[0]])
-
-
-def _arc(
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-    *,
-    height: float,
-    before: float,
-    after: float,
-    least_sag: float = 0.04,
-) -> Points | None:
-    """Points along the circle nearest the points (Kasa's fit); None if it is hardly bent.
-
-    Args:
-        least_sag: sagitta, in heights, below which an arc is a straight line.
-    """
     terms = np.stack([u, v, np.ones_like(u)], axis=1)
     (a, b, c), *_ = np.linalg.lstsq(terms, -(u * u + v * v), rcond=None)
     centre = np.array([-a / 2, -b / 2])
@@ -75,5 +49,15 @@ def _arc(
         return None
     side = 1.0 if centre[1] > 0.0 else -1.0  # the middle of the circle lies below the text, or above
     angles = np.arctan2((u - centre[0]), side * (centre[1] - v))
-    ends = np.linspace(angles[0] - before / radius, angles[-1] + after / radius, _ARC_POINTS)
-    return np.stack([centre[0] + radius * np.sin(ends), centre[1] - side * radius * np.cos(ends)], axis=1)
+    ends = np.linspace(angles[0] - before / radius, angles[-1] + after / radius, _ARC_POINTS)[:, None]
+    across = np.array([-along[1], along[0]])
+    on, down = centre[0] + radius * np.sin(ends), centre[1] - side * radius * np.cos(ends)
+    return np.asarray(middle + on * along + down * across)
+
+
+def _axes(points: Points) -> tuple[Points, Points, Points, Points]:
+    """Middle and main direction of the points, and their coordinates along and across it."""
+    middle = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    along = axes[0] if axes[0] @ (points[-1] - points[0]) >= 0.0 else -axes[0]
+    return middle, along, (points - middle) @ along, (points - middle) @ np.array([-along[1], along[0]])

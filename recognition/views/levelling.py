@@ -12,7 +12,7 @@ from glyphs.surface.maps import HeightMap
 Floats: TypeAlias = NDArray[np.float64]
 
 
-def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12, bracket: float = 0.05) -> HeightMap:
+def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> HeightMap:
     """Remove tilt and slight dome: a robust polynomial through the land; dropouts stay NaN.
 
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
@@ -22,7 +22,6 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12, bracket: 
         height_map: surface of the part.
         degree: degree of the polynomial.
         rounds: most rounds of the fit.
-        bracket: range to either side of the last median, in spreads, in which the next one is searched first.
     """
     z = height_map.z_mm
     rows, cols = z.shape
@@ -33,15 +32,13 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12, bracket: 
     known = np.isfinite(thin)
     weight = known.astype(np.float64)
     weighted = np.where(known, thin, 0.0)
-    middle = spread = 0.0
     for _ in range(rounds):
         normal = terms.normal(weight)
         normal[np.diag_indices_from(normal)] += 1e-10 * np.count_nonzero(known)
         coefficients = np.asarray(np.linalg.solve(normal, terms.right(weighted)))
         over = thin - terms.surface(coefficients)
-        middle = _median_near(over[known], middle, bracket * spread)
-        off = np.abs(over[known] - middle)
-        spread = 1.4826 * _median_near(off, spread / 1.4826, bracket * spread)
+        middle = float(np.median(over[known]))
+        spread = 1.4826 * float(np.median(np.abs(over[known] - middle)))
         if spread <= 0.0:
             break
         weight, weighted = _tukey(thin, over, middle, 3.0 * spread)
@@ -95,14 +92,3 @@ def _tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, 
     off = (over - middle) / cut
     weight = np.fmax(1.0 - off * off, 0.0) ** 2  # 0 for NaN, too
     return weight, np.where(weight > 0.0, weight * z, 0.0)
-
-
-def _median_near(values: NDArray[np.float64], guess: float, reach: float) -> float:
-    """The median of values: exact, and quick if the guess is near."""
-    n = values.size
-    near, below = values[np.abs(values - guess) <= reach], int(np.count_nonzero(values < guess - reach))
-    if not below <= (n - 1) // 2 <= n // 2 < below + near.size:
-        near, below = values, 0
-    upper = n // 2 - below
-    parted = np.partition(near, upper)
-    return float(parted[upper] if n % 2 else 0.5 * (parted[upper] + parted[:upper].max()))

@@ -123,3 +123,10 @@ def points_along(line: TextLine, shares: Points) -> Points:
     points = line.centre_mm
     lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
     return np.stack([np.interp(shares * lengths[-1], lengths, points[:, k]) for k in (0, 1)], axis=1)
+
+
+def moved_across(points: Points, down_mm: Points) -> Points:
+    """(n, 2) points of a curve, each moved down by its own distance, at right angles to the curve."""
+    ahead = np.gradient(points, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    return np.asarray(points + down_mm[:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1))
