@@ -32,6 +32,9 @@ from recognition.views.view import View
 
 CLEARLY_NATS = 0.5
 """Log odds by which a reading without stains must exceed that of the photograph itself, nats."""
+DARK = (
+    "the photograph is of one brightness almost everywhere (uncover the lens, light the part, expose longer)"
+)
 LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
@@ -97,11 +100,10 @@ class VisionReader:
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         made = reading_of_line(part, self.settings, source="vision")
-        places = () if made.characters else part.candidates
         notes = (
             *made.notes,
             *_file_notes(photo),
-            *_candidate_notes(places, views[0]),
+            *(() if made.characters else _unread_notes(photo, part.candidates, views[0])),
             *(LEFT_OUT.format(number) for number in left_out),
         )
         made = replace(
@@ -130,8 +132,20 @@ def _file_notes(photo: Photo) -> tuple[str, ...]:
     return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))
 
 
-def _candidate_notes(lines: Sequence[TextLine], view: View) -> tuple[str, ...]:
-    """Note the places that may be the line, if no text was read and there is more than one."""
+def _unread_notes(
+    photo: Photo, lines: Sequence[TextLine], view: View, *, pixels: int = 4_000, least_contrast: float = 0.01
+) -> tuple[str, ...]:
+    """Note why no text was read: a photograph that shows nothing, or several places that may be the line.
+
+    Args:
+        photo: the photograph.
+        lines: places that may be the line.
+        view: view in which they were found.
+        pixels: size to which the photograph is shrunk, so that noise is not taken for contrast.
+        least_contrast: standard deviation of brightness, 0 to 1, below which it shows nothing.
+    """
+    if shrunk(photo, pixels).grey().std() < least_contrast:
+        return (DARK,)
     if len(lines) < 2:
         return ()
     shares = [(line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm for line in lines]

@@ -108,6 +108,15 @@ def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[Stamp
     check_places(found, part)
 
 
+@pytest.mark.parametrize(("level", "noise"), [(0, 0.0), (128, 0.0), (20, 3.0)])
+def test_a_covered_lens_is_not_taken_for_several_lines(
+    reader: VisionReader, level: int, noise: float
+) -> None:
+    pixels = level + np.random.default_rng(1).normal(0.0, noise, (90, 160))
+    found = reader.read_photo(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
+    assert (found.text, found.notes) == ("", (camera.DARK,))
+
+
 def test_without_a_scale_lengths_are_pixels(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
     part, picture = photo
     found = reader.read_photo(Photo(picture.pixels))
