@@ -200,6 +200,25 @@ def test_an_unknown_field_of_a_form_is_named_with_the_known_ones(
         assert service.store.parts() == ()
 
 
+@pytest.mark.parametrize(
+    ("form", "says"),
+    [
+        ({"files": [("scan", ("a.npz", b"x"))] * 2}, "the field scan comes 2 times; send it once"),
+        ({"data": {"name": ["P1", "P2"]}}, "the field name comes 2 times; send it once"),
+        ({"data": {"photo": "part.png"}}, "photo is text, not a file; with curl write -F photo=@FILE"),
+        ({"data": {"scan": "part.npz"}}, "scan is text, not a file; with curl write -F scan=@FILE"),
+    ],
+)  # fmt: skip
+def test_a_form_that_would_be_read_in_part_is_refused(
+    tmp_path: Path, form: dict[str, Any], says: str
+) -> None:
+    with inline_service(tmp_path) as (service, client):
+        for sent in (form, {**form, "files": [*form.get("files", ()), ("photo", ("a.png", b"x"))]}):
+            refused = client.post("/v1/parts", **sent)
+            assert (refused.status_code, refused.json()["detail"]) == (422, says)
+        assert service.store.parts() == ()
+
+
 def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
     from glyphs.fonts.outlines import load_font
     from pipeline.formats.glyph_database import GlyphDatabase, save_database
