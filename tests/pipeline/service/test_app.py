@@ -219,6 +219,28 @@ def test_a_form_that_would_be_read_in_part_is_refused(
         assert service.store.parts() == ()
 
 
+@pytest.mark.parametrize(
+    ("method", "address", "sent", "says"),
+    [
+        ("GET", "/v1/parts?nmae=P17", {}, "there is no parameter 'nmae'; see /docs for those that there are"),
+        ("GET", "/v1/parts.csv?limit=3", {}, "there is no parameter 'limit'; see /docs for those that there are"),
+        ("GET", "/parts?state=foo", {}, "state: input should be 'touch_needed', 'accepted', "),
+        ("GET", "/parts?first=2026-13-45", {}, "first: input should be a valid date"),
+        ("GET", "/jobs/new", {}, "part is missing; add it"),
+        ("POST", "/v1/parts", {"data": {"name": "P\x01"}}, "name is empty or has a character that is not allowed"),
+        ("POST", "/v1/parts/X/review", {"content": b"{no"}, "the body is not JSON (Expecting property name"),
+        ("POST", "/v1/parts/X/review", {"json": {"action": "confirm", "nte": ""}}, "there is no field 'nte'; see"),
+    ],
+)  # fmt: skip
+def test_an_invalid_value_is_named_as_the_sender_knows_it(
+    tmp_path: Path, method: str, address: str, sent: dict[str, Any], says: str
+) -> None:
+    with inline_service(tmp_path) as (_, client):
+        headers = {"Content-Type": "application/json"} if "content" in sent else {}
+        refused = client.request(method, address, headers=headers, **sent)
+        assert (refused.status_code, refused.json()["detail"][: len(says)]) == (422, says)
+
+
 def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
     from glyphs.fonts.outlines import load_font
     from pipeline.formats.glyph_database import GlyphDatabase, save_database
