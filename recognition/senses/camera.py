@@ -138,5 +138,5 @@ def _candidate_notes(lines: Sequence[TextLine], view: View) -> tuple[str, ...]:
     places = ", ".join(f"{x:.2f} {y:.2f}" for x, y in shares)
     return (
         f"several candidates: {len(lines)} places look like a line of text, centred at {places} (shares of "
-        "the photograph's width and height); give the right one with --region",
+        "the photograph's width and height); give the right one as the region (--region)",
     )
