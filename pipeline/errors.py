@@ -139,7 +139,7 @@ def require_file(path: Path, *, most_bytes: int) -> None:
     if not path.is_file():
         raise FileError(path, "is not a file", "name a file")
     if status.st_size == 0:
-        raise FileError(path, "is empty", "copy or record it again")
+        raise FileError(path, "is empty", "copy or save it again")
     if status.st_size > most_bytes:
         raise FileError(
             path,

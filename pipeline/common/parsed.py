@@ -52,7 +52,9 @@ def toml_of(path: Path) -> dict[str, Any]:
         raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
     except RecursionError as error:
         raise FileError(path, "nests brackets too deeply for TOML", "take them out") from error
-    except ValueError as error:  # also for bytes that are not UTF-8, and for numbers that are too long
+    except UnicodeDecodeError as error:
+        raise FileError(path, "is not UTF-8 text", "save it as UTF-8") from error
+    except ValueError as error:  # also for numbers that are too long
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
 
 

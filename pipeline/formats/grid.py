@@ -244,7 +244,7 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
     if raw.x_pitch is None or raw.y_pitch is None:
         raise DataError(
             f"is a matrix of {raw.z.shape[0]} x {raw.z.shape[1]} heights without the distance of its samples",
-            "give it with --pitch-mm, such as --pitch-mm 0.05, or save .npz with z_mm and pitch_mm",
+            "give it with --pitch-mm 0.05 on the command line, or save .npz with z_mm and pitch_mm",
         )
     for pitch in (raw.x_pitch, raw.y_pitch):
         if not (np.isfinite(pitch) and pitch > 0.0):

@@ -139,6 +139,8 @@ Key = Annotated[
 class Sought(BaseModel):
     """Filters of a list of parts; times without a zone are UTC."""
 
+    model_config = ConfigDict(extra="forbid")
+
     state: PartState | None = None
     text: str = _sought("text that the serial contains")
     name: str = _sought("text that the name contains")

@@ -193,7 +193,7 @@ class Service:
         calls = WorkerCalls(self.pool, self.jobs, settings.limits, self.metrics)
         self.intake = Intake(settings, store=self.store, evidence=self.evidence, calls=calls)
         self.ports = Ports(settings, self.intake)
-        self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line)
+        self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line_name)
         self._add_gauges()
 
     def _add_gauges(self) -> None:

@@ -136,7 +136,7 @@ class Intake:
             store,
             self._feel,
             give_up=self._give_up_touch,
-            line=settings.line,
+            line=settings.line_name,
             stage=str(stage.folder or stage.bench or stage.driver),
             wait_s=stage.wait_s,
         )
@@ -200,7 +200,7 @@ class Intake:
                 expected=new.expected,
                 database=new.database,
                 job=new.job,
-                line=self._settings.line,
+                line=self._settings.line_name,
                 idempotency=idempotency,
             )
             return await self._keep(write, done, sent, new)
@@ -244,7 +244,7 @@ class Intake:
         self._refuse_if_draining()
         if not part.touch.by_stage and self.stage.there:
             part = await asyncio.to_thread(
-                self.store.ask_for_touch, part.id, line=self._settings.line, until=self.touching.until()
+                self.store.ask_for_touch, part.id, line=self._settings.line_name, until=self.touching.until()
             )
         return await self.touching.attempt(part)
 

@@ -20,7 +20,7 @@ import re
 import threading
 import time
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import sha256
@@ -94,8 +94,13 @@ class RecentFiles:
         seen_s = self._seen_s.get(name)
         if seen_s is not None and (name == self.needed or time.monotonic() - seen_s < MOST_AWAY_S):
             raise OwnProblem(f"the {self._what} {name} has disappeared; put {name}{self._suffix} back")
-        there = f"choose one of {', '.join(files)}" if files else "there are none yet"
+        usable = self.usable(files)
+        there = f"choose one of {', '.join(usable)}" if usable else "there are none yet"
         raise Problem(422, f"there is no {self._what} {name[:100]!r}; {there}")
+
+    def usable(self, names: Iterable[str]) -> list[str]:
+        """Those of the names whose file can be used, as far as is known."""
+        return list(names)
 
 
 def stamp_of(status: os.stat_result) -> FileStamp:
@@ -324,6 +329,10 @@ class JobFolder(RecentFiles):
             self._seen_s.pop(name, None)  # it is not expected back
             self._known.pop(name, None)
         log.info("job deleted", job=name)
+
+    def usable(self, names: Iterable[str]) -> list[str]:
+        """Those of the names whose file can be used, as far as is known."""
+        return [name for name in names if name not in self._known or self._known[name].job is not None]
 
     def _job(self, name: str) -> JobFile:
         if name:

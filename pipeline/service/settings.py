@@ -275,7 +275,7 @@ class ServiceSettings(Settings):
     """Folder for the store, the evidence files and glyph databases; made if it is missing."""
     store: str = ""
     """Address of the store: sqlite:///FILE or postgresql://user@host/marks. Default: a file in the folder."""
-    line: str = Field(default="", max_length=100)
+    line_name: str = Field(default="", max_length=100)
     """Name of the line that the service stands at, kept with its parts. Services that share a store need different
     names: a stage feels the parts of its own line."""
     tokens: Literal["auto", "on", "off"] = "auto"

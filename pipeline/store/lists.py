@@ -127,7 +127,7 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
         "parts": n,
         "by_camera": n.filter(parts.c.by_camera),
         "fell_back": n.filter(parts.c.fell_back),
-        "rejects": n.filter(parts.c.rejected),
+        "rejects": n.filter(parts.c.rejected, parts.c.state != PartState.TOUCH_NEEDED),
         "reviewed": n.filter(parts.c.was_right.is_not(None)),
         "right_before_review": n.filter(parts.c.was_right),
         "characters_reviewed": sa.func.coalesce(sa.func.sum(parts.c.characters), 0),

@@ -152,5 +152,5 @@ def _unread_notes(
     places = ", ".join(f"{x:.2f} {y:.2f}" for x, y in shares)
     return (
         f"several candidates: {len(lines)} places look like a line of text, centred at {places} (shares of "
-        "the photograph's width and height); give the right one with --region",
+        "the photograph's width and height); give the right one as the region (--region)",
     )

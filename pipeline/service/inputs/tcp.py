@@ -362,7 +362,8 @@ async def _lines(reader: asyncio.StreamReader, limits: TcpLimits) -> AsyncIterat
 
 
 def _error(message: str) -> bytes:
-    return f"ERROR;{message.replace(';', ',')}".encode()
+    # one that no blank follows is part of a name, and is written as in results
+    return f"ERROR;{message.replace('; ', ', ').replace(';', '%3B')}".encode()
 
 
 async def _linger(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

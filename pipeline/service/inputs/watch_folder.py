@@ -161,8 +161,10 @@ class WatchedFolder:
         for name, files in groups.items():
             stood, since_s = before.get(name, ({}, began_s))
             self._seen[name] = files, since_s if stood == files else began_s
-            still = stood == files and all(n_bytes for n_bytes, _ in files.values())
-            whole = len(files) == self._settings.photos or began_s - since_s >= self._settings.settle_s
+            settled = began_s - since_s >= self._settings.settle_s
+            # a file that is empty may be about to be written
+            still = stood == files and (settled or all(n_bytes for n_bytes, _ in files.values()))
+            whole = len(files) == self._settings.photos or settled
             known = self._known.issuperset(keys[path] for path in files)
             if still and (name in now or whole) and not known:
                 found.append(WatchedPart(Path(name).stem if name in now else name, files))
@@ -269,6 +271,8 @@ class WatchedFolder:
         # reading a pipe or device could block, and a link may lead out of the folder
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
             raise Problem(415, f"{name} is not a regular file")
+        if not state[0]:
+            raise Problem(422, f"{name} is empty")
         with open_no_link(path) as source:
             copy = folder / f"watched-{number}{suffix_of('photo', name, source.read(HEAD_BYTES))}"
             source.seek(0)

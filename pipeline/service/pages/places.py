@@ -133,12 +133,10 @@ def why_not_accepted(part: PartRecord) -> tuple[str, ...]:
     reading = part.reading
     if reading is None:
         return ("it has not been read",)
-    verdicts = {
-        "undecided": f"the expected serial {part.expected} is not confirmed beyond doubt",
-        "refuted": f"it reads another serial than {part.expected}, which is expected",
-    }
-    why = ([verdicts[reading.verdict]] if reading.verdict in verdicts else []) + list(reading.messages)
-    return tuple(why) or ("the reading does not meet the thresholds of acceptance",)
+    # the messages of a reading that is refuted say so themselves
+    undecided = f"the expected serial {part.expected} is not confirmed beyond doubt"
+    why = ((undecided,) if reading.verdict == "undecided" else ()) + reading.messages
+    return why or ("the reading does not meet the thresholds of acceptance",)
 
 
 def part_cells(part: PartRecord) -> tuple[Cell, ...]:

@@ -272,7 +272,9 @@ def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) 
     Raises:
         StageError: a name that cannot be a file's, or no such file.
     """
-    plain = part_name.isprintable() and 0 < len(part_name.encode()) <= _LONGEST_NAME
+    if not part_name:
+        raise StageError("the part has no name", "give the name of its file without the ending")
+    plain = part_name.isprintable() and len(part_name.encode()) <= _LONGEST_NAME
     if not plain or part_name.startswith(".") or any(c in part_name for c in "/\\:"):
         raise StageError(
             f"{part_name[:40]!r} is not a name of a part on this stage", "name it without folders"
@@ -289,7 +291,8 @@ def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) 
         p for p in sorted(root.glob("*")) if set_of(p.name) == part_name and p.suffix.lower() in suffixes
     ):
         return found
-    raise StageError(
-        f"there is no {what} of {part_name} in the folder {root.name}",
-        f"put it there as {part_name}{suffixes[0]}",
-    )
+    suffix = Path(part_name).suffix
+    hint = f"put it there as {part_name}{suffixes[0]}"
+    if suffix.lower() in suffixes:
+        hint = f"name the part without {suffix}"
+    raise StageError(f"there is no {what} of {part_name} in the folder {root.name}", hint)

@@ -6,6 +6,7 @@ Whatever fails becomes a problem in one place, `problem_of`: for HTTP, trigger p
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from glyphs.errors import FileError, MarksError
+from glyphs.plain_text import visible
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 from whisker_array.scan.stage_error import StageError
 
@@ -138,9 +140,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 def _problem(error: BaseException, scope: Scope) -> Problem:
     """The answer to an error, also to one of the web framework."""
     if isinstance(error, RequestValidationError):
-        first = error.errors()[0]
-        where = ".".join(str(at) for at in first["loc"] if at not in ("body", "query", "path", "header"))
-        return Problem(422, f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}")
+        return Problem(422, _invalid(error.errors()[0]))
     if not isinstance(error, HTTPException):
         return problem_of(error)
     if isinstance(error.__cause__, Problem | OSError):  # the upload has stalled, or could not be stored
@@ -149,6 +149,24 @@ def _problem(error: BaseException, scope: Scope) -> Problem:
     if error.status_code == 404:
         detail = f"there is nothing at {scope['path'][:200]}; see /docs for the addresses"
     return Problem(error.status_code, detail, headers=dict(error.headers or {}))
+
+
+def _invalid(error: Mapping[str, Any]) -> str:
+    """What is wrong with the values of a request, by an error of pydantic."""
+    place, *path = error["loc"]
+    # below the name of a field there are only indices, and names of types
+    name = visible(str(path[0])[:200]) if path else f"the {place}"
+    match error["type"]:
+        case "json_invalid":
+            return f"the body is not JSON ({error['ctx']['error']} at character {name}); correct it"
+        case "missing":
+            return f"{name} is missing; add it"
+        case "extra_forbidden":
+            what = "parameter" if place == "query" else "field"
+            return f"there is no {what} {name!r}; see /docs for those that there are"
+        case "string_pattern_mismatch":
+            return f"{name} is empty or has a character that is not allowed, such as a control character; correct it"
+    return f"{name}: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 
 # Addresses are relative to their page, so that they work under any path prefix of a proxy: on

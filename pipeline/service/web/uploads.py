@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import aclosing
 from dataclasses import dataclass
 from email.message import Message
@@ -24,7 +24,7 @@ from pipeline.formats.kinds import HEAD_BYTES, READ, file_kind, kind_of, refusal
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
-    from starlette.datastructures import UploadFile
+    from starlette.datastructures import FormData, UploadFile
 
 MOST_NAME = 200
 MOST_PHOTOS = 12
@@ -157,15 +157,18 @@ class _Parser(MultiPartParser):
 
 
 class FormRoute(APIRoute):
-    """A route for forms: unknown fields are refused, and files with only `filename*` (RFC 5987) are uploads.
+    """A route for forms: fields that are unknown, come twice or have text for a file are refused.
 
-    Older HTTP libraries send files so; the form parser then treats them as text.
+    Files with only `filename*` (RFC 5987) are uploads. Older HTTP libraries send files so; the form parser then treats
+    them as text.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler, given a checked form."""
         handle = super().get_route_handler()
-        known = [one.alias for one in self.dependant.body_params if isinstance(one.field_info, params.Form)]
+        fields = [one for one in self.dependant.body_params if isinstance(one.field_info, params.Form)]
+        known = [one.alias for one in fields]
+        files = [one.alias for one in fields if isinstance(one.field_info, params.File)]
 
         async def handle_form(request: Request) -> Response:
             if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
@@ -175,11 +178,33 @@ class FormRoute(APIRoute):
                 except MultiPartException as error:
                     raise HTTPException(status_code=400, detail=error.message) from error
             if known:
-                for name in await request.form():
-                    if name not in known:
-                        await request.close()
-                        said = visible(name[:MOST_NAME])
-                        raise Problem(422, f"there is no form field {said!r}; there are {', '.join(known)}")
+                try:
+                    _check_fields(await request.form(), known, files)
+                except Problem:
+                    await request.close()
+                    raise
             return await handle(request)
 
         return handle_form
+
+
+def _check_fields(form: FormData, known: Sequence[str], files: Sequence[str]) -> None:
+    """Check the fields of a form.
+
+    Args:
+        form: the form that was sent.
+        known: names of its fields.
+        files: those of them that hold a file.
+
+    Raises:
+        Problem: 422.
+    """
+    for name in form:
+        values = form.getlist(name)
+        if name not in known:
+            said = visible(name[:MOST_NAME])
+            raise Problem(422, f"there is no form field {said!r}; there are {', '.join(known)}")
+        if len(values) > 1 and name != "photo":
+            raise Problem(422, f"the field {name} comes {len(values)} times; send it once")
+        if name in files and any(isinstance(value, str) for value in values):
+            raise Problem(422, f"{name} is text, not a file; with curl write -F {name}=@FILE")

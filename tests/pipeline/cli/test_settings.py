@@ -139,6 +139,18 @@ def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.Mo
     assert serving()[0].opcua.users == {"line": "y"}
 
 
+def test_a_service_reads_several_lines_and_stands_at_a_named_line() -> None:
+    service, read = serving("--line", "lot=AAA99", "--line-name", "press")
+    assert service.line_name == "press"
+    assert read.line == ("lot=AAA99",)
+    with pytest.raises(SettingsError, match="'press' is not a line; write NAME=FORMAT"):
+        serving("--line", "press")
+
+
+def test_no_flag_sets_two_things() -> None:
+    assert set(ReadSettings.leaves()).isdisjoint(ServiceSettings.leaves())
+
+
 def test_a_command_whose_flags_mean_something_else_has_settings_of_the_file() -> None:
     def command(
         font: str, *, reading: ReadingOfFile = READING, config: Config = None

@@ -21,7 +21,7 @@ REGIONS = st.tuples(SHARES, SHARES).map(lambda at: [*at, 1.0, 1.0])
 
 def written(folder: Path, text: str, name: str = "housing-left.toml") -> Path:
     path = folder / name
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")  # half surrogates: bytes of no text
     return path
 
 
@@ -51,6 +51,8 @@ def test_a_job_is_settings_of_reading_and_names_files_beside_itself(tmp_path: Pa
         ('mode = "vision"', "a.toml", "sets mode, which a job cannot; take it out"),
         ('database = "die.glyphs"', "a.toml", "names the database .*die.glyphs, which is not there; put it"),
         ("[service]\nport = 1", "a.toml", "unknown setting service"),
+        ("", "a.toml", "is empty; copy or save it again"),
+        ('exclude = "\udce4"', "a.toml", "is not UTF-8 text; save it as UTF-8"),
         ("active = true", "the left one.toml", "is not a valid name for a job; write letters, digits"),
     ],
 )

@@ -25,7 +25,7 @@ RECORDS = (
     read("b", "B2", "review", 0.50, "low_confidence", "not_in_order", "low_confidence", seconds=4.0),
     read("c", "C3", "review", 0.60, "low_confidence", seconds=1.5),
     read("d", "", "reject", seconds=0.1),
-    read("e", error="/x/e.npz: is empty; copy or record it again", seconds=0.01),
+    read("e", error="/x/e.npz: is empty; copy or save it again", seconds=0.01),
 )
 
 
@@ -43,7 +43,7 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     assert "     2  low confidence" in told
     assert "     1  not in order" in told
     assert "     1  not sure enough" in told
-    assert "     1  is empty; copy or record it again" in told
+    assert "     1  is empty; copy or save it again" in told
     assert "4 read in 2.0 s with 2 workers: 2.00 a second, 1.22 s of work each" in told
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 

@@ -200,6 +200,47 @@ def test_an_unknown_field_of_a_form_is_named_with_the_known_ones(
         assert service.store.parts() == ()
 
 
+@pytest.mark.parametrize(
+    ("form", "says"),
+    [
+        ({"files": [("scan", ("a.npz", b"x"))] * 2}, "the field scan comes 2 times; send it once"),
+        ({"data": {"name": ["P1", "P2"]}}, "the field name comes 2 times; send it once"),
+        ({"data": {"photo": "part.png"}}, "photo is text, not a file; with curl write -F photo=@FILE"),
+        ({"data": {"scan": "part.npz"}}, "scan is text, not a file; with curl write -F scan=@FILE"),
+    ],
+)  # fmt: skip
+def test_a_form_that_would_be_read_in_part_is_refused(
+    tmp_path: Path, form: dict[str, Any], says: str
+) -> None:
+    with inline_service(tmp_path) as (service, client):
+        for sent in (form, {**form, "files": [*form.get("files", ()), ("photo", ("a.png", b"x"))]}):
+            refused = client.post("/v1/parts", **sent)
+            assert (refused.status_code, refused.json()["detail"]) == (422, says)
+        assert service.store.parts() == ()
+
+
+@pytest.mark.parametrize(
+    ("method", "address", "sent", "says"),
+    [
+        ("GET", "/v1/parts?nmae=P17", {}, "there is no parameter 'nmae'; see /docs for those that there are"),
+        ("GET", "/v1/parts.csv?limit=3", {}, "there is no parameter 'limit'; see /docs for those that there are"),
+        ("GET", "/parts?state=foo", {}, "state: input should be 'touch_needed', 'accepted', "),
+        ("GET", "/parts?first=2026-13-45", {}, "first: input should be a valid date"),
+        ("GET", "/jobs/new", {}, "part is missing; add it"),
+        ("POST", "/v1/parts", {"data": {"name": "P\x01"}}, "name is empty or has a character that is not allowed"),
+        ("POST", "/v1/parts/X/review", {"content": b"{no"}, "the body is not JSON (Expecting property name"),
+        ("POST", "/v1/parts/X/review", {"json": {"action": "confirm", "nte": ""}}, "there is no field 'nte'; see"),
+    ],
+)  # fmt: skip
+def test_an_invalid_value_is_named_as_the_sender_knows_it(
+    tmp_path: Path, method: str, address: str, sent: dict[str, Any], says: str
+) -> None:
+    with inline_service(tmp_path) as (_, client):
+        headers = {"Content-Type": "application/json"} if "content" in sent else {}
+        refused = client.request(method, address, headers=headers, **sent)
+        assert (refused.status_code, refused.json()["detail"][: len(says)]) == (422, says)
+
+
 def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
     from glyphs.fonts.outlines import load_font
     from pipeline.formats.glyph_database import GlyphDatabase, save_database

@@ -103,6 +103,7 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
     assert refused.status_code == 503
     detail = refused.json()["detail"]
     assert detail.startswith("the job new cannot be used: new.toml: font file 'nowhere.ttf' is missing")
+    assert post(client, job="newer").json()["detail"] == "there is no job 'newer'; choose one of left"
     for odd in ("../left", ".left", "a b"):
         assert post(client, job=odd).status_code == 422
 

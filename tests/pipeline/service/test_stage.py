@@ -123,6 +123,19 @@ def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path:
     assert "broken.npz" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("", "the part has no name; give the name of its file without the ending"),
+        ("P17", "there is no photograph of P17 in the folder .*; put it there as P17.png"),
+        ("plate.png", "there is no photograph of plate.png in the folder .*; name the part without .png"),
+    ],
+)
+def test_a_missing_photograph_has_a_hint(plates: Path, name: str, says: str) -> None:
+    with pytest.raises(StageError, match=says):
+        FolderCamera(plates).take(name)
+
+
 def test_camera_finds_the_photograph_of_the_part(plates: Path) -> None:
     assert FolderCamera(plates).take("plate").read_bytes() == b"picture"
 

@@ -49,6 +49,15 @@ def test_parts_of_every_fate_are_counted_once(store: Store, clock: Clock) -> Non
     assert store.statistics(since.astimezone()) == figures
 
 
+def test_a_part_that_waits_for_touch_is_not_rejected_yet(store: Store, clock: Clock) -> None:
+    since = clock.go_on(hours=1)
+    unread = (timed("vision", "reject", 0.5),)
+    part = received(store, PartState.TOUCH_NEEDED, readings=unread, plan=PLAN)
+    assert store.statistics(since).rejects == 0
+    store.add_readings(part.id, readings=(timed("fused", "reject", 1.5),), state=PartState.REVIEW)
+    assert store.statistics(since).rejects == 1
+
+
 @pytest.mark.parametrize("n", [1, 2, 99, 100, 101])
 def test_percentiles_are_nearest_ranks(store: Store, n: int) -> None:
     readings = tuple(replace(reading("K"), seconds=float(k)) for k in range(n, 0, -1))

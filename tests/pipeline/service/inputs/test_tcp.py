@@ -103,10 +103,15 @@ def test_a_failure_is_told_in_one_line_or_only_that_there_was_one() -> None:
     async def refused(*_: str) -> PartRecord:
         raise Problem(422, "no picture of P17;\r\nput one into the folder")
 
+    async def missing(name: str, job: str = "") -> PartRecord:
+        raise Problem(422, f"no picture of {name}; put {name}.png into the folder")
+
     async def broken(*_: str) -> PartRecord:
         raise KeyError("password")
 
     assert answer_to(b"TRIGGER P17\r\n", refused) == b"ERROR;no picture of P17, put one into the folder\r\n"
+    named = b"ERROR;no picture of a%3Bb, put a%3Bb.png into the folder\r\n"
+    assert answer_to(b"TRIGGER a;b\r\n", missing) == named
     assert answer_to(b"TRIGGER P17\r\n", broken) == b"ERROR;the service failed, its log says why\r\n"
     assert len(in_words(Problem(500, "x" * 5000))) == 200
 

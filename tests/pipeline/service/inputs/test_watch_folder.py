@@ -138,6 +138,20 @@ def test_one_that_is_being_written_waits(bench: Bench) -> None:
     assert bench.look(2) == ["a"]
 
 
+def test_one_that_stays_empty_is_named_once_as_is_one_that_is_no_file(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, settle_s=0.2)
+    bench.put("empty.png", b"")
+    os.mkfifo(bench.folder / "pipe.png")
+    assert bench.left() == {}
+    time.sleep(0.2)
+    assert bench.left() == {
+        "empty.png": ["empty.png is empty"],
+        "pipe.png": ["pipe.png is not a regular file"],
+    }
+    bench.put("empty.png")
+    assert bench.look(2) == ["empty"]
+
+
 def test_one_that_is_written_to_while_it_is_copied_waits(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,6 +42,7 @@ from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import align_places, cells_of, expected_cells, places_of
 from pipeline.service.pages.routes import own_address
 from pipeline.store.errors import StoreError
+from recognition.decision.decide import ReadingFlag
 from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, reading
 
 
@@ -243,17 +244,21 @@ def test_the_page_of_a_part_begins_with_what_to_do(shop: Shop, state: PartState,
 
 
 @pytest.mark.parametrize(
-    ("verdict", "why"),
+    ("verdict", "messages", "why"),
     [
-        ("undecided", "the expected serial KX407251 is not confirmed beyond doubt"),
-        ("refuted", "it reads another serial than KX407251, which is expected"),
+        ("undecided", (), "the expected serial KX407251 is not confirmed beyond doubt"),
+        ("refuted", (ReadingFlag.MISMATCH.text,), "this is not the expected serial (check the part and the order)"),
     ],
-)
-def test_what_is_read_surely_and_still_not_accepted_is_explained(shop: Shop, verdict: str, why: str) -> None:
-    sure = reading("KX407251", decision="accept", confidence=0.998, messages=(), verdict=verdict)
+)  # fmt: skip
+def test_what_is_read_surely_and_still_not_accepted_is_explained(
+    shop: Shop, verdict: str, messages: tuple[str, ...], why: str
+) -> None:
+    sure = reading("KX407251", decision="accept", confidence=0.998, messages=messages, verdict=verdict)
     part_id = shop.add(readings=(sure,), expected="KX407251")
     for address in ("/review", f"/review/{part_id}", f"/parts/{part_id}"):
-        assert why in words(shop.client.get(address).text), address
+        shown = words(shop.client.get(address).text)
+        assert why in shown, address
+        assert "another serial" not in shown, address
 
 
 # ---- review
