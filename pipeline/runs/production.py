@@ -72,9 +72,8 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     """
     options.check()
     found = parts_for(inputs, settings, manifests=options.manifest)
-    passed_over = found.passed_over.without(
-        [*files_of(settings), *filter(None, (options.verify, options.order, options.truth))]
-    )
+    tables = [table for table in (options.verify, options.order, options.truth) if table is not None]
+    passed_over = found.passed_over.without([*files_of(settings), *tables])
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
