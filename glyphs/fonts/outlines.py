@@ -49,7 +49,7 @@ def load_font(name_or_path: str | Path) -> Font:
     path = Path(name_or_path)
     known = ", ".join(BUILTIN_FONTS)
     if isinstance(name_or_path, str) and not is_font_file(name):
-        hint = f"the built-in fonts are {known}, anything else must be the path of a .ttf, .otf or .ttc file"
+        hint = f"the built-in fonts are {known}; anything else must be the path of a .ttf, .otf or .ttc file"
         raise FontError(f"unknown font {name!r}", hint=hint)
     if not path.is_file():
         raise FontError(f"font file {name!r} is missing", hint=f"check the path or use a built-in: {known}")

@@ -313,12 +313,21 @@ def score(
         for reader, path in zip(names, readings, strict=True)
     }
     for reader, answers in read.items():
-        for some, what in (
-            (answers.missing, "have no answer and count as read empty"),
-            (answers.unknown, "are not in the exam and do not count"),
+        for some, of_one, of_several in (
+            (
+                answers.missing,
+                "has no answer and counts as read empty",
+                "have no answer and count as read empty",
+            ),
+            (
+                answers.unknown,
+                "is not in the exam and does not count",
+                "are not in the exam and do not count",
+            ),
         ):
             if some:
-                print(f"{reader}: {len(some)} parts {what}: {first_of(some)}", file=sys.stderr)
+                said = f"1 part {of_one}" if len(some) == 1 else f"{len(some)} parts {of_several}"
+                print(f"{reader}: {said}: {first_of(some)}", file=sys.stderr)
     # ordered by part, like the trials of a run
     trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
     benchmark = Benchmark(source, names, ReaderSettings())

@@ -62,7 +62,7 @@ def certify(
         raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
     from pipeline.benchmark.report.page import write_certificate_page
     from pipeline.common.output_paths import check_writable
-    from pipeline.reading.certificate import write_certificate
+    from pipeline.reading.certificate import load_certificate, write_certificate
     from pipeline.runs import certification
 
     check_writable(out)
@@ -73,6 +73,9 @@ def certify(
     _print_tests(found, confidence)
     if found.certificate is None:
         print(_what_is_missing(found, risk, confidence))
+        if out.exists():
+            old = load_certificate(out)
+            print(f"{out} is still the one of {old.made_at:%Y-%m-%d}, for a risk of {old.risk:g}")
         return FAILED
     page = out.with_suffix(".html")
     write_certificate(found.certificate, out)

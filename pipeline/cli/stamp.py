@@ -141,7 +141,7 @@ def synth(
     with WorkerSettings(jobs=jobs).opened(parts) as executor:
         each = partial(ordered_map, executor)
         made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
-    print(f"wrote {len(made)} parts and truth.csv to {out}")
+    print(f"wrote {len(made)} part{'s' if len(made) != 1 else ''} and truth.csv to {out}")
 
 
 def _amounts(mix: str, kinds: Iterable[str]) -> dict[str, float]:

@@ -110,7 +110,10 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     if first["type"] in ("dataclass_type", "model_type"):
         what = f"{called(name)} is {shown(first['input'])}, but it is a group of settings"
         return SettingsError(what, hint="write one of them after a dot, such as watch.folder or tcp.port")
-    return SettingsError(f"{called(name)} is {shown(first['input'])}: {message[:1].lower()}{message[1:]}")
+    given = first["input"]
+    if isinstance(given, (list, tuple)) and len(given) == 1:
+        (given,) = given  # a flag that may be repeated, given once
+    return SettingsError(f"{called(name)} is {shown(given)}: {message[:1].lower()}{message[1:]}")
 
 
 def _by_commas(value: Any) -> Any:

@@ -59,6 +59,13 @@ class PassedOver:
 
     files: list[str] = field(default_factory=list)
 
+    def without(self, used: Iterable[str | Path]) -> PassedOver:
+        """The same files without those that are used otherwise, such as the table of an order."""
+        known = {os.path.realpath(file) for file in used}
+        return PassedOver(
+            [file for file in self.files if is_url(file) or os.path.realpath(file) not in known]
+        )
+
     @property
     def counts(self) -> Counter[str]:
         """Number of files by suffix."""

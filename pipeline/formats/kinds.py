@@ -115,7 +115,8 @@ def kind_of(head: bytes) -> PhotoKind | None:
 def refusal(head: bytes) -> tuple[str, str]:
     """Message and hint for a file that is not a readable picture."""
     if (kind := kind_of(head)) is not None:
-        hint = "copy it again, or save it as PNG; heights as TIFF of 32 bit floats"
+        heights = "; heights as TIFF of 32 bit floats" if kind.name == "TIFF" else ""
+        hint = f"copy it again, or save it as PNG{heights}"
         return f"is a {kind.name} that is damaged or unusual", hint
     name = next((name for name, magic in _RECOGNISED if magic.match(head)), None)
     if name is None:

@@ -22,6 +22,10 @@ from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 
 # of a LAS file: start and length of the points, and their number; scale and origin of x, y, z; their number from 1.4 on
 _LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d"), struct.Struct("<Q")
+# a head of LAS 1.4 up to the number of points; a usable file of an older version is longer, too
+_LAS_HEAD_BYTES = 255
+_CUT_SHORT = ("ends too soon", "copy or export it again")
+_PROFILE = ("is a profile: its points lie in one plane", "measure a surface")
 # of a PCD file: its longest head, and kinds of numbers as numpy spells them
 _MOST_HEAD_BYTES = 20_000
 _KINDS = {"F": "f", "I": "i", "U": "u"}
@@ -49,7 +53,12 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
     import trimesh
 
     with path.open("rb") as stream:  # given a path, trimesh would look for textures beside it
-        scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
+        try:
+            scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
+        except KeyError as error:
+            if error.args[0] not in ("x", "y", "z"):
+                raise
+            raise DataError(f"has no {error.args[0]}", "export x, y and z") from error
     corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for geometry in scene.geometry.values():
         corners.append(np.asarray(geometry.vertices, dtype=np.float64))
@@ -98,11 +107,15 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
     data = path.read_bytes()
     if not data.startswith(b"LASF"):
         raise DataError("is damaged or not a LAS file", "copy or export it again")
+    if len(data) < _LAS_HEAD_BYTES:
+        raise DataError(*_CUT_SHORT)
     start, _, kind, length, count = _LAS_POINTS.unpack_from(data, 96)
     if kind & 0xC0:
         raise DataError("holds compressed points (LAZ)", "save it as LAS, as PLY or as columns x y z")
     count = count or _LAS_MANY.unpack_from(data, 247)[0]
     check_size(count, 1, most)
+    if len(data) < start + count * length:
+        raise DataError(*_CUT_SHORT)
     scale_and_origin = np.reshape(_LAS_SCALE.unpack_from(data, 131), (2, 3))
     record = np.dtype({"names": ["at"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": length})
     at = np.frombuffer(data, record, count=count, offset=start)["at"]
@@ -162,7 +175,7 @@ def _grid_of_triangles(
     """Heights of the uppermost triangles on a new grid, and its pitch for both axes."""
     width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
     if not min(width, height) > 0.0:
-        raise DataError("is a profile: its points lie in one plane", "measure a surface")
+        raise DataError(*_PROFILE)
     if len(faces):
         faces = faces[known[faces].all(axis=1)]
         pitch = float(np.median(_longest_sides(points, faces))) / math.sqrt(2.0)
@@ -172,10 +185,13 @@ def _grid_of_triangles(
         points = points[known]
         if len(points) > MOST_SCATTERED:
             raise DataError(f"holds {len(points):,} points off a grid", "export them on a grid")
-        from scipy.spatial import Delaunay
+        from scipy.spatial import Delaunay, QhullError
 
         pitch = math.sqrt(width * height / len(points))
-        faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
+        try:
+            faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
+        except QhullError as error:
+            raise DataError(*_PROFILE) from error
         faces = faces[_longest_sides(points, faces) < _GAP * pitch]
     rows, cols = int(height / pitch + 1e-6) + 1, int(width / pitch + 1e-6) + 1
     check_size(rows, cols, most)

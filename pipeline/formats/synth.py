@@ -141,7 +141,7 @@ def write_parts(
         SettingsError: an invalid number of parts.
     """
     if not 1 <= parts <= MAX_PARTS:
-        raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")
+        raise SettingsError(f"the number of parts is {parts}", hint=f"it must be between 1 and {MAX_PARTS:,}")
     make_folder(folder)
     if any(folder.iterdir()) and not overwrite:
         raise FileError(folder, "is not empty", "name another folder or give --overwrite")

@@ -119,11 +119,12 @@ class Certificate:
         return {**own, "certified": self.acceptance}
 
     def describe(self) -> str:
-        """Describe the certificate in one sentence."""
+        """Describe the certificate: what it shows, then the parts."""
         return (
-            f"accepted from confidence {self.threshold:g}: at most {self.risk:g} of the accepted are wrong, with "
-            f"{self.confidence:.0%} confidence ({self.wrong} of {self.accepted:,} were, at most {self.bound:.3%}; "
-            f"coverage {self.coverage:.1%} of {self.parts:,} parts)"
+            f"Of serials that are accepted from confidence {self.threshold:g}, at most {100.0 * self.risk:g} % are "
+            f"wrong: shown with {100.0 * self.confidence:g} % confidence.\n"
+            f"{self.wrong} of {self.accepted:,} accepted were wrong (at most {self.bound:.3%}); coverage "
+            f"{self.coverage:.1%} of {self.parts:,} parts"
         )
 
 

@@ -60,7 +60,7 @@ class EnrolReport:
         enrolled: (part, characters taken) of each new part.
         known: parts that were enrolled before.
         refused: parts that could not be enrolled.
-        set_aside: exemplars kept but not used, since they disagree with others of the same character.
+        set_aside: exemplars kept but not used, since they disagree with the character or with others of it.
         exemplars: number of exemplars that the font uses.
         felt: characters learned from touch.
         never_felt: letters and digits taken from the nearest known font.
@@ -94,11 +94,11 @@ class EnrolReport:
             lines.append(f"{self.exemplars} of {kept} used, for the shapes of {self.felt}")
             lines.append(f"nearest font: {self.like} ({self.likeness:.2f})")
         if self.set_aside:
-            lines.append(f"set aside, unlike others of the same character: {_by_character(self.set_aside)}")
+            lines.append(f"set aside, unlike the character or others of it: {_by_character(self.set_aside)}")
         if self.never_felt:
             guess = "guesses: templates alone send such a character to review"
             doubt = "of the same shapes" if self.trusted else guess
-            lines.append(f"never scanned, taken from {self.like}: {self.never_felt} ({doubt})")
+            lines.append(f"not learned, taken from {self.like}: {self.never_felt} ({doubt})")
         return "\n".join(lines)
 
 

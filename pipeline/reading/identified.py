@@ -81,6 +81,9 @@ def table_of(found: Identified) -> list[str]:
         for what, drawn, i in zip(OF_GAUGE, (1.0, 0.0, 0.0), places, strict=True):
             value, sd = float(found.bench.vector()[i]), float(found.sd[i])
             lines.append(_line(f"{what} {whisker}", value, sd, drawn, digits=".4f"))
+    unused = [str(whisker) for whisker in range(found.bench.gain.size) if whisker not in found.whiskers]
+    if unused:
+        lines.append(f"not identified, no usable line over the piece: whisker {', '.join(unused)}")
     if with_drawing and found.drawn is not None:
         stiffness = partial(_stiffness, whisker=found.drawn)
         numbers = (stiffness(found.bench), found.sd_of(stiffness), stiffness(found.nominal))

@@ -6,6 +6,7 @@ import heapq
 import re
 from collections import Counter
 from dataclasses import dataclass, field
+from textwrap import shorten
 from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
@@ -13,9 +14,10 @@ from pipeline.common.reading_records import ReadingRecord
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 MOST_REASONS = 8
 _MOST_KINDS = 500
+_MOST_KIND = 160
 _SLOWEST = 5
 # details of an error that differ from part to part: numbers, and names in quotes
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:[.,]\d+)*(?!\w)")
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
 
@@ -113,12 +115,14 @@ def _words(code: str) -> str:
     from recognition.decision.decide import ReadingFlag
 
     flag = ReadingFlag.__members__.get(code.upper())
+    if flag is ReadingFlag.NO_CHARACTERS:
+        return "no serial found (the rows say why)"  # its text blames the view; it may be the format
     return flag.text if flag else code.replace("_", " ")
 
 
 def _kind(error: str) -> str:
     """An error without its part-specific details."""
-    return _NUMBER.sub("#", _QUOTED.sub("'...'", error))[:160].strip()
+    return shorten(_NUMBER.sub("#", _QUOTED.sub("'...'", error)), _MOST_KIND, placeholder=" …")
 
 
 def _count(counter: Counter[str], kind: str) -> None:

@@ -249,7 +249,7 @@ class Reading:
         if self.height_mm:
             facts.append(f"{self.height_mm:.2f} mm" if self.scaled else f"{self.height_mm:.0f} pixels high")
             facts += [] if self.touch is None else ["raised" if self.raised else "sunk"]
-            facts.append(f"{self.rotation_deg:+.1f}°")
+            facts.append(f"{self.rotation_deg:+z.1f}°")
         if self.depth_min_mm is not None:
             facts.append(f"{'lowest' if self.raised else 'shallowest'} mark {self.depth_min_mm:.3f} mm")
         return ", ".join(facts)

@@ -90,10 +90,15 @@ class Verification:
     __repr__ = one_line
 
     def messages(self) -> tuple[str, ...]:
-        """Return the differences in words, with places of the text counted from 1."""
+        """Return the differences in words, with places of the text counted from 1.
+
+        If the numbers of characters differ by 2 or more, the places hardly correspond, and only the numbers are said.
+        """
         differences = []
         if self.places != len(self.expected):
             differences.append(f"{self.places} characters were found where {len(self.expected)} are expected")
+            if abs(self.places - len(self.expected)) > 1:
+                return tuple(differences)
         at = 0
         for check in self.characters:
             at += bool(check.state.expected)

@@ -27,7 +27,9 @@ Feel = Callable[[HeightMap, float], Scan]
 """A function that scans a level surface for characters of a height, mm."""
 
 FIRST_HEIGHT_MM = 4.0
-"""Character height for which the whiskers are made; they find characters of 0.8 to 25 mm."""
+"""Character height for which the whiskers are made; they find characters of `LEAST_HEIGHT_MM` to 25 mm."""
+LEAST_HEIGHT_MM = 0.8
+"""Least height of characters that the first pass finds, mm."""
 
 
 def virtual_feel(
@@ -73,10 +75,16 @@ def felt_heights_mm(
             thirteen.
 
     Raises:
-        MapError: a map that cannot be scanned, a soil on another grid.
+        MapError: a map that cannot be scanned or is too small for characters, a soil on another grid.
     """
     if search.height_mm:
         return [search.height_mm]
+    if max(surface.size_mm) < LEAST_HEIGHT_MM:
+        width, height = surface.size_mm
+        raise MapError(
+            f"the map is {width:.2g} x {height:.2g} mm: too small for characters",
+            hint="check the unit of its lengths",
+        )
     feel = feel or virtual_feel(
         fidelity=fidelity,
         soil=soil,

@@ -10,7 +10,7 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import OneLine
-from glyphs.surface.maps import HeightMap, TraceDirection
+from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError, TraceDirection
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import SensorState
 from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
@@ -172,7 +172,7 @@ def mount(
         rng: needed with a sensor or a stage.
 
     Raises:
-        MapError: a friction map or soil that does not fit.
+        MapError: a friction map or soil that does not fit, or more samples than the limit with the run-in.
         ValueError: a sensor or a stage without `rng`.
     """
     if rng is None and (sensor is not None or stage is not None):
@@ -184,6 +184,13 @@ def mount(
     mu = check_friction(friction, height_map.shape)
     # pad by repeated edges for lead-in and outermost lines, then make the grid as fine as the steps
     pad = int(np.ceil(beyond_mm / height_map.pitch_mm)) + 1
+    (width, height), (rows, cols) = height_map.size_mm, height_map.shape
+    if (rows + 2 * pad) * (cols + 2 * pad) > MAX_PIXELS:
+        raise MapError(
+            f"the map is {width:.2g} x {height:.2g} mm with samples {height_map.pitch_mm:.2g} mm apart: with the "
+            f"{beyond_mm:.2g} mm beyond its edges that the whiskers need, it exceeds {MAX_PIXELS:,} samples",
+            hint="check the unit of its lengths, or crop or thin the map",
+        )
     padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
     if isinstance(mu, np.ndarray):
         mu = np.pad(mu, pad, mode="edge")

@@ -7,6 +7,7 @@ The photograph, the maps of touch and the true heights are made when the functio
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +57,7 @@ class ExamPart:
         format: format of the serial; None if it is not given.
         height_mm: height of the characters; None if it is not given.
         fonts: fonts that the mark may have; empty if they are not given.
+        felt: whether a map of touch was asked for; its scan is then charged to the reader.
     """
 
     def __init__(self, senses: PartReadings, settings: ReaderSettings) -> None:
@@ -63,6 +65,7 @@ class ExamPart:
         self.format = settings.format if isinstance(settings.format, str) else None
         self.height_mm = settings.height_mm
         self.fonts = tuple(str(font) for font in settings.fonts)
+        self.felt = False
         self._senses = senses
 
     @property
@@ -78,6 +81,7 @@ class ExamPart:
         Raises:
             MarksError: the scan has no relief.
         """
+        self.felt = True
         return self._senses.relief.height_mm, self._senses.relief.pitch_mm
 
     @property
@@ -87,6 +91,7 @@ class ExamPart:
         Raises:
             MarksError: the scan has no edge map.
         """
+        self.felt = True
         return self._senses.edges.enhancement, self._senses.edges.pitch_mm
 
     @property
@@ -98,6 +103,7 @@ class ExamPart:
         """The line cut out and drawn, (rows, cols, 3): photo, edges, relief or ideal, as for the peers."""
         if kind not in PICTURES:
             raise MarksError(f"there is no picture {kind!r}", hint=f"the pictures are {', '.join(PICTURES)}")
+        self.felt |= kind in ("edges", "relief")
         return PICTURES[kind](self._senses)
 
 
@@ -111,9 +117,10 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
     if not callable(function):
         raise SettingsError(f"the reader {name!r} is not a function", hint="name one that takes a part")
 
-    def read(senses: PartReadings) -> Reading:
+    def read(senses: PartReadings) -> tuple[Reading, Mapping[str, Any]]:
+        part = ExamPart(senses, settings)
         try:
-            said = function(ExamPart(senses, settings))
+            said = function(part)
         except SystemExit as error:
             raise MarksError("the reader tried to end the program", hint="let it raise an error") from error
         answer = Answer(said) if isinstance(said, str) else said
@@ -121,9 +128,9 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
             raise MarksError(
                 f"the reader returned a {type(said).__name__}", hint="return a text or an Answer"
             )
-        return reading_of_answer(answer)
+        return reading_of_answer(answer), {"scan_s": round(senses.scan_s, 3)} if part.felt else {}
 
-    return Mode.of((), read)
+    return Mode((), read)
 
 
 def reading_of_answer(answer: Answer) -> Reading:

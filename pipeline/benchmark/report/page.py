@@ -91,7 +91,7 @@ def percent(share: Share | Estimate) -> str:
 
 def span(ends: Share | Estimate) -> str:
     """The ends of an interval of a share, percent."""
-    return f"{100 * ends.low:.1f}–{100 * ends.high:.1f}"
+    return f"{100 * ends.low:.1f} to {100 * ends.high:.1f}"
 
 
 def points(value: float) -> str:

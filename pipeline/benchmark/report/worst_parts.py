@@ -83,7 +83,8 @@ def _why(trial: Trial) -> str:
     if not trial.right:
         wrong = len(trial.truth) - characters_right(trial)
         return f"{trial.mode}: {wrong} of {len(trial.truth)} characters wrong, {trial.decision}"
-    return f"{trial.mode}: right, but uncertain ({trial.confidence:.3f}, {trial.decision})"
+    sure = "right" if trial.accepted else "right, but uncertain"
+    return f"{trial.mode}: {sure} ({trial.confidence:.3f}, {trial.decision})"
 
 
 def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:

@@ -90,7 +90,7 @@ def test_the_report_says_what_was_learned(taught, folder):
     assert report.like == "gothic"
     assert not report.trusted
     assert "32 of 32 used, for the shapes of 0123456789" in report.describe()
-    assert "never scanned, taken from gothic: ABC" in report.describe()
+    assert "not learned, taken from gothic: ABC" in report.describe()
 
 
 def test_what_is_set_aside_is_named_by_character_part_and_place(taught):

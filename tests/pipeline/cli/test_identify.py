@@ -25,9 +25,10 @@ def test_what_was_found_is_shown_beside_what_is_set(
     monkeypatch.chdir(tmp_path)
     Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nland_mm = 1.2\n', encoding="utf-8")
     piece = Piece(angle_deg=(45.0,), land_mm=1.2)
-    save_scan(recorded(piece, friction=0.25, whiskers=1), Path("piece.h5"))
+    save_scan(recorded(piece, friction=0.25, whiskers=3), Path("piece.h5"))
     assert main(["identify", "piece.h5", "--piece", "piece.toml"]) == 0
     lines = capsys.readouterr().out.splitlines()
+    assert "not identified, no usable line over the piece: whisker 1, 2" in lines
     found = {words[0]: words for words in map(str.split, lines) if len(words) > 3}
     assert float(found["friction"][1]) == pytest.approx(0.25, abs=0.03)
     assert float(found["friction"][3]) == pytest.approx(0.2)  # as set

@@ -288,7 +288,7 @@ def test_a_bad_environment_is_an_error_with_its_variable(
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (("--depth-rule", "x"), r"--depth-rule is \['x'\]: unknown depth rule"),
+        (("--depth-rule", "x"), "--depth-rule is 'x': unknown depth rule"),
         (
             ("--experts", "network,nose"),
             "--experts is .* there is no expert nose; there are network, templates",

@@ -159,6 +159,16 @@ def test_tables_of_texts_among_the_files_of_a_folder_are_passed_over(tmp_path: P
         discover([str(tmp_path / "truth.csv")])
 
 
+def test_a_table_that_the_run_uses_is_not_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a.npz", "order.txt", "notes.txt"):
+        (tmp_path / name).write_bytes(b"x")
+    monkeypatch.chdir(tmp_path)
+    left = discover([tmp_path]).passed_over.without(["order.txt", "a text"])
+    assert [Path(file).name for file in left.files] == ["notes.txt"]
+
+
 # ----------------------------------------------------------------------------------- files of this machine
 
 

@@ -18,6 +18,9 @@ ROWS, COLS = PART.shape
 TURN = np.array([[0.96, -0.28, 0.0], [0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])
 
 
+NO_Y = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float z\nend_header\n0 0\n1 1\n2 2\n3 3\n"
+
+
 def points() -> NDArray[np.float64]:
     """(samples, 3), y upwards, corner at (3, 5)."""
     x, y = np.meshgrid(3.0 + np.arange(COLS) * PART.pitch_mm, 5.0 - np.arange(ROWS) * PART.pitch_mm)
@@ -83,8 +86,11 @@ def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:
         ("a.stl", b"", "is empty"),
         ("a.stl", b"solid nothing", "damaged|holds 0 points"),
         ("a.stl", bytes(80) + b"\xff\xff\xff\x7f" + bytes(50), "damaged|holds 0 points"),
-        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n", "damaged"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n", "has no y"),
         ("a.ply", b"hello, this is text", "damaged"),
+        ("a.xyz", b"0 0 0\n1 2 1\n2 4 0\n3 6 1\n4 8 0\n", "is a profile"),
+        ("a.las", b"LASF" + bytes(50), "ends too soon"),
+        ("a.ply", NO_Y, "has no y; export x, y and z"),
         ("a.xyz", b"0 0 0\n1 0 0\n2 0 0\n3 0 0\n4 0 nan\n", "profile"),
         ("a.asc", b"1 2 nan\n" * 9, "holds 0 points"),
     ],

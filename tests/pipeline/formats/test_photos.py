@@ -246,6 +246,7 @@ def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) 
     [
         (None, "is not there"),
         (b"a letter, not a picture", "is not a picture that can be read"),
+        (b"\xff\xd8\xff\xe0", "JPEG that is damaged or unusual; copy it again, or save it as PNG$"),
         (_encoded(".png", COLOUR[:5, :5]), "too few for characters"),
         (_encoded(".tiff", np.zeros((16, 16), np.float32)), "TIFF of 32 bit numbers"),
         (

@@ -22,7 +22,8 @@ def test_a_certificate_comes_back_as_it_was_written(tmp_path: Path) -> None:
     path = written(tmp_path / "c.json", SETTINGS)
     assert load_certificate(path) == a_certificate(SETTINGS)
     assert (
-        "accepted from confidence 0.99: at most 0.1 of the accepted are wrong" in a_certificate().describe()
+        "Of serials that are accepted from confidence 0.99, at most 10 % are wrong: shown with "
+        in a_certificate().describe()
     )
 
 

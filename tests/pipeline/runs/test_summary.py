@@ -25,6 +25,7 @@ RECORDS = (
     read("b", "B2", "review", 0.50, "low_confidence", "not_in_order", "low_confidence", seconds=4.0),
     read("c", "C3", "review", 0.60, "low_confidence", seconds=1.5),
     read("d", "", "reject", seconds=0.1),
+    read("f", "", "reject", 0.0, "no_characters", seconds=0.1),
     read("e", error="/x/e.npz: is empty; copy or save it again", seconds=0.01),
 )
 
@@ -38,13 +39,14 @@ def counted(*records: ReadingRecord) -> Summary:
 
 def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     lines = counted(*RECORDS).lines(elapsed_s=2.0, read_now=4, workers=2)
-    assert lines[0] == "5 parts, 1 accept, 2 review, 1 reject, 1 with an error"
+    assert lines[0] == "6 parts, 1 accept, 2 review, 2 reject, 1 with an error"
     told = "\n".join(lines)
     assert "     2  low confidence" in told
     assert "     1  not in order" in told
     assert "     1  not sure enough" in told
+    assert "     1  no serial found (the rows say why)" in told
     assert "     1  is empty; copy or save it again" in told
-    assert "4 read in 2.0 s with 2 workers: 2.00 a second, 1.22 s of work each" in told
+    assert "4 read in 2.0 s with 2 workers: 2.00 a second, 1.03 s of work each" in told
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 
 
@@ -53,6 +55,8 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     [
         ("has 2,000 x 30.5 samples", "has # x # samples"),
         ("has no column 'x' (it has “X”)", "has no column '...' (it has '...')"),
+        ("is no .x3p, 12, at 3.5 mm", "is no .x3p, #, at # mm"),
+        (f"is odd: {'a word ' * 40}", f"is odd: {'a word ' * 21}a …"),
     ],
 )
 def test_numbers_and_names_make_no_error_of_their_own(error: str, kind: str) -> None:
@@ -67,7 +71,7 @@ def test_nothing_read_now_has_no_rate() -> None:
 
 def test_the_same_in_json() -> None:
     told = json.loads(json.dumps(counted(*RECORDS).as_json()))
-    assert (told["parts"], told["accept"], told["review"], told["reject"], told["errors"]) == (5, 1, 2, 1, 1)
+    assert (told["parts"], told["accept"], told["review"], told["reject"], told["errors"]) == (6, 1, 2, 2, 1)
     assert told["reasons"]["low confidence"] == 2
     assert told["slowest"][0] == {"part": "b", "seconds": 4.0}
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from glyphs import stamp
-from glyphs.surface.maps import HeightMap
+from glyphs.surface.maps import HeightMap, MapError
 from recognition import Reader
 from recognition.search.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
 from tests.support.felt import felt
@@ -44,3 +45,16 @@ def test_small_and_large_characters_are_found_by_it(height_mm: float) -> None:
     part = stamp("K7B2", font="gothic", height_mm=height_mm, seed=3)
     found = felt_heights_mm(Reader(format="A9A9").touch.lines.search, part.height_map)
     assert any(one == pytest.approx(height_mm, rel=0.15) for one in found)
+
+
+@pytest.mark.parametrize(
+    ("height_mm", "said"),
+    [
+        (None, "the map is 0.083 x 0.2 mm: too small for characters; check the unit"),
+        (5.0, "the map is 0.083 x 0.2 mm with samples .* it exceeds 64,000,000 samples; check the unit"),
+    ],
+)
+def test_a_map_with_a_wrong_unit_is_refused_by_its_own_size(height_mm: float | None, said: str) -> None:
+    tiny = HeightMap(np.zeros((1601, 651), dtype=np.float32), 0.000_128)
+    with pytest.raises(MapError, match=said):
+        Reader(height_mm=height_mm).touch.read_height_map(tiny)

@@ -51,6 +51,8 @@ def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     assert (first.text, first.accepted, first.confidence) == ("A1", True, pytest.approx(0.81))
     assert [c.confidence for c in first.characters] == pytest.approx([0.9, 0.9])
     assert (text.text, text.decision, unformatted.text) == ("A1", "review", "B2")
+    assert first.scan_s > 1.0  # it has looked at maps of touch
+    assert text.scan_s == 0.0
     assert "returned a float" in fault.error
     assert "tried to end the program" in ended.error
     assert (SHOWN["format"], SHOWN["height"], SHOWN["fonts"]) == (None, 5.0, ())  # as the last was given

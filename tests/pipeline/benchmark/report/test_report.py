@@ -153,6 +153,7 @@ def test_the_worst_parts_begin_with_the_lie(written: Path) -> None:
     assert worst[0].why == "tactile: accepted but wrong"
     assert [w.part[-1] for w in worst] == ["1", "4", "2", "3", "0"]
     assert worst[1].why == "tactile: an error"
+    assert worst[-1].why.startswith("tactile: right (")  # accepted, so not called uncertain
     assert [t.mode for t in worst[0].trials] == ["tactile", "vision", "fused"]
     assert mark_characters(TRIALS[3]) == [("A", True), ("·", False)]
 
