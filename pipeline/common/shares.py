@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 CONFIDENCE_LEVEL = 0.95
 
@@ -42,9 +42,10 @@ def share(count: int, total: int, *, exact: bool = False) -> Share:
     Raises:
         ValueError: the count is below 0 or above the total.
     """
+    unknown = Share(count, total, 0.0, 1.0)
     if total == 0:
-        return Share(count, total, 0.0, 1.0)
+        return unknown
     from scipy.stats import binomtest
 
     interval = binomtest(count, total).proportion_ci(CONFIDENCE_LEVEL, method="exact" if exact else "wilson")
-    return Share(count, total, float(interval.low), float(interval.high))
+    return replace(unknown, low=float(interval.low), high=float(interval.high))
