@@ -24,7 +24,7 @@ from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 _LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d"), struct.Struct("<Q")
 # a head of LAS 1.4 up to the number of points; a usable file of an older version is longer, too
 _LAS_HEAD_BYTES = 255
-_CUT_SHORT = ("ends too soon", "copy or export it again")
+_CUT_SHORT = ("is damaged: it ends too soon", "copy or export it again")
 _PROFILE = ("is a profile: its points lie in one plane", "measure a surface")
 # of a PCD file: its longest head, and kinds of numbers as numpy spells them
 _MOST_HEAD_BYTES = 20_000
