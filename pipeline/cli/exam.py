@@ -313,21 +313,12 @@ def score(
         for reader, path in zip(names, readings, strict=True)
     }
     for reader, answers in read.items():
-        for some, of_one, of_several in (
-            (
-                answers.missing,
-                "has no answer and counts as read empty",
-                "have no answer and count as read empty",
-            ),
-            (
-                answers.unknown,
-                "is not in the exam and does not count",
-                "are not in the exam and do not count",
-            ),
+        for some, what in (
+            (answers.missing, "without an answer, counted as read empty"),
+            (answers.unknown, "not in the exam, not counted"),
         ):
             if some:
-                said = f"1 part {of_one}" if len(some) == 1 else f"{len(some)} parts {of_several}"
-                print(f"{reader}: {said}: {first_of(some)}", file=sys.stderr)
+                print(f"{reader}: {len(some)} {what}: {first_of(some)}", file=sys.stderr)
     # ordered by part, like the trials of a run
     trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
     benchmark = Benchmark(source, names, ReaderSettings())

@@ -130,8 +130,8 @@ def verify(
         grammar: format that the expected text must fit.
         contradicted: whether two senses are sure of different characters; then nothing is confirmed.
         accepted: score of a reading that is accepted with the expected text; 0 if there is none.
-        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED if no reading is accepted. Nor
-            may any character mismatch for CONFIRMED.
+        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED without an accepted reading.
+            If any character mismatches, nothing is confirmed.
 
     Raises:
         VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks.

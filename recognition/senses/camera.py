@@ -32,9 +32,7 @@ from recognition.views.view import View
 
 CLEARLY_NATS = 0.5
 """Log odds by which a reading without stains must exceed that of the photograph itself, nats."""
-DARK = (
-    "the photograph is of one brightness almost everywhere (uncover the lens, light the part, expose longer)"
-)
+DARK = "the photograph has hardly any contrast (uncover the lens, light the part, expose longer)"
 LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
@@ -141,7 +139,7 @@ def _unread_notes(
         photo: the photograph.
         lines: places that may be the line.
         view: view in which they were found.
-        pixels: size to which the photograph is shrunk, so that noise is not taken for contrast.
+        pixels: number of pixels to which the photograph is shrunk first, which averages noise out.
         least_contrast: standard deviation of brightness, 0 to 1, below which it shows nothing.
     """
     if shrunk(photo, pixels).grey().std() < least_contrast:

@@ -163,7 +163,7 @@ def _invalid(error: Mapping[str, Any]) -> str:
             return f"{name} is missing; add it"
         case "extra_forbidden":
             what = "parameter" if place == "query" else "field"
-            return f"there is no {what} {name!r}; see /docs for those that there are"
+            return f"there is no {what} {name!r}; /docs lists them"
         case "string_pattern_mismatch":
             return f"{name} is empty or has a character that is not allowed, such as a control character; correct it"
     return f"{name}: {error['msg'][:1].lower()}{error['msg'][1:]}"

@@ -222,8 +222,8 @@ def test_a_form_that_would_be_read_in_part_is_refused(
 @pytest.mark.parametrize(
     ("method", "address", "sent", "says"),
     [
-        ("GET", "/v1/parts?nmae=P17", {}, "there is no parameter 'nmae'; see /docs for those that there are"),
-        ("GET", "/v1/parts.csv?limit=3", {}, "there is no parameter 'limit'; see /docs for those that there are"),
+        ("GET", "/v1/parts?nmae=P17", {}, "there is no parameter 'nmae'; /docs lists them"),
+        ("GET", "/v1/parts.csv?limit=3", {}, "there is no parameter 'limit'; /docs lists them"),
         ("GET", "/parts?state=foo", {}, "state: input should be 'touch_needed', 'accepted', "),
         ("GET", "/parts?first=2026-13-45", {}, "first: input should be a valid date"),
         ("GET", "/jobs/new", {}, "part is missing; add it"),

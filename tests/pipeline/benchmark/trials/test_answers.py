@@ -116,8 +116,8 @@ def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureF
     )
     assert re.search(r"\| b \| a \| −31\.2 \([^|]* \| 0 \| 7 \| 0\.016 \|", document)
     assert " b " in said.out
-    assert "b: 1 part has no answer and counts as read empty: p7" in said.err
-    assert "b: 1 part is not in the exam and does not count: z" in said.err
+    assert "b: 1 without an answer, counted as read empty: p7" in said.err
+    assert "b: 1 not in the exam, not counted: z" in said.err
     written = json.loads((tmp_path / "B" / "benchmark.json").read_text())
     assert (written["parts"], written["benchmark"]["modes"]) == (8, ["b", "a"])
     assert len((tmp_path / "B" / "benchmark.csv").read_text().splitlines()) == 1 + 2 * 8
