@@ -229,7 +229,7 @@ def test_a_form_that_would_be_read_in_part_is_refused(
         ("GET", "/jobs/new", {}, "part is missing; add it"),
         ("POST", "/v1/parts", {"data": {"name": "P\x01"}}, "name is empty or has a character that is not allowed"),
         ("POST", "/v1/parts/X/review", {"content": b"{no"}, "the body is not JSON (Expecting property name"),
-        ("POST", "/v1/parts/X/review", {"json": {"action": "confirm", "nte": ""}}, "there is no field 'nte'; see"),
+        ("POST", "/v1/parts/X/review", {"json": {"action": "confirm", "nte": ""}}, "there is no field 'nte'; /docs"),
     ],
 )  # fmt: skip
 def test_an_invalid_value_is_named_as_the_sender_knows_it(
