@@ -93,15 +93,20 @@ def draw_data(
     """
     from joblib import Parallel, delayed
 
-    found = find_fonts(fonts)
-    kinds = (
-        ("held", found.held_out, held_out), ("seen", found.seen, parts), ("sketched", found.seen, sketches)
-    )  # fmt: skip
+    available = find_fonts(fonts)
+    held = _files("held", held_out)
+    # parts and sketches in turn, so that training can begin with both
+    learned = sorted((*_files("seen", parts), *_files("sketched", sketches)), key=lambda file: file[2])
     Parallel(n_jobs=jobs, verbose=5)(
-        delayed(draw_file)(files, out, kind, seed, number)
-        for kind, files, many in kinds
-        for number in range(-(-many // PARTS_OF_A_FILE))
+        delayed(draw_file)(available.held_out if kind == "held" else available.seen, out, kind, seed, number)
+        for kind, number, _ in (*held, *learned)
     )
+
+
+def _files(kind: str, parts: int) -> list[tuple[str, int, float]]:
+    """Kind and number of each file of some parts, and the share of them that lies before it."""
+    count = -(-parts // PARTS_OF_A_FILE)
+    return [(kind, number, number / count) for number in range(count)]
 
 
 if __name__ == "__main__":

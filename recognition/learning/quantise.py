@@ -38,7 +38,6 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
         CalibrationDataReader,
         QuantFormat,
         QuantType,
-        quant_pre_process,
         quantize_static,
     )
 
@@ -52,8 +51,7 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
 
     with tempfile.TemporaryDirectory() as folder:
         prepared = Path(folder) / "prepared.onnx"
-        quant_pre_process(str(source), str(prepared), skip_symbolic_shape=True)
-        join_gelu(prepared)
+        prepare(source, prepared)
         quantize_static(
             str(prepared),
             str(out),
@@ -69,7 +67,15 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
     show_features(out)
 
 
-def join_gelu(path: Path) -> None:
+def prepare(source: Path, out: Path) -> None:
+    """Join the layers of a network that can be computed as one."""
+    from onnxruntime.quantization import quant_pre_process
+
+    quant_pre_process(str(source), str(out), skip_symbolic_shape=True)
+    _join_gelu(out)
+
+
+def _join_gelu(path: Path) -> None:
     """Join the five nodes of each Gelu; after quantisation the runtime would no longer recognise them."""
     import onnx
     from onnxruntime.transformers.fusion_gelu import FusionGelu

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.opencv import cv2
 from glyphs.sketch import ROWS, Field, Sketch, blur, noise, rough_noise, sketch
-from recognition.learning.training_parts import draw_text
+from recognition.learning.training_parts import draw_font, draw_text
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
@@ -28,23 +27,27 @@ _H = HEIGHT_ROWS * _FINE
 """Pixels per character height."""
 
 
-def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[TrainingStrip]:
-    """Strips of a line as felt or measured, and as photographed under two lights.
+def sketch_strips(
+    fonts: Sequence[Path], rng: np.random.Generator, *, printed: float = 0.25
+) -> list[TrainingStrip]:
+    """Strips of a line as felt or measured, and twice as photographed.
 
     Args:
-        fonts: font files to choose from, besides the built-in fonts.
+        fonts: font files to choose from, beside built-in and parametric ones.
         rng: the only source of randomness.
+        printed: share of the second photographs that show the line in plain print, as the public network learned it:
+            so it forgets no letters.
 
     Raises:
         MarksError: the font cannot draw the random text; draw again.
     """
-    name = str(rng.choice(BUILTIN_FONTS)) if rng.random() < 0.2 else str(fonts[int(rng.integers(len(fonts)))])
-    font = load_font(name)
+    font = draw_font(fonts, rng)
     text = "".join(map(str, rng.integers(0, 10, 6))) if rng.random() < 0.12 else draw_text(font, rng)
     made = sketch(font, text, rng)
     felt = rng.random() < 0.75
     layers = [("felt" if felt else "heights", _touch(made, rng) if felt else _measure(made))]
-    layers += [("photo", photograph(made, rng)) for _ in range(2)]
+    layers += [("photo", photograph(made, rng))]
+    layers += [("photo", _print(made, rng) if rng.random() < printed else photograph(made, rng))]
     places = tuple((x0 / _FINE, x1 / _FINE) for x0, _, x1, _ in made.boxes)
     return [
         TrainingStrip(each.astype(np.float16), text, source, made.severity, places) for source, each in layers
@@ -129,6 +132,14 @@ def photograph(made: Sketch, rng: np.random.Generator) -> Field:
     if rng.random() < 0.15:  # a lamp's reflection
         image += 2.0 * np.maximum(noise(shape, (1.5 * _H, 2 * _H), rng) - 1.2, 0.0)
     return _take_picture(np.asarray(image, dtype=np.float32), rng)
+
+
+def _print(made: Sketch, rng: np.random.Generator) -> Field:
+    """Photograph a line in plain print: ink of one shade on paper of another, evenly lit."""
+    paper, ink = rng.uniform(0.0, 1.0, 2)
+    return _take_picture(
+        np.asarray(paper + (ink - paper) * np.clip(made.ink, 0.0, 1.0), dtype=np.float32), rng
+    )
 
 
 def _take_picture(image: Field, rng: np.random.Generator) -> Field:

@@ -1,10 +1,10 @@
 """Train the recogniser or the finder of lines, and write it as ONNX::
 
-    python -m recognition.learning.train recogniser --learn-from FOLDER --held-out FOLDER --minutes 70 \
-        --out recogniser.onnx --log LOG
+    python -m recognition.learning.train recogniser --learn-from FOLDER --held-out FOLDER \
+        --samples 150000 --out recogniser.onnx --log LOG
 
 Files that are added to the folders during training are learned from as well. Each report adds a line of JSON to the
-log.
+log. A run that was stopped goes on when the command is repeated.
 """
 
 from __future__ import annotations

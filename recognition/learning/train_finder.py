@@ -34,7 +34,6 @@ _TIGHTEST = (16, 48)
 """Rows and columns of the smallest window."""
 _TIGHT_SHARE = 0.5
 """Share of batches with smaller windows at a line: the part, or the photograph, may end close to the characters."""
-BATCH = 24
 _MIDDLE = 0.25
 """Distance from the middle of a line within which a cell belongs to it, character heights."""
 _BESIDE = 0.42
@@ -202,7 +201,7 @@ def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[floa
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
-    """The finder and its training data (default: 24 windows per step and a rate of 2e-3).
+    """The finder and its training data (default: a rate of 2e-3).
 
     Args:
         folders: folders of views to learn from.
@@ -220,7 +219,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     return Task(
         network,
         optimiser,
-        load_batches(Windows(folders, size=how.batch or BATCH, seed=how.seed), how),
+        lambda step: load_batches(Windows(folders, size=how.batch, seed=how.seed + step), how),
         lambda batch, draw: _loss(network, batch, draw),
         lambda one: measure_finder(one, held),
         lambda out: export(

@@ -25,6 +25,7 @@ from recognition.experts.recogniser import CHARACTERS, widen
 from recognition.learning.augment import augment
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
+from recognition.learning.photo_covers import cover_photos
 from recognition.learning.public_start import load_start
 from recognition.learning.quantise import quantise
 from recognition.learning.surroundings import vary_surroundings
@@ -85,23 +86,30 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     def write(out: Path) -> None:
         """Write ONNX for any number of strips of any length, in floating point and in eight bits."""
         whole = out.with_suffix(".float.onnx")
-        strip = torch.zeros(1, LAYERS, ROWS, 8 * COLUMNS)
-        axes = ({0: "n", 3: "columns"}, {0: "n", 1: "steps"})
-        export(network, strip, whole, names=("strip", "posteriors"), axes=axes)
+        export_float(network, whole)
         # a hundred strips give the ranges of the eight-bit layers
         seen = next(rounds(TrainingStrip, folders, np.random.default_rng(how.seed), files=_FILES))
         quantise(whole, out, [as_read(one) for one in seen[:100]])
 
-    made = Batches(folders, size=how.batch or 16, covers=how.covers, seed=how.seed)
+    def batches_from(step: int) -> Iterator[Batch]:
+        return load_batches(Batches(folders, size=how.batch, covers=how.covers, seed=how.seed + step), how)
+
     return Task(
         network,
         optimiser,
-        load_batches(made, how),
+        batches_from,
         lambda batch, draw: _loss(network, batch, draw),
         judge,
         write,
         early=() if how.noise or how.start else network.early(),
     )
+
+
+def export_float(network: Recogniser, out: Path) -> None:
+    """Write the network to an ONNX file in floating point, for any number of strips of any length."""
+    strip = torch.zeros(1, LAYERS, ROWS, 8 * COLUMNS)
+    axes = ({0: "n", 3: "columns"}, {0: "n", 1: "steps"})
+    export(network, strip, out, names=("strip", "posteriors"), axes=axes)
 
 
 def _size(weights: Tensor) -> float:
@@ -231,7 +239,7 @@ class Batches(IterableDataset[Batch]):
     Args:
         folders: folders of files of strips.
         size: strips per batch.
-        covers: cover strokes that distinguish characters.
+        covers: cover strokes that distinguish characters, and photographs.
         seed: seed of order, surroundings and covers.
     """
 
@@ -255,6 +263,8 @@ class Batches(IterableDataset[Batch]):
                 )
             for strips in batches(chosen, self.size, rng):
                 strips = vary_surroundings(strips, rng=rng)
+                if self.covers:
+                    strips = cover_photos(strips, rng=rng)
                 tall, columns = gather(strips)
                 if self.covers:
                     tall = cover_rivals(tall, [s.text for s in strips], [s.places for s in strips], rng=draw)

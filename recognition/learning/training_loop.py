@@ -1,4 +1,7 @@
-"""Train a network for a set time, with reports, and keep the better of its last weights and their running mean."""
+"""Train a network on a set number of samples, with reports; keep the better of its last weights and their running mean.
+
+A run that was stopped goes on from its last saved state when it is started again.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,8 @@ from torch.optim.lr_scheduler import LambdaLR
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader, IterableDataset
 
+from glyphs.atomic import replacing
+
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 
 
@@ -25,12 +30,12 @@ class Training:
     """Settings of a training run.
 
     Attributes:
-        minutes: minutes of wall-clock time.
+        samples: number of samples to learn from; the learning rate falls to zero over it.
         seed: seed of weights, batches and augmentation.
-        batch: samples per step (default: the network's own).
+        batch: samples per step.
         rate: peak of the learning rate (default: the network's own).
-        frozen_share: share of the time, at its start, in which early layers are frozen; a step then takes two thirds
-            of the time.
+        frozen_share: share of the samples, at the start, for which early layers are frozen; a step then takes two
+            thirds of the time.
         start: file of weights to start from.
         noise: whether to start the recogniser from random instead of public weights.
         covers: whether to cover strokes that distinguish characters.
@@ -38,9 +43,9 @@ class Training:
         times: number of times that a batch is used, augmented anew each time.
     """
 
-    minutes: float
+    samples: int
     seed: int = 0
-    batch: int | None = None
+    batch: int = 16
     rate: float | None = None
     frozen_share: float = 0.35
     start: Path | None = None
@@ -57,7 +62,7 @@ class Task:
     Attributes:
         network: network to be trained.
         optimiser: optimiser of its weights; the learning rate of each group is its peak.
-        batches: endless batches to learn from.
+        batches: endless batches to learn from, from a step on.
         loss: loss of a batch; the generator, on the network's device, is the only source of randomness.
         measure: returns a figure on held-out samples (lower is better), and the result in words.
         write: writes the network to an ONNX file.
@@ -66,7 +71,7 @@ class Task:
 
     network: nn.Module
     optimiser: torch.optim.Optimizer
-    batches: Iterable[Any]
+    batches: Callable[[int], Iterable[Any]]
     loss: Callable[[Any, torch.Generator], Tensor]
     measure: Callable[[Any], tuple[float, dict[str, Any]]]
     write: Callable[[Path], None]
@@ -89,29 +94,36 @@ def fit(
     average_steps: int = 8,
     average_share: float = 0.01,
     report_steps: int = 50,
+    save_s: float = 300.0,
     measure_s: float = 1500.0,
 ) -> None:
-    """Train until the time is over, and write the better of the last weights and their running mean.
+    """Train on all samples, and write the better of the last weights and their running mean.
 
     Args:
         task: task of the network.
         how: settings.
-        out: ONNX file; the torch weights are written beside it.
+        out: ONNX file; the torch weights are written beside it, and until the end the state of the run.
         log: file to which each report adds a line of JSON.
         average_steps, average_share: steps between two updates of the running mean, and the weight of an update.
-        report_steps, measure_s: steps between two reports, and seconds between two reports with a measurement.
+        report_steps: steps between two reports.
+        save_s, measure_s: seconds between two saved states, and between two reports with a measurement.
     """
-    network, weights_at = task.network, out.with_suffix(".pt")
+    network, weights_at, state_at = task.network, out.with_suffix(".pt"), out.with_suffix(".state.pt")
     for path in (out, log):
         path.parent.mkdir(parents=True, exist_ok=True)
-    draw = torch.Generator(next(network.parameters()).device).manual_seed(how.seed)
+    draw = torch.Generator(next(network.parameters()).device)
     average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - average_share))
-    begun = measured = time.monotonic()
-    share = 0.0
+    step, share, losses = 0, 0.0, list[Tensor]()
+    if state_at.exists():
+        step = _restore(state_at, task, average)
+        _report(log, {"resumed at": step * how.batch})
+    else:
+        _report(log, {"start": task.measure(network)[1]})
+    draw.manual_seed(how.seed + step)
     rates = LambdaLR(task.optimiser, lambda _: _rate(share))
-    losses: list[Tensor] = []
-    for batch in task.batches:
-        share = (time.monotonic() - begun) / (60.0 * how.minutes)
+    saved = measured = time.monotonic()
+    for batch in task.batches(step):
+        share = step * how.batch / how.samples
         if share >= 1.0:
             break
         for weights in task.early:
@@ -122,32 +134,53 @@ def fit(
         nn.utils.clip_grad_norm_(network.parameters(), 2.0)
         task.optimiser.step()
         rates.step()
-        losses.append(loss.detach())
-        if len(losses) % average_steps == 0:
+        step += 1
+        losses = [*losses[1 - 2 * report_steps :], loss.detach()]
+        if step % average_steps == 0:
             average.update_parameters(network)
-        if len(losses) % report_steps == 0:
-            mean = float(torch.stack(losses[-2 * report_steps :]).mean())
+        if time.monotonic() - saved > save_s:
+            saved = time.monotonic()
+            _save(state_at, task, average, step)
+        if step % report_steps == 0:
             line: dict[str, Any] = {
-                "minutes": round(share * how.minutes, 1),
-                "steps": len(losses),
-                "loss": round(mean, 4),
+                "samples": step * how.batch,
+                "loss": round(float(torch.stack(losses).mean()), 4),
             }
             if time.monotonic() - measured > measure_s:
                 measured = time.monotonic()
-                line["held out"] = task.measure(network)[1]
+                line["held out"] = task.measure(average.module)[1]
                 torch.save(average.module.state_dict(), weights_at)
             _report(log, line)
     (last, last_words), (smooth, smooth_words) = task.measure(network), task.measure(average.module)
     if smooth < last:
         network.load_state_dict(average.module.state_dict())
     torch.save(network.state_dict(), weights_at)
-    _report(log, {"last": last_words, "steps": len(losses)})
-    _report(log, {"average": smooth_words, "steps": len(losses)})
+    _report(log, {"last": last_words, "samples": step * how.batch})
+    _report(log, {"average": smooth_words, "samples": step * how.batch})
     task.write(out)
+    state_at.unlink(missing_ok=True)
+
+
+def _save(path: Path, task: Task, average: AveragedModel, step: int) -> None:
+    """Save the state of a run; the file of before stays whole until the new one is."""
+    state = {
+        "network": task.network.state_dict(), "average": average.state_dict(),
+        "optimiser": task.optimiser.state_dict(), "step": step,
+    }  # fmt: skip
+    with replacing(path) as file:
+        torch.save(state, file)
+
+
+def _restore(path: Path, task: Task, average: AveragedModel) -> int:
+    state = torch.load(path, weights_only=True, map_location=DEVICE)
+    task.network.load_state_dict(state["network"])
+    average.load_state_dict(state["average"])
+    task.optimiser.load_state_dict(state["optimiser"])
+    return int(state["step"])
 
 
 def _rate(share: float, *, first: float = 0.03) -> float:
-    """Learning rate after a share of the time, as a share of its peak: linear warm-up, then a cosine decay."""
+    """Learning rate after a share of the samples, as a share of its peak: linear warm-up, then a cosine decay."""
     return (
         share / first if share < first else 0.5 * (1.0 + math.cos(math.pi * (share - first) / (1.0 - first)))
     )

@@ -23,12 +23,15 @@ from glyphs.stamping.dies import DIES
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.plates import PLATES
 from recognition.experts.recogniser import CHARACTERS
+from recognition.learning.parametric_face import draw_face, draw_style
 from recognition.learning.training_fonts import has_small_letters
 from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
-from whisker_array.whisker.touch import default_touch
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.touch import Touch, default_touch
 
 SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
 _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
@@ -37,8 +40,6 @@ _PHOTOS = 6
 """Photographs of a part; together they take a quarter of the time of its scan."""
 _DOTTED = 0.25
 """Share of parts with a dotted font: these are the hardest to read."""
-_BUILTIN = 0.2
-"""Share of the other parts that have a built-in font."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,27 @@ def draw_text(font: Font, rng: np.random.Generator) -> str:
     return text
 
 
+def draw_font(
+    fonts: Sequence[Path], rng: np.random.Generator, *, builtin: float = 0.2, parametric: float = 0.3
+) -> Font:
+    """Draw a built-in font, a parametric face, or the font of a file.
+
+    Args:
+        fonts: font files to choose from.
+        rng: the only source of randomness.
+        builtin: share of built-in fonts.
+        parametric: share of parametric faces among the others.
+
+    Raises:
+        FontError: a file that cannot be used.
+    """
+    if rng.random() < builtin:
+        return load_font(str(rng.choice(BUILTIN_FONTS)))
+    if rng.random() < parametric:
+        return draw_face(draw_style(rng))
+    return load_font(fonts[int(rng.integers(len(fonts)))])
+
+
 def draw_part(
     fonts: Sequence[Path],
     rng: np.random.Generator,
@@ -91,11 +113,9 @@ def draw_part(
         MarksError: the drawn part is impossible; draw again.
     """
     dotted = rng.random() < _DOTTED
-    builtin = rng.random() < (0.5 if dotted else _BUILTIN)
-    name = str(rng.choice(BUILTIN_FONTS)) if builtin else str(fonts[int(rng.integers(len(fonts)))])
-    font = load_font(name)
+    font = draw_font(fonts, rng, builtin=0.5 if dotted else 0.2)
     text = draw_text(font, rng)
-    if dotted and (not builtin or rng.random() < 0.4):
+    if dotted and (font.name not in BUILTIN_FONTS or rng.random() < 0.4):
         font = dotted_font(font, text, rng=rng)
     else:
         font = _widen(font, text, float(np.exp(rng.normal(0.0, wider))))
@@ -150,9 +170,7 @@ def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> S
     # pointwise: share of scans by the pointwise map, which takes a fifth of the time of contact.
     surface = level(part.height_map)
     believed_mm = part.height_mm * float(np.exp(rng.normal(0.0, 0.2)))
-    touch = default_touch(believed_mm)
-    if rng.random() >= 0.6:  # worn
-        touch = replace(touch, tip_radius_mm=touch.tip_radius_mm * float(rng.uniform(1.0, 2.5)))
+    touch = draw_touch(believed_mm, rng)
     lines = 40 if rng.random() < 0.5 else int(np.exp(rng.uniform(np.log(10.0), np.log(40.0))))
     count = 4 if rng.random() < 0.6 else int(rng.integers(1, 4))
     directions = tuple(ALL_DIRECTIONS[i] for i in sorted(rng.permutation(len(ALL_DIRECTIONS))[:count]))
@@ -167,4 +185,50 @@ def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> S
         lead_mm=0.3 * believed_mm,
     )
     fidelity = Fidelity.POINTWISE if rng.random() < pointwise else Fidelity.CONTACT
-    return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, soil=part.soil)
+    sensor = _draw_sensors(touch, plan.array.n_whiskers, rng)
+    return trace_scan(
+        surface, touch=touch, plan=plan, fidelity=fidelity, soil=part.soil, sensor=sensor, rng=rng
+    )
+
+
+def draw_touch(height_mm: float, rng: np.random.Generator, *, usual: float = 0.4, worn: float = 0.4) -> Touch:
+    """Draw a whisker and its preload for characters of a height.
+
+    Args:
+        height_mm: character height.
+        rng: the only source of randomness.
+        usual: share of touches with the default whisker; the others range from nearly straight ones to feet of a
+            third of the beam, with sensors from the clamp down to the foot, at preloads of half to one and a half of
+            the default.
+        worn: share of tips that are up to two and a half times as large as new.
+    """
+    touch = default_touch(height_mm)
+    if rng.random() >= usual:
+        whisker = default_whisker(height_mm)
+        foot_mm = whisker.l1_mm * float(np.exp(rng.uniform(np.log(0.03), np.log(0.33))))
+        sensor_mm = foot_mm * float(rng.choice([0.0, 1.0, rng.uniform(0.0, 1.0)]))
+        touch = touch.with_whisker(replace(whisker, l2_mm=foot_mm, l3_mm=sensor_mm))
+        touch = replace(touch, preload_mm=touch.preload_mm * float(rng.uniform(0.5, 1.5)))
+    if rng.random() < worn:
+        touch = replace(touch, tip_radius_mm=touch.tip_radius_mm * float(rng.uniform(1.0, 2.5)))
+    return touch
+
+
+def _draw_sensors(
+    touch: Touch,
+    whiskers: int,
+    rng: np.random.Generator,
+    *,
+    ideal: float = 0.4,
+    range_land_moments: float = 3.0,
+) -> SensorChain | None:
+    # range_land_moments: range of the converter; edges of the usual whisker reach twice the moment on the land.
+    if rng.random() < ideal:
+        return None
+    return draw_sensor_chain(
+        whiskers,
+        rng=rng,
+        full_scale_n_mm=range_land_moments * abs(touch.land_moment_n_mm()),
+        memory=False,
+        noise=2e-4 * float(np.exp(rng.uniform(0.0, np.log(10.0)))),
+    )

@@ -47,8 +47,9 @@ from recognition.learning.training_samples import (
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import LAYERS, View, heights_view
 
+STEPS = 60
 TEXTS = ("K7", "7K", "B2", "2B", "KB", "BK", "72", "27")
-TOY = Training(minutes=0.5, batch=8, frozen_share=0.0)
+TOY = Training(samples=8 * STEPS, batch=8, frozen_share=0.0)
 READ_SHARE = 0.75
 """Of the characters that it was trained on."""
 
@@ -145,8 +146,8 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
         many,
         "--held-out",
         folder,
-        "--minutes",
-        0.02,
+        "--samples",
+        32,
         "--seed",
         3,
         "--threads",
@@ -161,7 +162,7 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
 
 
 def test_fewer_strips_than_a_batch_are_refused(folder: Path, tmp_path: Path) -> None:
-    how = Training(minutes=0.1, batch=99)
+    how = Training(samples=99, batch=99)
     with pytest.raises(ValueError, match="8 strips are fewer than a batch of 99"):
         train(
             "recogniser",
@@ -283,7 +284,7 @@ def test_the_finder_is_trained_by_the_same_command(tmp_path: Path) -> None:
     write_samples(tmp_path / "views" / "0.npz", views)
     out, log = tmp_path / "finder.onnx", tmp_path / "finder.log"
     given = ["finder", "--learn-from", tmp_path / "views", "--held-out", tmp_path / "views"]
-    given += ["--minutes", 0.05, "--batch", 2, "--threads", 1, "--out", out, "--log", log]
+    given += ["--samples", 20, "--batch", 2, "--threads", 1, "--out", out, "--log", log]
     run_train(*given)
     assert [next(iter(line)) for line in lines(log)[-2:]] == ["last", "average"]
     network = Finder()

@@ -1,0 +1,139 @@
+"""Recover the torch weights of the recogniser from its eight-bit ONNX file, to train on from them::
+
+    python -m recognition.learning.recover --out start.pt
+
+    weights --export, join layers--> numbers of the file
+
+These are linear in the weights, so two exports give slope and offset of each. Rounding to eight bits is all that is lost.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from cyclopts import run
+from numpy.typing import NDArray
+
+from glyphs.errors import MarksError
+from recognition.experts.recogniser import CHARACTERS
+from recognition.learning.network import Recogniser
+from recognition.learning.public_start import load_start
+from recognition.learning.quantise import prepare
+from recognition.learning.train_recogniser import export_float
+
+Numbers = NDArray[np.float32]
+
+PUBLISHED = Path(__file__).parents[1] / "experts" / "recogniser.onnx"
+_GATES = ("7", "33", "47", "61", "81")
+"""Numbers of the constants that are the biases of the five squeeze-and-excitation gates, in order."""
+_FIRST_JOINED = 54
+"""First of the convolutions that the export joins with their normalisation."""
+
+
+def recover(source: Path = PUBLISHED) -> Recogniser:
+    """Return the network whose export is an ONNX file.
+
+    Args:
+        source: file written by `recognition.learning.quantise`.
+
+    Raises:
+        MarksError: the public network is not installed, or the file has another structure.
+    """
+    network = Recogniser(load_start(), CHARACTERS)
+    # scales of normalisation multiply the weights before them, so these alone can stand for both
+    weights = {name: w for name, w in network.named_parameters() if not _is_scale(name)}
+    before = {name: _laid(name, w) for name, w in weights.items()}
+    first = _exported(network)
+    with torch.no_grad():
+        for values in weights.values():
+            values += 0.1 * values.abs().mean() + 1e-3
+    after, second, wanted = (
+        {name: _laid(name, w) for name, w in weights.items()},
+        _exported(network),
+        _numbers(source),
+    )
+    for name, values in weights.items():
+        key = _key(name, first)
+        if key not in wanted or wanted[key].size != values.numel():
+            raise MarksError(f"{source.name} holds no {name}", hint="use a file written by this version")
+        start, slope = first[key].ravel(), second[key].ravel() - first[key].ravel()
+        share = (wanted[key].ravel() - start) / slope
+        numbers = before[name] + share * (after[name] - before[name])
+        shape = values.T.shape if name == "head.weight" else values.shape
+        laid = torch.from_numpy(numbers.astype(np.float32)).reshape(shape)
+        with torch.no_grad():
+            values.copy_(laid.T if name == "head.weight" else laid)
+    return network
+
+
+def _is_scale(name: str) -> bool:
+    return "BatchNormalization" in name and name.endswith("weight")
+
+
+def _laid(name: str, values: torch.Tensor) -> Numbers:
+    """Copy weights to a flat array in the order of the ONNX file, which holds the head's transposed."""
+    laid = values.T if name == "head.weight" else values
+    return laid.detach().numpy().copy().ravel()
+
+
+def _key(name: str, exported: Mapping[str, Numbers]) -> str:
+    """Find the name under which the file holds some weights."""
+    suffix = name.rsplit("_", 1)[-1]
+    if suffix in _GATES:
+        return f"ConvMulFusion_Mul_B_/body/HardSigmoid/{_GATES.index(suffix)}/Constant_output_0"
+    joined = [key for key in exported if key.endswith(name)]
+    if joined:
+        return joined[0]
+    numbered = sorted((key for key in exported if key.startswith("onnx::Conv_")), key=_number)
+    if name == "head.weight":
+        return next(key for key in exported if key.startswith("onnx::MatMul_"))
+    if name.startswith("body.BatchNormalization/"):
+        return numbered[2 * _number(name.removesuffix(".bias")) + 1]
+    return numbered[2 * (_number(name.removesuffix(".weight")) - _FIRST_JOINED)]
+
+
+def _number(name: str) -> int:
+    return int(re.split(r"[_/]", name)[-1])
+
+
+def _exported(network: Recogniser) -> dict[str, Numbers]:
+    """Numbers of a network's floating-point export, by name."""
+    with tempfile.TemporaryDirectory() as folder:
+        whole, prepared = Path(folder, "whole.onnx"), Path(folder, "prepared.onnx")
+        export_float(network, whole)
+        prepare(whole, prepared)
+        return _numbers(prepared)
+
+
+def _numbers(path: Path) -> dict[str, Numbers]:
+    """Constants of an ONNX file by name, eight bits as the numbers that they stand for."""
+    import onnx
+
+    held = {one.name: onnx.numpy_helper.to_array(one) for one in onnx.load(str(path)).graph.initializer}
+    numbers = {name: values for name, values in held.items() if values.dtype == np.float32}
+    for name in held:
+        if name.endswith("_quantized"):
+            plain = name.removesuffix("_quantized")
+            values = held[name].astype(np.float32)
+            scale = next(held[key] for key in (f"{name}_scale", f"{plain}_scale") if key in held)
+            numbers[plain] = values * scale.reshape(-1, *(1 for _ in values.shape[1:]))
+    return numbers
+
+
+def main(*, out: Path, source: Path = PUBLISHED) -> None:
+    """Write the torch weights of an eight-bit recogniser.
+
+    Args:
+        out: file of torch weights to write.
+        source: ONNX file (default: the recogniser of this program).
+    """
+    torch.save(recover(source).state_dict(), out)
+
+
+if __name__ == "__main__":
+    run(main)
