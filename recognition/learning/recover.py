@@ -4,7 +4,7 @@
 
     weights --export, join layers--> numbers of the file
 
-These are linear in the weights, so two exports give slope and offset of each. Rounding to eight bits is all that is lost.
+These are linear in the weights, so two exports give slope and offset of each. Only the rounding to eight bits is lost.
 """
 
 from __future__ import annotations
