@@ -22,6 +22,7 @@ from typing import Any
 from glyphs.fonts.serials import FormatError
 from recognition.language.check_digits import CheckDigit
 from recognition.language.elements import elements_format
+from recognition.language.expression import MOST_CHARACTERS, too_many_characters
 from recognition.language.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
 
 _FIELDS = {"mask": "format", "re": "expression", "fields": "expression", "sets": "sets", "vin": "sets"}
@@ -100,6 +101,8 @@ def _sets(text: str) -> tuple[str, ...]:
         elif len(token) == 3:
             if token[0] > token[2]:
                 raise FormatError(f"the range {token} in {text!r} runs backwards", hint="swap its ends")
+            if ord(token[2]) - ord(token[0]) >= MOST_CHARACTERS:
+                raise too_many_characters(text)
             here += "".join(chr(k) for k in range(ord(token[0]), ord(token[2]) + 1))
         else:
             here += token[-1]
