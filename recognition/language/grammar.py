@@ -181,7 +181,13 @@ class Grammar:
         for part in self._parts():
             if not _core_accepts(part, plain):
                 broken.append(f"it does not fit {part}")
-        broken.extend(f"the check digit {check} is wrong" for check in self.checks if not check.holds(plain))
+        broken.extend(
+            f"{check} has {check.length} characters"
+            if check.length not in (None, len(plain))
+            else f"the check digit {check} is wrong"
+            for check in self.checks
+            if not check.holds(plain)
+        )
         return tuple(broken)
 
     def _parts(self) -> list[Grammar]:

@@ -145,6 +145,13 @@ def test_a_sure_reading_that_breaks_the_check_digit_is_not_made_sure() -> None:
     assert choice.probability < 0.1
 
 
+@pytest.mark.parametrize("vin", ["WVWZZZ1KZAW000871", "VF1BB05CF12345678", "JN1TANT31U0012345"])
+def test_a_vin_of_a_region_without_a_check_digit_is_read_as_it_stands(vin: str) -> None:
+    choice = choose(sure(vin, chars=ALPHABET, belief=0.995, nothing=0.002), Grammar.parse("vin"))
+    assert choice.text == vin
+    assert choice.probability > 0.9
+
+
 def test_blind_pairs_that_are_believed_in_are_warned_of() -> None:
     grammar = Grammar.parse("vin")
     vin = "1M8GDM9AXKP042788"
