@@ -336,8 +336,8 @@ class ReadSettings(MapSettings):
     ] = ()
     """Format of the serials; may be repeated, all must hold. For example AA999999 (A is a letter, a a small letter, 9 a
     digit, * A or 9, a blank a word gap; any other character, and any after a \\, stands for itself), re:EXPRESSION,
-    sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin, or
-    check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
+    sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin
+    (vin-na: with its check digit everywhere), or check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
     lexicon: Path | None = None
     """File of all serials that exist, one per line; # starts a comment."""
     check: Annotated[Names, AfterValidator(_few), _where_given(_check_digits)] = ()

@@ -4,7 +4,9 @@ Every built-in rule has a remainder that each character updates; the text is val
 ends at one value. `stdnum:NAME` uses python-stdnum, which can only check a whole text.
 
     rule              text                                              source
-    vin               17 of A-Z 0-9 without I O Q, ninth 0-9 or X       49 CFR 565.15, ISO 3779
+    vin               17 of A-Z 0-9 without I O Q; as vin-na if the     ISO 3779, 49 CFR 565.15, GB 16735
+                      first is 1 to 5 or L (North America, China)
+    vin-na            17 of A-Z 0-9 without I O Q, ninth 0-9 or X       49 CFR 565.15
     luhn              digits                                            ISO/IEC 7812-1 annex B
     gs1               digits (GTIN-8, -12, -13, -14, SSCC)              GS1 General Specifications 7.9
     iso7064mod11_2    digits, the last may be X                         ISO 7064 pure systems
@@ -132,7 +134,7 @@ class CheckDigit:
         rule, looked_at = self._rule(), self._looked_at(n_places)
         good = np.zeros(rule.modulus, dtype=bool)
         if looked_at >= rule.least_places and rule.length in (None, looked_at):
-            good[rule.good] = True
+            good[list(rule.good)] = True
         return good
 
     def _looked_at(self, n_places: int) -> int:

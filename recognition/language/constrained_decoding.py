@@ -98,7 +98,7 @@ def choose(
     log_z = strings.log_mass(log) if strings is not None else -math.inf
     if strings is None or log_z == -math.inf:
         return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0)
-    inside = np.array([[c in place for c in chars] for place in strings.places()])
+    inside = np.array([[c in place for c in chars] for place in strings.places])
     log_allowed = np.logaddexp.reduce(np.where(inside, log, -math.inf), axis=1)
     nothing = _nothing(log)
     log_n = _log_with_holes(log_allowed, nothing)

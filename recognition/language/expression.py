@@ -28,6 +28,8 @@ MOST_LENGTH = 500
 """Most characters of an expression."""
 MOST_PLACES = 64
 """Longest serial that is considered."""
+MOST_CHARACTERS = 200
+"""Most different characters of a format. No recogniser knows as many, and each takes memory in every state."""
 MOST_NODES, MOST_STATES = 20_000, 4_000
 """Most nodes of an expression with its repeats written out, and most states of its machine."""
 MOST_STEPS = 2_000_000
@@ -132,7 +134,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
             state = net.reachable(frozenset(after_all))
             if state not in numbers:
                 if len(numbers) >= MOST_STATES:
-                    raise FormatError(f"{pattern!r} is too complex", hint="give mask: or sets: instead")
+                    raise _too_complex(pattern, f"is too complex: it needs more than {MOST_STATES:,} states")
                 numbers[state] = len(numbers)
                 waiting.append(state)
             row[alike[of]] = numbers[state]
@@ -144,9 +146,21 @@ def written_characters(pattern: str) -> Chars:
     """All characters that an expression names, one by one, in a range or as `\\d`.
 
     Raises:
-        FormatError: not an expression.
+        FormatError: not an expression, or one with more than `MOST_CHARACTERS`.
     """
-    return frozenset(_written(_parse(pattern)))
+    written = set()
+    for char in _written(_parse(pattern)):
+        written.add(char)
+        if len(written) > MOST_CHARACTERS:
+            raise too_many_characters(pattern)
+    return frozenset(written)
+
+
+def too_many_characters(format: str) -> FormatError:
+    """The error about a format with more than `MOST_CHARACTERS`."""
+    return FormatError(
+        f"{format[:80]!r} has more than {MOST_CHARACTERS} different characters", hint="name those that occur"
+    )
 
 
 def _parse(pattern: str) -> Any:
@@ -160,6 +174,10 @@ def _parse(pattern: str) -> Any:
         return _parser.parse(_BODY.fullmatch(pattern)[1])  # type: ignore[index]
     except (re.error, OverflowError, RecursionError) as error:
         raise FormatError(f"{pattern!r} is not a regular expression: {error}") from error
+
+
+def _too_complex(pattern: str, why: str) -> FormatError:
+    return FormatError(f"{pattern!r} {why}", hint="give mask: or sets: instead")
 
 
 class _Net:
@@ -180,7 +198,7 @@ class _Net:
 
     def node(self, *free: int) -> int:
         if len(self.free) >= MOST_NODES:
-            raise FormatError(f"{self.text!r} repeats too much", hint="give mask: or sets: instead")
+            raise _too_complex(self.text, f"repeats too much: written out it has more than {MOST_NODES:,} characters")
         self.free.append(list(free))
         return len(self.free) - 1
 
@@ -242,7 +260,7 @@ class _Net:
             on = self.free[waiting.pop()]
             self.steps += 1 + len(on)
             if self.steps > MOST_STEPS:
-                raise FormatError(f"{self.text!r} is too complex", hint="give mask: or sets: instead")
+                raise _too_complex(self.text, f"is too complex: it needs more than {MOST_STEPS:,} steps")
             for node in on:
                 if node not in seen:
                     seen.add(node)

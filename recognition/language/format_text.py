@@ -7,7 +7,8 @@ More than one may be given, and all must hold:
     re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
     sets:AB,0-9,0-9          characters per place; \\ makes the next one stand for itself
     fields:MFR/SER AA9999    text elements and GS1 identifiers by name, see `recognition.language.elements`
-    vin                      17 characters with the check digit of 49 CFR 565.15
+    vin                      vehicle identification number; its check digit must hold if it is of North America or China
+    vin-na                   vehicle identification number with the check digit of 49 CFR 565.15
     check:luhn               only a check digit
     ...+check=RULE           and a check digit, see `recognition.language.check_digits`
     ...+exclude=IOQ          without these characters, except where a mask: has them literally
@@ -22,9 +23,9 @@ from typing import Any
 from glyphs.fonts.serials import FormatError
 from recognition.language.check_digits import CheckDigit
 from recognition.language.elements import elements_format
-from recognition.language.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
+from recognition.language.expression import MOST_CHARACTERS, too_many_characters
 
-_FIELDS = {"mask": "format", "re": "expression", "fields": "expression", "sets": "sets", "vin": "sets"}
+_FIELDS = {"mask": "format", "re": "expression", "fields": "expression", "sets": "sets"}
 """The field of a grammar that each kind of format sets."""
 
 
@@ -47,9 +48,7 @@ def parts_of(texts: Iterable[str]) -> dict[str, Any]:
             raise FormatError(f"the format has two of {name}", hint="give each kind once")
         else:
             given[field] = _sets(rest) if field == "sets" else rest
-        if kind == "vin":
-            checks.append(CheckDigit("vin"))
-        elif kind == "fields":
+        if kind == "fields":
             given["elements"] = rest
             given["expression"], more = elements_format(rest)
             checks.extend(more)
@@ -73,15 +72,13 @@ def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
 def _kind(body: str) -> tuple[str, str]:
     """Split a format into its kind and the text after the colon."""
     kind, colon, rest = body.partition(":")
-    if body == "vin":
-        return "vin", ",".join(
-            DIGITS + "X" if k == VIN_CHECK_PLACE else VIN_CHARACTERS for k in range(VIN_LENGTH)
-        )
+    if body in ("vin", "vin-na"):
+        return "check", body
     if not colon or kind not in ("mask", "re", "sets", "check", "fields"):
         if not body:
             raise FormatError(
                 "the format is empty",
-                hint="write for example AA999999, or re:, sets:, fields:, vin or check:",
+                hint="write for example AA999999, or re:, sets:, fields:, vin, vin-na or check:",
             )
         return "mask", body
     if not rest:
@@ -100,6 +97,8 @@ def _sets(text: str) -> tuple[str, ...]:
         elif len(token) == 3:
             if token[0] > token[2]:
                 raise FormatError(f"the range {token} in {text!r} runs backwards", hint="swap its ends")
+            if ord(token[2]) - ord(token[0]) >= MOST_CHARACTERS:
+                raise too_many_characters(text)
             here += "".join(chr(k) for k in range(ord(token[0]), ord(token[2]) + 1))
         else:
             here += token[-1]

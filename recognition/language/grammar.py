@@ -16,7 +16,13 @@ from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.language.automaton import Automaton, Machine, Strings, WordList, encode, unroll
 from recognition.language.check_digits import CheckDigit
 from recognition.language.elements import names_before_gaps
-from recognition.language.expression import MOST_PLACES, expression_machine, written_characters
+from recognition.language.expression import (
+    MOST_CHARACTERS,
+    MOST_PLACES,
+    expression_machine,
+    too_many_characters,
+    written_characters,
+)
 from recognition.language.format_text import parts_of
 from recognition.language.remainders import ALPHANUMERIC
 
@@ -56,8 +62,14 @@ class Grammar:
             if not words or len(words) > MOST_WORDS:
                 raise FormatError(f"the lexicon has {len(words)} serials", hint=f"give 1 to {MOST_WORDS}")
             object.__setattr__(self, "lexicon", words)
+        if len(self.characters) > MOST_CHARACTERS:
+            raise too_many_characters(str(self))
         lengths = self.lengths()
-        if lengths is None or any(not self.strings(n).empty for n in sorted(lengths)):
+        # the longest serials need the most states: a format that is too complex is refused here, not while it is read
+        longest = MOST_PLACES if lengths is None else max(lengths, default=0)
+        if not self.strings(longest).empty or lengths is None:
+            return
+        if any(not self.strings(n).empty for n in sorted(lengths)):
             return
         raise FormatError(
             f"no serial meets {self}",
@@ -141,7 +153,7 @@ class Grammar:
         May include too many if a check digit can only be tested on whole texts.
         """
         strings = self.strings(n_places)
-        return None if strings.empty else strings.places()
+        return None if strings.empty else strings.places
 
     @property
     def fixed_places(self) -> tuple[str, ...] | None:
@@ -169,7 +181,13 @@ class Grammar:
         for part in self._parts():
             if not _core_accepts(part, plain):
                 broken.append(f"it does not fit {part}")
-        broken.extend(f"the check digit {check} is wrong" for check in self.checks if not check.holds(plain))
+        broken.extend(
+            f"{check} has {check.length} characters"
+            if check.length not in (None, len(plain))
+            else f"the check digit {check} is wrong"
+            for check in self.checks
+            if not check.holds(plain)
+        )
         return tuple(broken)
 
     def _parts(self) -> list[Grammar]:
@@ -224,7 +242,7 @@ def _characters(grammar: Grammar) -> tuple[str, ...]:
     return tuple(sorted(known - {" "}))
 
 
-@lru_cache(maxsize=128)
+@lru_cache(maxsize=32)
 def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings:
     machines: list[Machine] = [c for c in grammar.checks if c.remainder is not None]
     if grammar.format is not None:

@@ -3,7 +3,7 @@
 A search can update it character by character, and sum over all valid texts without listing them
 (`recognition.language.automaton`).
 Sources: ISO 7064 (pure and hybrid systems), ISO/IEC 7812-1 annex B (Luhn), GS1 General Specifications 7.9,
-49 CFR 565.15 (vehicle identification numbers).
+49 CFR 565.15 and GB 16735-2019 (vehicle identification numbers), ISO 3780 (their first characters).
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ VIN_VALUES = dict(
     zip("0123456789ABCDEFGHJKLMNPRSTUVWXYZ", map(int, "012345678912345678123457923456789"), strict=True)
 )
 """49 CFR 565.15 table III."""
+VIN_CHECKED = "12345L"
+"""First characters of the regions whose rules ask for the check digit: North America and China (ISO 3780). Elsewhere
+the ninth place is free, as ISO 3779 leaves it, and many makers fill it with a Z."""
 
 Remainders = NDArray[np.int64]
 
@@ -39,7 +42,7 @@ class Remainder:
         step: function of a character, its place and the number of places; returns (modulus,) the next remainder for
             each remainder, or None if the character is not allowed there.
         first: the remainder before the first character.
-        good: the remainder of a valid text.
+        good: the remainders of a valid text.
         least_places: length of the shortest text with a check digit.
         length: the only length of a valid text; None if any.
     """
@@ -48,7 +51,7 @@ class Remainder:
     modulus: int
     step: Callable[[str, int, int], Remainders | None]
     first: int = 0
-    good: int = 0
+    good: tuple[int, ...] = (0,)
     least_places: int = 2
     length: int | None = None
 
@@ -76,7 +79,7 @@ def pure_system(
         shift = radix**2 if check_figures and value > 9 else radix
         return (np.arange(modulus) * shift + value) % modulus
 
-    return Remainder(alphabet, modulus, step, good=1, least_places=1 + max(1, check_figures))
+    return Remainder(alphabet, modulus, step, good=(1,), least_places=1 + max(1, check_figures))
 
 
 def hybrid_system(alphabet: str) -> Remainder:
@@ -87,7 +90,7 @@ def hybrid_system(alphabet: str) -> Remainder:
     m = len(alphabet)
     held = np.array([m, *range(1, m)])
     return Remainder(
-        alphabet, m, lambda char, *_: (2 * held % (m + 1) + alphabet.index(char)) % m, first=m // 2, good=1
+        alphabet, m, lambda char, *_: (2 * held % (m + 1) + alphabet.index(char)) % m, first=m // 2, good=(1,)
     )
 
 
@@ -108,8 +111,19 @@ def _vin_step(char: str, place: int, n_places: int) -> Remainders | None:
     return (np.arange(11) + VIN_WEIGHTS[place] * VIN_VALUES[char]) % 11
 
 
+def _vin_step_by_region(char: str, place: int, n_places: int) -> Remainders:
+    """As `_vin_step`; 11 is the state of a VIN whose region asks for no check digit."""
+    if place == 0 and char not in VIN_CHECKED:
+        return np.full(12, 11)
+    checked = _vin_step(char, place, n_places)
+    return np.append(np.full(11, -1) if checked is None else checked, 11)
+
+
 REMAINDERS = {
-    "vin": Remainder(VIN_CHARACTERS, 11, _vin_step, least_places=VIN_LENGTH, length=VIN_LENGTH),
+    "vin": Remainder(
+        VIN_CHARACTERS, 12, _vin_step_by_region, good=(0, 11), least_places=VIN_LENGTH, length=VIN_LENGTH
+    ),
+    "vin-na": Remainder(VIN_CHARACTERS, 11, _vin_step, least_places=VIN_LENGTH, length=VIN_LENGTH),
     "luhn": every_second("0246813579"),  # doubled, and its digits summed
     "gs1": every_second("0369258147"),  # three times
     "iso7064mod11_2": pure_system(11, 2, DIGITS + "X", supplementary="X"),

@@ -197,7 +197,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ('mode = "smell"', "mode in .* is 'smell'.*'tactile'"),
         ("format = ''", "format in .* the format is empty; write for example"),
         ("format = ['AA99', 're:[']", r"format in .*toml"),
-        ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, luhn"),
+        ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, vin-na, luhn"),
         ("line = 'AAA99'", "line in .*'AAA99' is not a line; write NAME=FORMAT, such as lot=AAA99"),
         ("line = ['lot=A', 'lot=9']", "line in .* two lines are called lot"),
         ("line = {lot = 'check:luhm'}", "line in .* unknown check digit"),

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from stdnum import ean, luhn
 from stdnum.iso7064 import mod_11_2, mod_11_10, mod_37_2, mod_37_36, mod_97_10
@@ -51,8 +51,9 @@ def test_gs1_as_python_stdnum(body: str) -> None:
     assert not CheckDigit("gs1").holds(wrong)
 
 
-def test_vin() -> None:
-    check = CheckDigit.parse("vin")
+@pytest.mark.parametrize("name", ["vin", "vin-na"])
+def test_vin(name: str) -> None:
+    check = CheckDigit.parse(name)
     assert check.holds(VIN)
     assert check.holds("1" * 17)  # the well-known test number
     assert check.length == 17
@@ -66,7 +67,7 @@ def test_vin() -> None:
 def test_blind_pairs_by_trying_them() -> None:
     """Two characters are blind exactly when swapping them never changes whether a text holds."""
     rng = np.random.default_rng(2)
-    check = CheckDigit("vin")
+    check = CheckDigit("vin-na")
     pairs = blind_pairs(check, [VIN_CHARACTERS] * 17)
     assert all(place != 9 for *_, place in pairs)  # at the check digit itself it sees every one
     blind = {frozenset((one, other)) for one, other, _ in pairs}
@@ -83,7 +84,20 @@ def test_other_rules_see_every_single_error(name: str) -> None:
 
 
 def test_only_allowed_characters_are_paired() -> None:
-    assert blind_pairs(CheckDigit("vin"), ["2S", "2"] + ["0"] * 15) == {("2", "S", 1)}
+    assert blind_pairs(CheckDigit("vin-na"), ["2S", "2"] + ["0"] * 15) == {("2", "S", 1)}
+    # an S stands for Europe, where the check digit says nothing
+    assert blind_pairs(CheckDigit("vin"), ["2S", "2"] + ["0"] * 15) == set()
+
+
+@given(st.text(VIN_CHARACTERS, min_size=17, max_size=17))
+@example("WVWZZZ1KZAW000871")
+@example("LWVWZZZ1KZAW00087")
+@example(VIN)
+def test_only_north_america_and_china_check_a_vin(text: str) -> None:
+    by_region, strict = CheckDigit("vin"), CheckDigit("vin-na")
+    assert by_region.holds(text) == (text[0] not in "12345L" or strict.holds(text))
+    assert not by_region.holds(text[:-1])
+    assert not by_region.holds(text[:8] + "O" + text[9:])
 
 
 @pytest.mark.parametrize(
@@ -117,7 +131,7 @@ def test_places_outside_do_not_count() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("crc32", "known are vin, luhn"),
+        ("crc32", "known are vin, vin-na, luhn"),
         ("luhn@5-2", "looks at no place"),
         ("luhn@0-2", "looks at no place"),
         ("luhn@", "is not a check digit"),

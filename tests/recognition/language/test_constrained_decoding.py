@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -15,8 +16,10 @@ from stdnum import luhn
 from stdnum.iso7064 import mod_11_2, mod_37_36, mod_97_10
 
 from recognition.language.constrained_decoding import ROUNDING, blind_warnings, choose
+from recognition.language.elements import ELEMENTS
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.language.remainders import REMAINDERS
 
 EXACT = 1e-9
 """Relative: sums of some thousand products in another order."""
@@ -145,6 +148,13 @@ def test_a_sure_reading_that_breaks_the_check_digit_is_not_made_sure() -> None:
     assert choice.probability < 0.1
 
 
+@pytest.mark.parametrize("vin", ["WVWZZZ1KZAW000871", "VF1BB05CF12345678", "JN1TANT31U0012345"])
+def test_a_vin_of_a_region_without_a_check_digit_is_read_as_it_stands(vin: str) -> None:
+    choice = choose(sure(vin, chars=ALPHABET, belief=0.995, nothing=0.002), Grammar.parse("vin"))
+    assert choice.text == vin
+    assert choice.probability > 0.9
+
+
 def test_blind_pairs_that_are_believed_in_are_warned_of() -> None:
     grammar = Grammar.parse("vin")
     vin = "1M8GDM9AXKP042788"
@@ -200,3 +210,53 @@ def test_very_small_beliefs_do_not_vanish() -> None:
     assert choice.text == "BBBB"
     assert choice.rivals[0].probability == pytest.approx(choice.probability / 2.0, rel=1e-6)
     assert choice.valid_mass == 0.0
+
+
+FORMATS = (
+    None,
+    "vin",
+    "vin-na",
+    *(f"check:{name}" for name in REMAINDERS),
+    "check:stdnum:luhn",
+    "check:iso7064mod97_10+check=luhn@2-4",
+    *(f"fields:{name}" if name.isalpha() else f"fields:({name})" for name in ELEMENTS),
+    "fields:MFR/SER/PNR/LOT",
+    "re:(A+)+$",
+    "re:.*A.{9}",
+    r"re:([A-Z]{1,9}\d{1,9})+",
+    "re:(A|B|C{2,9}){1,12}D",
+    *(mask * 40 for mask in "Aa9*"),
+    "sets:" + ",".join(["0O8B6"] * 40),
+)
+"""Every named format, and masks, sets and expressions; masks and sets are cut to the length of the line."""
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    format=st.sampled_from(FORMATS),
+    places=st.integers(1, 40),
+    alphabet=st.sampled_from([ALPHABET, "01", "0O8B6"]),
+    levels=st.integers(1, 2),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_equally_likely_serials_of_any_length_take_no_longer(
+    format: str | None, places: int, alphabet: str, levels: int, seed: int
+) -> None:
+    """36^40 serials of one probability: the best are named within seconds, best first, and allowed."""
+    body = None if format is None else format[:places] if format[0] in "Aa9*" else format
+    if body is not None and body.startswith("sets:"):
+        body = body[: 5 + 6 * places - 1]
+    grammar = None if body is None else Grammar.parse(body)
+    chars = tuple(sorted({*alphabet, *("" if grammar is None else grammar.characters)}))
+    weight = np.random.default_rng(seed).integers(1, levels + 1, size=(places, len(chars)))
+    lattice = Lattice(chars, np.log(0.9 * weight / weight.sum(axis=1, keepdims=True)))
+    start = time.process_time()
+    choice = choose(lattice, grammar, k=6)
+    seconds = time.process_time() - start
+    named = [choice.text, *(rival.text for rival in choice.rivals)]
+    assert seconds < 3.0
+    assert len(set(named)) == len(named)
+    probabilities = [choice.probability, *(rival.probability for rival in choice.rivals)]
+    assert probabilities == sorted(probabilities, reverse=True)
+    if choice.text and grammar is not None:
+        assert all(map(grammar.allows, named))

@@ -54,12 +54,19 @@ def test_texts() -> None:
 
 
 def test_vin() -> None:
-    grammar = Grammar.parse("vin")
+    grammar = Grammar.parse("vin-na")
     places = grammar.places(17)
     assert places is not None
     assert grammar.lengths() == {17}
     assert set(places[8]) == set("0123456789X")
     assert all(set(p) == set(VIN_CHARACTERS) for k, p in enumerate(places) if k != 8)
+    assert grammar.allows("1M8GDM9AXKP042788")
+    assert grammar.objections("1M8GDM9AXKP042789") == ("the check digit vin-na is wrong",)
+    assert not grammar.allows("WVWZZZ1KZAW000871")
+    assert grammar.objections("1M8GDM9AXKP04278") == ("vin-na has 17 characters",)
+    grammar = Grammar.parse("vin")
+    assert grammar.places(17) == ("".join(VIN_CHARACTERS),) * 17
+    assert grammar.allows("WVWZZZ1KZAW000871")
     assert grammar.allows("1M8GDM9AXKP042788")
     assert grammar.objections("1M8GDM9AXKP042789") == ("the check digit vin is wrong",)
 
@@ -107,7 +114,8 @@ def test_objections_name_each_part_that_is_broken() -> None:
         (("   ",), "no serial meets"),
         (("mask:",), "nothing follows"),
         (("AA", "99"), "two of mask"),
-        (("vin", "sets:A,B"), "two of sets"),
+        (("sets:A,C", "sets:A,B"), "two of sets"),
+        (("vin", "sets:A,B"), "agree in length"),
         (("sets:AB,,1",), "place 2"),
         (("sets:9-0",), "runs backwards"),
         (("A9+check=crc",), "unknown check digit"),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import time
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from recognition.language.grammar import Grammar
@@ -66,6 +67,19 @@ def test_another_text_is_one_of_the_format_and_reads_back(text: str, way: Way, m
     back = other.text[::-1] if way.reverses else other.text
     assert all(c in images_of(o, way, exact=other.exact) for c, o in zip(text, back, strict=True))
     assert readable(text, way, grammar)
+
+
+@given(st.text("0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ", min_size=1, max_size=40), st.sampled_from(Way))
+@example("904817148332", Way.UPSIDE_DOWN)
+@example("1" * 40, Way.ROWS_REVERSED)
+@example("Z" * 40, Way.LEFT_RIGHT)
+@settings(max_examples=100, deadline=None)
+def test_long_texts_are_turned_as_fast_as_short_ones(text: str, way: Way) -> None:
+    """Each character has up to ten images, and a text of 40 some 10^20 others that are equally likely."""
+    start = time.process_time()
+    other = other_text(text, way, None)
+    assert time.process_time() - start < 1.0
+    assert other is None or (other.text != text and len(other.text) == len(text))
 
 
 @pytest.mark.parametrize(
