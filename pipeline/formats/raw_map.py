@@ -18,6 +18,8 @@ _APART, _FAR_APART = 2.0, 100.0
 # share of the points that may be missing, for the well-known heights and for other markers
 _MOST_MISSING, _MOST_OTHERS = 0.9, 0.2
 _SUBSAMPLE = 200_000
+# problem and hint of files of every format
+CUT_SHORT = ("is damaged: it ends too soon", "copy or export it again")
 
 
 @dataclass(frozen=True)
