@@ -197,10 +197,8 @@ class WorkerCalls:
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
-    """The answer after lost workers; it blames the part only for time that the part took of a processor."""
+    """The answer after lost workers; it does not blame the part, because a limit or this program may be the cause."""
     later = {"Retry-After": "60"}
-    if error.spent:
-        return Problem(422, f"{error}; crop or thin it, or make it simpler")
     if error.timed_out:
         return Problem(503, f"{error}; send it again later, or a smaller file", headers=later)
     if error.crashed and lost > 1:

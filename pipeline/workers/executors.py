@@ -32,7 +32,6 @@ class WorkerLostError(MarksError):
 
     Attributes:
         timed_out: whether the task exceeded its time limit; another try would hardly help.
-        spent: whether it used most of that time on a processor, so that a later try would take as long.
         crashed: whether the worker crashed, rather than being killed from outside.
         unstarted: whether no worker has begun the task, because none can start.
         tried: whether the task was retried already; another try is useful only if others were lost with it.
@@ -43,14 +42,12 @@ class WorkerLostError(MarksError):
         what: str,
         *,
         timed_out: bool = False,
-        spent: bool = False,
         crashed: bool = False,
         unstarted: bool = False,
         tried: bool = False,
     ) -> None:
         super().__init__(what)
-        self.timed_out, self.spent, self.crashed = timed_out, spent, crashed
-        self.unstarted, self.tried = unstarted, tried
+        self.timed_out, self.crashed, self.unstarted, self.tried = timed_out, crashed, unstarted, tried
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from typing import Any
 
 from glyphs.compiling import end_part, show_compiling
@@ -32,8 +31,6 @@ _THREADS = (
     *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
 )
 LOOK_S = 0.25
-# share of the time limit that a call must have had of a processor, for the call itself to be what took so long
-_SPENT_SHARE = 0.5
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
 _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
@@ -112,7 +109,7 @@ class Worker:
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)
-        until, began_s = time.monotonic() + timeout_s, _processor_s(self.process.pid)
+        until = time.monotonic() + timeout_s
         while not stopped():
             left_s = until - time.monotonic()
             ready = wait([self._pipe, self.process.sentinel], max(0.0, min(LOOK_S, left_s)))
@@ -127,8 +124,7 @@ class Worker:
                     f"the worker has ended (exit code {code})", crashed=code not in _FROM_OUTSIDE
                 )
             if left_s <= 0.0:
-                spent = _processor_s(self.process.pid) - began_s > _SPENT_SHARE * timeout_s
-                return WorkerLostError(late.format(f"{timeout_s:g}"), timed_out=True, spent=spent)
+                return WorkerLostError(late.format(f"{timeout_s:g}"), timed_out=True)
         return WorkerLostError("the workers are stopping")
 
     def kill(self) -> None:
@@ -143,15 +139,6 @@ class Worker:
             self.process.join(grace_s)
         self.kill()
         self.process.join()
-
-
-def _processor_s(pid: int | None) -> float:
-    """Processor time of a process; 0 where the system has no /proc."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
-    except OSError:
-        return 0.0
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 _EARLY: list[Worker] = []

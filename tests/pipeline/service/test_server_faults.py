@@ -106,10 +106,9 @@ def test_a_disk_that_is_nearly_full_is_not_ready(served: Served, monkeypatch: py
         ([WorkerLostError("killed")], 201),
         ([WorkerLostError("crashed", crashed=True)] * 2, 503),
         ([WorkerLostError("too long", timed_out=True)], 503),
-        ([WorkerLostError("too long", timed_out=True, spent=True)], 422),
     ],
 )
-def test_a_lost_worker_is_a_verdict_on_the_part_only_for_its_own_time(
+def test_a_lost_worker_is_no_verdict_on_the_part(
     served: Served, plate: bytes, losses: list[WorkerLostError], status: int
 ) -> None:
     service, client = served

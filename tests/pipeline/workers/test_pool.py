@@ -126,18 +126,8 @@ def test_job_that_takes_too_long_is_stopped(of_all: float, own: float | None) ->
     with WorkPool(1, timeout_s=of_all) as pool:
         with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s") as caught:
             pool.submit(time.sleep, PATIENCE_S, timeout_s=own).result(PATIENCE_S)
-        assert (caught.value.timed_out, caught.value.spent) == (True, False)
+        assert caught.value.timed_out
         assert pool.submit(os.getpid).result(PATIENCE_S)
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time is read from /proc")
-def test_a_job_that_works_too_long_has_spent_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.workers.process._SPENT_SHARE", 0.05)  # tests share the processors
-    with WorkPool(1, timeout_s=PATIENCE_S) as pool:
-        wait_until(pool.all_ready)
-        with pytest.raises(WorkerLostError) as caught:
-            pool.submit(pow, 3, 10**9, timeout_s=2.0).result(PATIENCE_S)
-        assert (caught.value.timed_out, caught.value.spent) == (True, True)
 
 
 def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
