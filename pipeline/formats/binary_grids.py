@@ -79,7 +79,9 @@ def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
         raise DataError(f"holds no heights: its values have the unit {unit!r}", "export the heights")
     z = _matrix(data, "<f4", end + 4 - end % 4, (rows, cols), most)
     pitches = float(head.get("XReal", 1.0)) / cols, float(head.get("YReal", 1.0)) / rows
-    return RawMap(z, *pitches, z_mm=MM[unit], xy_mm=MM.get(head.get("XYUnits", "")), rows_stated=True)
+    return RawMap(
+        z, *pitches, z_mm=MM[unit], xy_mm=MM.get(head.get("XYUnits", "")), rows_stated=True, unit=unit
+    )
 
 
 def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:

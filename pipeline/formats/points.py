@@ -11,6 +11,7 @@ import io
 import math
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +20,12 @@ from numpy.typing import NDArray
 from glyphs.compiled import kernel
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
-from pipeline.formats.raw_map import CUT_SHORT, RawMap, check_size, without_bad_points
+from pipeline.formats.raw_map import CUT_SHORT, PROFILE, RawMap, check_size, without_bad_points
 
 # of a LAS file: start and length of the points, and their number; scale and origin of x, y, z; their number from 1.4 on
 _LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d"), struct.Struct("<Q")
 # a head of LAS 1.4 up to the number of points; a usable file of an older version is longer, too
 _LAS_HEAD_BYTES = 255
-_PROFILE = ("is a profile: its points lie in one plane", "measure a surface")
 # of an STL file in binary
 _STL_HEAD_BYTES, _STL_FACE_BYTES = 84, 50
 # of a PLY file: most properties, and what Python takes for the end of a line
@@ -77,7 +77,8 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
         corners.append(np.asarray(geometry.vertices, dtype=np.float64))
         triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
         before += len(corners[-1])
-    return map_of_points(np.concatenate(corners), np.concatenate(triangles), most=most)
+    raw = map_of_points(np.concatenate(corners), np.concatenate(triangles), most=most)
+    return replace(raw, one_unit=True)
 
 
 def _check_ply(data: bytes, most: int) -> None:
@@ -89,9 +90,9 @@ def _check_ply(data: bytes, most: int) -> None:
     if end < 0 or data.count(b"property", 0, end) > _MOST_PROPERTIES:
         raise DataError("is damaged or not a PLY file (its head does not end)", "copy or export it again")
     declared = sum(int(count) for count in re.findall(rb"(?m)^element +\S+ +(\d{1,15})\s*$", data[:end]))
-    check_size(declared, 1, 3 * most)  # points, and faces of a closed body
     if declared > len(data) - end:
         raise DataError(*CUT_SHORT)
+    check_size(declared, 1, 3 * most)  # points, and faces of a closed body
     if b"ascii" in data[:100] and sum(data.count(sign, end) for sign in _LINE_ENDS) > 2 * declared + 1000:
         raise DataError("holds far more lines than it declares", "export it again")
 
@@ -180,9 +181,23 @@ def map_of_points(
     if known.sum() < 4:
         raise DataError(f"holds {known.sum()} points", "export the surface")
     if faces is None:
+        if _is_profile(at[known]):
+            raise DataError(*PROFILE)
         faces = np.empty((0, 3), dtype=np.int64)
     z, x_pitch, y_pitch = _on_grid(at[known]) or _grid_of_triangles(at, faces, known, most)
     return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
+
+
+def _is_profile(points: Points) -> bool:
+    """Whether x or y of the points grows or falls from each to the next, by about the same step.
+
+    A surface's points go back for each line, and scattered ones that are sorted have steps of any size.
+    """
+    if len(points) < _LEAST_GRID:
+        return False
+    steps = np.diff(points[:, :2], axis=0)
+    one_way = steps.min(axis=0) * steps.max(axis=0) >= 0.0
+    return bool((one_way & (steps.std(axis=0) < 0.5 * np.abs(steps.mean(axis=0)))).any())
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:
@@ -214,7 +229,7 @@ def _grid_of_triangles(
     """Heights of the uppermost triangles on a new grid, and its pitch for both axes."""
     width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
     if not min(width, height) > 0.0:
-        raise DataError(*_PROFILE)
+        raise DataError(*PROFILE)
     if len(faces):
         faces = faces[known[faces].all(axis=1)]
         pitch = float(np.median(_longest_sides(points, faces))) / math.sqrt(2.0)
@@ -230,7 +245,7 @@ def _grid_of_triangles(
         try:
             faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
         except QhullError as error:
-            raise DataError(*_PROFILE) from error
+            raise DataError(*PROFILE) from error
         faces = faces[_longest_sides(points, faces) < _GAP * pitch]
     rows, cols = int(height / pitch + 1e-6) + 1, int(width / pitch + 1e-6) + 1
     check_size(rows, cols, most)
