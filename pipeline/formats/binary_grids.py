@@ -1,8 +1,9 @@
-"""Heights in binary grids of other programs: Surfer (.grd), Gwyddion Simple Field (.gsf) and MATLAB (.mat)."""
+"""Heights in binary grids of Surfer (.grd), Gwyddion (.gsf), MATLAB (.mat), TrueMap (.tmd) and NanoFocus (.nms)."""
 
 from __future__ import annotations
 
 import math
+import re
 import struct
 from pathlib import Path
 
@@ -12,13 +13,19 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.grid import MM
-from pipeline.formats.raw_map import RawMap, check_size
+from pipeline.formats.raw_map import CUT_SHORT, RawMap, check_size
 
 # Surfer 6: columns, rows, and the ends of x, y and z; Surfer 7: rows, columns, corner, steps, ends of z, turn, blank
 _SURFER_6, _SURFER_7 = struct.Struct("<4shh6d"), struct.Struct("<ii8d")
 _MOST_SECTIONS = 20
 _GSF = b"Gwyddion Simple Field 1.0\n"
 _MOST_HEAD_BYTES = 100_000
+# columns and rows, width and height; bytes of these alone in version 1, and with the offsets in version 2
+_TMD_SIZES, _TMD_1_BYTES, _TMD_2_BYTES = struct.Struct("<iiff"), 16, 24
+_TMD_TITLE = re.compile(rb"(?i)(?:binary )?truemap data file")
+_MOST_TMD_COMMENT = 4096
+# lowest and highest height; columns, rows, and their distances
+_NMS_RANGE, _NMS_GRID, _NMS_HEAD_BYTES = struct.Struct("<2d"), struct.Struct("<2I2d"), 3468
 _MATLAB_NUMBERS = (
     "double",
     "single",
@@ -72,11 +79,59 @@ def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
         raise DataError(f"holds no heights: its values have the unit {unit!r}", "export the heights")
     z = _matrix(data, "<f4", end + 4 - end % 4, (rows, cols), most)
     pitches = float(head.get("XReal", 1.0)) / cols, float(head.get("YReal", 1.0)) / rows
-    return RawMap(z, *pitches, z_mm=MM[unit], xy_mm=MM.get(head.get("XYUnits", "")), rows_stated=True)
+    return RawMap(
+        z, *pitches, z_mm=MM[unit], xy_mm=MM.get(head.get("XYUnits", "")), rows_stated=True, unit=unit
+    )
+
+
+def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """Read a TrueMap file, in mm, whose first row is the top one.
+
+    A title, and in some variants a comment, end with a zero; some writers pad them with more. Then come columns and
+    rows, width and height, from version 2 on the offsets along x and y, and the heights. The place and kind of the
+    numbers are those that leave exactly the heights, else those after the comment of version 2.
+
+    Raises:
+        DataError: the file cannot be used.
+    """
+    data = path.read_bytes()
+    if not _TMD_TITLE.match(data):
+        raise DataError("is damaged or not a TrueMap file", "copy or export it again")
+    title_end = data.find(b"\0", 0, _MOST_HEAD_BYTES) + 1
+    comment_end = data.find(b"\0", title_end, _MOST_HEAD_BYTES) + 1
+    layouts = [
+        (start, start + size)
+        for start in range(title_end, min(title_end + _MOST_TMD_COMMENT, len(data) - _TMD_2_BYTES))
+        for size in (_TMD_2_BYTES, _TMD_1_BYTES)
+    ]
+    for exact in (True, False):
+        for start, end in layouts if exact else [(comment_end, comment_end + _TMD_2_BYTES)]:
+            cols, rows, width, height = _TMD_SIZES.unpack_from(data, start)
+            spare = len(data) - end - 4 * rows * cols
+            if min(rows, cols) > 0 and min(width, height) > 0.0 and (spare == 0 or (spare > 0 and not exact)):
+                z = _matrix(data, "<f4", end, (rows, cols), most)
+                return RawMap(z, width / cols, height / rows, z_mm=1.0, xy_mm=1.0, rows_stated=True)
+    raise DataError("is damaged: its head does not fit its heights", "copy or export it again")
+
+
+def read_nms(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """Read a NanoFocus file, heights in um and distances in nm, whose first row is the top one.
+
+    Raises:
+        DataError: the file cannot be used.
+    """
+    data = path.read_bytes()
+    low, high = _NMS_RANGE.unpack_from(data, 16)
+    cols, rows, x_pitch, y_pitch = _NMS_GRID.unpack_from(data, 1368)
+    counts = _matrix(data, "<u2", _NMS_HEAD_BYTES, (rows, cols), most)
+    z = low + counts * ((high - low) / 65534.0)
+    return RawMap(z, x_pitch, y_pitch, z_mm=1e-3, xy_mm=1e-6, rows_stated=True)
 
 
 def _matrix(data: bytes, kind: str, start: int, shape: tuple[int, int], most: int) -> NDArray[np.floating]:
     check_size(*shape, most)
+    if len(data) < start + np.dtype(kind).itemsize * math.prod(shape):
+        raise DataError(*CUT_SHORT)
     return np.frombuffer(data, kind, count=math.prod(shape), offset=start).reshape(shape)
 
 

@@ -16,7 +16,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
-from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
+from pipeline.formats.raw_map import PROFILE, RawMap, check_size, without_bad_points
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
@@ -40,6 +40,8 @@ MOST_STEEPNESS = 1.0
 MOST_PITCH_MM = 1.0
 
 _SUBSAMPLE = 40_000
+# degrees between which a plane is a tilted part: a steeper one is a wrong unit; its share of all heights
+_LEAST_TILT_DEG, _MOST_TILT_DEG, _PLANE_SHARE = 40.0, 70.0, 0.2
 
 MM = {
     **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
@@ -91,12 +93,47 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
         for what, (z, xy) in factors(unit).items()
         if not shape.absurdity(z, xy)
     ]
-    if asked:
-        *_, what, unit = min(asked, key=lambda one: one[:2])
-        raise DataError(absurd, f"are the {what} {UNITS[unit]}? then give --unit {unit}")
-    if not shape.odd_size(xy_mm):
+    problem = _refusal(
+        raw, shape, absurd, (z_mm, xy_mm), min(asked, key=lambda one: one[:2])[2:] if asked else None
+    )
+    if problem is None:
         return z_mm, xy_mm  # flat, noisy or askew
-    raise DataError(
+    raise problem
+
+
+def _refusal(
+    raw: RawMap, shape: _Shape, absurd: str, factors: tuple[float, float], likeliest: tuple[str, str] | None
+) -> DataError | None:
+    """The cause of absurd measures, and its remedy; None for a map that is flat, noisy or askew.
+
+    Args:
+        raw: the map.
+        shape: its measures.
+        absurd: what is absurd.
+        factors: millimetres in one unit of heights and of distances.
+        likeliest: which numbers may have which other unit; None if no unit fits.
+    """
+    states = f" (the file states {raw.unit})" if raw.unit else ""
+    if shape.is_small(factors[1]) and (raw.unit or likeliest is None):
+        states = states if raw.xy_mm == MM.get(raw.unit) else ""
+        what = f"is too small for characters: {absurd}{states}"
+        return DataError(
+            what, "measure the whole serial, or give the distance of its samples with --pitch-mm"
+        )
+    if _LEAST_TILT_DEG < (tilt_deg := shape.tilt_deg(*factors)) < _MOST_TILT_DEG:
+        return DataError(
+            f"{absurd}; it is tilted by {tilt_deg:.0f} degrees", "level the part, and measure it again"
+        )
+    if raw.one_unit and not shape.odd_size(factors[1]):
+        return DataError(f"{absurd}; its marks do not face z", "turn it until its marked side faces z")
+    if raw.unit:
+        return DataError(f"{absurd}{states}", "if that is wrong, give --unit or --pitch-mm")
+    if likeliest is not None:
+        numbers, unit = likeliest
+        return DataError(absurd, f"are the {numbers} {UNITS[unit]}? then give --unit {unit}")
+    if not shape.odd_size(factors[1]):
+        return None
+    return DataError(
         f"{absurd}; these numbers fit a part in no unit",
         "give the distance of its samples with --pitch-mm, or confirm the unit with --unit",
     )
@@ -111,11 +148,12 @@ class _Shape:
         relief: range of heights, without the outer 0.2 % at each end.
         depth: range of heights without tilt and dome, and without the outer 1 % at each end.
         rise: mean steepness over a fiftieth of the shorter side, per sample.
+        slope: steepness of its plane, per sample; 0 where the plane is not most of its heights.
     """
 
     def __init__(self, raw: RawMap, pitch: float) -> None:
         self.raw, self.pitch = raw, pitch
-        self.relief = self.depth = self.rise = 0.0
+        self.relief = self.depth = self.rise = self.slope = 0.0
         z, lag = raw.z, max(1, round(min(raw.z.shape) / 50))
         step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
         few = np.asarray(z[::step, ::step], dtype=np.float64)
@@ -133,6 +171,18 @@ class _Shape:
         self.relief = float(np.ptp(np.percentile(heights, (0.2, 99.8))))
         self.depth = float(np.ptp(np.percentile(rest, (1, 99))))
         self.rise = float(rises.mean()) / lag if rises.size else 0.0
+        plane = np.linalg.lstsq(form[:, :3], heights, rcond=None)[0]
+        if np.ptp(np.percentile(heights - form[:, :3] @ plane, (1, 99))) < _PLANE_SHARE * self.relief:
+            self.slope = float(np.hypot(plane[1], plane[2])) / max(few.shape) / step
+
+    def tilt_deg(self, z_mm: float, xy_mm: float) -> float:
+        """Tilt of the plane that most of its heights make up; 0 without one."""
+        return float(np.degrees(np.arctan(self.slope * z_mm / (self.pitch * xy_mm))))
+
+    def is_small(self, xy_mm: float) -> bool:
+        """Whether it has no room for a character."""
+        least = LEAST_PLATE_MM if self.raw.z_mm is None else LEAST_STATED_MM
+        return bool(min(self.raw.z.shape) * self.pitch * xy_mm < least)
 
     def unusual(self, z_mm: float) -> float:
         """Distance of the height range from that of a stamped plate, in powers of ten."""
@@ -158,10 +208,10 @@ class _Shape:
     def odd_size(self, xy_mm: float) -> str:
         """Reason why no map of a plate has these distances; empty if one may."""
         pitch = self.pitch * xy_mm
-        shorter, longer = sorted(n * pitch for n in self.raw.z.shape)
+        longer = max(self.raw.z.shape) * pitch
         if pitch > MOST_PITCH_MM:
             return f"its samples lie {_length(pitch)} apart, on a map of {self._size(pitch)}"
-        if longer > MOST_PLATE_MM or shorter < (LEAST_PLATE_MM if self.raw.z_mm is None else LEAST_STATED_MM):
+        if longer > MOST_PLATE_MM or self.is_small(xy_mm):
             return f"the map measures {self._size(pitch)}"
         return ""
 
@@ -213,7 +263,7 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
         MarksError: sizes, pitches, units or heights that cannot be used.
     """
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
-        raise DataError(f"is a profile or point list of shape {raw.z.shape}", "measure a surface")
+        raise DataError(*PROFILE)
     check_size(*raw.z.shape)
     x_pitch, y_pitch = _pitches(raw, settings)
     z = without_bad_points(np.array(raw.z, dtype=np.float64))

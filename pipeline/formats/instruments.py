@@ -27,7 +27,7 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.hdf5_checks import check_hdf5
 from pipeline.formats.kinds import BYTES_PER_SAMPLE, FORMATS_SUFFIXES, SPARE_BYTES, TABLE_SUFFIXES
-from pipeline.formats.raw_map import RawMap, check_size
+from pipeline.formats.raw_map import PROFILE, RawMap, check_size
 
 _NO_HEIGHTS = re.compile(
     r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE
@@ -127,7 +127,7 @@ def _height_channel(reader: Any, most: int) -> Any:
         what = f"holds no heights; its channels are images ({names})"
         raise DataError(what, "export the channel of heights")
     if channel.dim != 2:
-        raise DataError("holds a profile", "measure a surface")
+        raise DataError(*PROFILE)
     columns, rows = (int(n) for n in channel.nb_grid_pts)
     check_size(rows, columns, most)
     return channel
@@ -150,6 +150,7 @@ def _raw_map(surface: Any, *, rows_stated: bool) -> RawMap:
         xy_mm=to_mm,
         bottom_first=not rows_stated,
         rows_stated=rows_stated,
+        unit=str(surface.unit),
     )
 
 
@@ -196,7 +197,10 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
             alone.writestr(_MAIN, description)
         info = x3pio.info(head, verify=False)
         if info.feature_type is not x3pio.FeatureType.SURFACE or len(info.shape) != 2:
-            raise DataError(f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
+            kind = info.feature_type.name.lower().replace("_", " ")
+            raise DataError(
+                f"holds a {kind}", PROFILE[1] if kind == "profile" else "export a surface on a grid"
+            )
         rows, cols = info.shape
         check_size(rows, cols * info.layer_count, most)
         x, y = info.header.x, info.header.y

@@ -9,8 +9,8 @@ TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 """Suffixes of text files, which may have heights or anything else: read only if named on their own."""
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
-    *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
-    *(".spm", ".sur", ".tmd", ".vk3", ".vk4", ".vk6", ".vk7", ".zmg", ".zon"),
+    *(".mi", ".mnt", ".nid", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
+    *(".spm", ".sur", ".vk3", ".vk4", ".vk6", ".vk7", ".zmg", ".zon"),
 )
 """Formats of the extra `formats` whose suffix always means a height map; any other suffix is tried, too,
 when the file is named on its own."""
@@ -55,11 +55,13 @@ READ = (
     PhotoKind("TIFF", (".tif", ".tiff"), "image/tiff", re.compile(rb"II\*\0|MM\0\*|II\+\0|MM\0\+")),
     PhotoKind("WEBP", (".webp",), "image/webp", re.compile(rb"RIFF....WEBP", re.DOTALL)),
     PhotoKind("GIF", (".gif",), "image/gif", re.compile(rb"GIF8[79]a")),
-    PhotoKind("PPM", (".pgm", ".ppm", ".pnm"), "image/x-portable-anymap", re.compile(rb"P[2356]\s")),
+    PhotoKind("PPM", (".pgm", ".ppm", ".pnm"), "image/x-portable-anymap", re.compile(rb"P[56]\s")),
 )
 PHOTO_SUFFIXES = tuple(suffix for kind in READ for suffix in kind.suffixes)
 READ_NAMES = "PNG, JPEG, BMP, TIFF, WebP or GIF"
 _RECOGNISED = (
+    ("PBM", re.compile(rb"P[14]\s")),
+    ("text PGM", re.compile(rb"P[23]\s")),
     ("HEIC", re.compile(rb"....ftyp(?:hei[cfmsx]|hev[cmsx]|mif1|msf1)", re.DOTALL)),
     ("AVIF", re.compile(rb"....ftypavi[fs]", re.DOTALL)),
     ("JPEG 2000", re.compile(rb"\0\0\0\x0cjP  |\xff\x4f\xff\x51")),
@@ -84,6 +86,8 @@ READERS = {
     ".las": ("points.read_las", "LAS"),
     ".grd": ("binary_grids.read_grd", "GRD"),
     ".gsf": ("binary_grids.read_gsf", "GSF"),
+    ".tmd": ("binary_grids.read_tmd", "TMD"),
+    ".nms": ("binary_grids.read_nms", "NMS"),
     **dict.fromkeys((".stl", ".ply", ".obj"), ("points.read_mesh", "mesh")),
     **dict.fromkeys((".xyz", ".asc", ".pts"), TEXT_READER),
     **{suffix: (INSTRUMENT_READER, suffix) for suffix in FORMATS_SUFFIXES},

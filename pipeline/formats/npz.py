@@ -79,7 +79,7 @@ def _array(
 
 
 def _check_heights(shape: tuple[int, ...], most: int = MAX_PIXELS) -> None:
-    if len(shape) != 2 or min(shape) < 2:
+    if len(shape) != 2 or min(shape) < 1:
         raise DataError(f"its heights have shape {shape}", "give rows x columns, at least 2 x 2")
     check_size(*shape, most)
 

@@ -8,6 +8,7 @@ decoded (rows, cols, 3 or 4) --turn_upright--> --flatten_opacity--> (rows, cols,
 from __future__ import annotations
 
 import contextlib
+import io
 import re
 import warnings
 from collections.abc import Iterator
@@ -23,7 +24,8 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.output_paths import check_writable
 from pipeline.errors import DataError, reading
 from pipeline.formats.grid import MM
-from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, kind_of, refusal
+from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, kind_of, refusal
+from pipeline.formats.picture_pieces import check_pieces, jpeg_scans
 from pipeline.formats.raw_map import RawMap, check_size
 
 if TYPE_CHECKING:
@@ -113,12 +115,12 @@ _COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 28
 """Tags of TIFF; of the resolution along x and y."""
 _SUBFILE, _REDUCED = 254, 1
 """Tag of a TIFF page, and its bit for a smaller copy of another page."""
+_PACKED_BMP = (1, 2)
+"""Compression of a BMP with runs of 8 or 4 bits."""
 _MOST_PAGES = 24
 """Most pages of a TIFF to search for one that is not blank; each is decoded."""
 _FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
 """Passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond."""
-_NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
-"""Next marker in a JPEG's compressed data; stuffed bytes and restart markers do not count."""
 
 
 def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
@@ -157,11 +159,14 @@ def _open_image(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
         from PIL import Image, UnidentifiedImageError
 
+        data = path.read_bytes()
+        if (kind := kind_of(data[:HEAD_BYTES])) is None:
+            raise DataError(*refusal(data[:HEAD_BYTES]))
+        check_pieces(data, kind.name)
         try:
-            image = Image.open(path, formats=[kind.name for kind in READ])
+            image = Image.open(path, formats=[kind.name])
         except UnidentifiedImageError:
-            with path.open("rb") as stream:
-                raise DataError(*refusal(stream.read(HEAD_BYTES))) from None
+            raise DataError(*refusal(data[:HEAD_BYTES])) from None
         except Image.DecompressionBombError:
             raise DataError(f"is over the limit of {most:,} pixels", "crop or shrink it") from None
         with image:
@@ -174,24 +179,11 @@ def _check_work(path: Path, image: ImageFile, most: int = MAX_PIXELS) -> None:
     pixels = image.width * image.height
     if pixels > most:
         raise DataError(f"has {_size(image)}, over the limit of {most:,}", "crop or shrink it")
-    if image.format in ("JPEG", "MPO") and (scans := _scans(path)) * pixels > max(
+    if image.format in ("JPEG", "MPO") and (scans := jpeg_scans(path.read_bytes())) * pixels > max(
         _MOST_SCANNED, _FREE_SCANS * pixels
     ):
         what = f"is a JPEG of {scans:,} passes over {_size(image)}"
         raise DataError(what, "save it as a usual JPEG or as PNG")
-
-
-def _scans(path: Path) -> int:
-    """Passes of a JPEG over its pixels: start-of-scan markers before the end of the picture."""
-    data, at, scans = path.read_bytes(), 2, 0
-    while (found := _NEXT_MARKER.search(data, at)) is not None:
-        marker, at = data[found.start() + 1], found.end()
-        if marker == 0xD9:
-            break
-        scans += marker == 0xDA
-        if marker not in (0x01, 0xD8):
-            at += max(2, int.from_bytes(data[at : at + 2], "big"))
-    return scans
 
 
 def _size(image: ImageFile) -> str:
@@ -253,8 +245,8 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
     """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
     from PIL import Image
 
-    deep = _is_deep(path, image)
-    if image.mode in ("I", "F") and not deep:
+    by_opencv = _needs_opencv(path, image)
+    if image.mode in ("I", "F") and not by_opencv:
         raise DataError(
             f"is a {image.format} of 32 bit numbers, not a photograph",
             "read heights with --height-image and --pitch-mm, or from .npz with z_mm and pitch_mm",
@@ -263,8 +255,8 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
         if image.format == "PNG":
             with Image.open(path, formats=("PNG",)) as again:
                 again.verify()  # loading ignores damaged checksums
-        if deep:
-            made = _decoded_deep(path, page)
+        if by_opencv:
+            made = _decoded_by_opencv(path, page)
         else:
             image.load()
             opaque = "RGBA" if image.has_transparency_data else "RGB"
@@ -277,8 +269,10 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
     return turn_upright(made, turned)
 
 
-def _is_deep(path: Path, image: ImageFile) -> bool:
-    """Whether a picture has 16 bits per channel."""
+def _needs_opencv(path: Path, image: ImageFile) -> bool:
+    """Whether OpenCV decodes a picture: 16 bits per channel, or a packed BMP, which Pillow unpacks in Python."""
+    if image.format == "BMP":
+        return image.info.get("compression") in _PACKED_BMP
     if image.format == "TIFF":
         return 16 in image.tag_v2.get(_BITS, ())  # type: ignore[attr-defined]
     if image.format == "PPM":
@@ -287,7 +281,7 @@ def _is_deep(path: Path, image: ImageFile) -> bool:
         return image.format == "PNG" and stream.read(25)[24:] == b"\x10"  # bit depth in the first chunk, IHDR
 
 
-def _decoded_deep(path: Path, page: int) -> Decoded:
+def _decoded_by_opencv(path: Path, page: int) -> Decoded:
     found = _by_opencv(path, page)
     if found is None or found.dtype not in (np.uint8, np.uint16):
         raise ValueError("OpenCV does not decode it")
@@ -338,12 +332,13 @@ def _size_of_doubles(path: Path) -> tuple[int, int] | None:
     """Rows and columns of a TIFF of 64 bit floats, which Pillow does not open; None for other files."""
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-    with path.open("rb") as stream, warnings.catch_warnings():
+    data = path.read_bytes()
+    if (kind := kind_of(data[:HEAD_BYTES])) is None or kind.name != "TIFF":
+        return None
+    check_pieces(data, "TIFF")
+    with io.BytesIO(data) as stream, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # damaged files are refused below
-        head = stream.read(HEAD_BYTES)
-        if (kind := kind_of(head)) is None or kind.name != "TIFF":
-            return None
-        directory = ImageFileDirectory_v2(head if b"+" in head[:4] else head[:8])
+        directory = ImageFileDirectory_v2(data[:HEAD_BYTES] if b"+" in data[:4] else data[:8])
         stream.seek(directory.next)
         directory.load(stream)
     return (directory[_ROWS], directory[_COLUMNS]) if directory.get(_BITS) == (64,) else None

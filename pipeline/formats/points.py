@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +20,17 @@ from numpy.typing import NDArray
 from glyphs.compiled import kernel
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
-from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
+from pipeline.formats.raw_map import CUT_SHORT, PROFILE, RawMap, check_size, without_bad_points
 
 # of a LAS file: start and length of the points, and their number; scale and origin of x, y, z; their number from 1.4 on
 _LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d"), struct.Struct("<Q")
 # a head of LAS 1.4 up to the number of points; a usable file of an older version is longer, too
 _LAS_HEAD_BYTES = 255
-_CUT_SHORT = ("is damaged: it ends too soon", "copy or export it again")
-_PROFILE = ("is a profile: its points lie in one plane", "measure a surface")
-# of a PCD file: its longest head, and kinds of numbers as numpy spells them
+# of an STL file in binary
+_STL_HEAD_BYTES, _STL_FACE_BYTES = 84, 50
+# of a PLY file: most properties, and what Python takes for the end of a line
+_MOST_PROPERTIES, _LINE_ENDS = 200, (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e")
+# of a PLY or PCD file: its longest head; kinds of numbers as numpy spells them
 _MOST_HEAD_BYTES = 20_000
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 MOST_SCATTERED = 2_000_000
@@ -52,19 +56,45 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """
     import trimesh
 
-    with path.open("rb") as stream:  # given a path, trimesh would look for textures beside it
-        try:
-            scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
-        except KeyError as error:
-            if error.args[0] not in ("x", "y", "z"):
-                raise
-            raise DataError(f"has no {error.args[0]}", "export x, y and z") from error
+    suffix, data = path.suffix.lower(), path.read_bytes()
+    if suffix == ".ply":
+        _check_ply(data, most)
+    elif suffix == ".obj":
+        # corners and faces alone: trimesh takes quadratic time for many groups and materials
+        data = re.sub(rb"\\\r?\n", b" ", data)
+        data = re.sub(rb"(?m)^(?![vf][ \t]).*\n?|/[^\s]*", b"", data)
+    elif len(data) != _STL_HEAD_BYTES + _STL_FACE_BYTES * int.from_bytes(data[80:84], "little"):
+        # one solid of the text, likewise
+        data = b"solid\n" + re.sub(rb"(?im)^[ \t]*(?:end)?solid\b.*", b"", data) + b"\nendsolid"
+    try:  # given a path, trimesh would look for textures beside it
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
+    except KeyError as error:
+        if error.args[0] not in ("x", "y", "z"):
+            raise
+        raise DataError(f"has no {error.args[0]}", "export x, y and z") from error
     corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for geometry in scene.geometry.values():
         corners.append(np.asarray(geometry.vertices, dtype=np.float64))
         triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
         before += len(corners[-1])
-    return map_of_points(np.concatenate(corners), np.concatenate(triangles), most=most)
+    raw = map_of_points(np.concatenate(corners), np.concatenate(triangles), most=most)
+    return replace(raw, one_unit=True)
+
+
+def _check_ply(data: bytes, most: int) -> None:
+    """Check that the lines or bytes of a PLY file are about as many as its head declares.
+
+    trimesh makes an array of each line of a text, and a type of all properties before it looks at the length.
+    """
+    end = data.find(b"end_header", 0, _MOST_HEAD_BYTES)
+    if end < 0 or data.count(b"property", 0, end) > _MOST_PROPERTIES:
+        raise DataError("is damaged or not a PLY file (its head does not end)", "copy or export it again")
+    declared = sum(int(count) for count in re.findall(rb"(?m)^element +\S+ +(\d{1,15})\s*$", data[:end]))
+    if declared > len(data) - end:
+        raise DataError(*CUT_SHORT)
+    check_size(declared, 1, 3 * most)  # points, and faces of a closed body
+    if b"ascii" in data[:100] and sum(data.count(sign, end) for sign in _LINE_ENDS) > 2 * declared + 1000:
+        raise DataError("holds far more lines than it declares", "export it again")
 
 
 def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
@@ -86,16 +116,26 @@ def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
     counts = [int(n) for n in head.get("COUNT", ["1"] * len(names))]
     if not {"x", "y", "z"} <= set(names):
         raise DataError(f"has the fields {' '.join(names)[:80]}", "export x, y and z")
-    columns = [sum(counts[: names.index(axis)]) for axis in "xyz"]
+    places = [names.index(axis) for axis in "xyz"]
     if form == "ascii":
+        columns = [sum(counts[:place]) for place in places]
         return map_of_points(np.loadtxt(io.BytesIO(data[end:]), usecols=columns, ndmin=2), most=most)
     if form != "binary":
         hint = "save it as ASCII or binary PCD, as PLY or as columns x y z"
         raise DataError(f"holds its points as {form}", hint)
-    fields = zip(head["TYPE"], head["SIZE"], counts, strict=True)
-    numbers = [f"<{_KINDS[kind]}{size}" for kind, size, count in fields for _ in range(count)]
-    rows = np.frombuffer(data, ",".join(numbers), count=int(head["POINTS"][0]), offset=end)
-    return map_of_points(np.stack([rows[f"f{column}"] for column in columns], axis=1), most=most)
+    sizes = [int(size) * count for size, count in zip(head["SIZE"], counts, strict=True)]
+    count = int(head["POINTS"][0])
+    check_size(count, 1, most)
+    if min(sizes) < 0 or len(data) - end < count * sum(sizes):
+        raise DataError(*CUT_SHORT)
+    record = np.dtype({
+        "names": ["x", "y", "z"],
+        "formats": [f"<{_KINDS[head['TYPE'][place]]}{head['SIZE'][place]}" for place in places],
+        "offsets": [sum(sizes[:place]) for place in places],
+        "itemsize": sum(sizes),
+    })  # fmt: skip
+    rows = np.frombuffer(data, record, count=count, offset=end)
+    return map_of_points(np.stack([rows[axis] for axis in "xyz"], axis=1), most=most)
 
 
 def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
@@ -108,14 +148,14 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
     if not data.startswith(b"LASF"):
         raise DataError("is damaged or not a LAS file", "copy or export it again")
     if len(data) < _LAS_HEAD_BYTES:
-        raise DataError(*_CUT_SHORT)
+        raise DataError(*CUT_SHORT)
     start, _, kind, length, count = _LAS_POINTS.unpack_from(data, 96)
     if kind & 0xC0:
         raise DataError("holds compressed points (LAZ)", "save it as LAS, as PLY or as columns x y z")
     count = count or _LAS_MANY.unpack_from(data, 247)[0]
     check_size(count, 1, most)
     if len(data) < start + count * length:
-        raise DataError(*_CUT_SHORT)
+        raise DataError(*CUT_SHORT)
     scale_and_origin = np.reshape(_LAS_SCALE.unpack_from(data, 131), (2, 3))
     record = np.dtype({"names": ["at"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": length})
     at = np.frombuffer(data, record, count=count, offset=start)["at"]
@@ -141,9 +181,23 @@ def map_of_points(
     if known.sum() < 4:
         raise DataError(f"holds {known.sum()} points", "export the surface")
     if faces is None:
+        if _is_profile(at[known]):
+            raise DataError(*PROFILE)
         faces = np.empty((0, 3), dtype=np.int64)
     z, x_pitch, y_pitch = _on_grid(at[known]) or _grid_of_triangles(at, faces, known, most)
     return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
+
+
+def _is_profile(points: Points) -> bool:
+    """Whether x or y of the points grows or falls from each to the next, by about the same step.
+
+    A surface's points go back for each line, and scattered ones that are sorted have steps of any size.
+    """
+    if len(points) < _LEAST_GRID:
+        return False
+    steps = np.diff(points[:, :2], axis=0)
+    one_way = steps.min(axis=0) * steps.max(axis=0) >= 0.0
+    return bool((one_way & (steps.std(axis=0) < 0.5 * np.abs(steps.mean(axis=0)))).any())
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:
@@ -175,7 +229,7 @@ def _grid_of_triangles(
     """Heights of the uppermost triangles on a new grid, and its pitch for both axes."""
     width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
     if not min(width, height) > 0.0:
-        raise DataError(*_PROFILE)
+        raise DataError(*PROFILE)
     if len(faces):
         faces = faces[known[faces].all(axis=1)]
         pitch = float(np.median(_longest_sides(points, faces))) / math.sqrt(2.0)
@@ -191,7 +245,7 @@ def _grid_of_triangles(
         try:
             faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
         except QhullError as error:
-            raise DataError(*_PROFILE) from error
+            raise DataError(*PROFILE) from error
         faces = faces[_longest_sides(points, faces) < _GAP * pitch]
     rows, cols = int(height / pitch + 1e-6) + 1, int(width / pitch + 1e-6) + 1
     check_size(rows, cols, most)

@@ -18,6 +18,9 @@ _APART, _FAR_APART = 2.0, 100.0
 # share of the points that may be missing, for the well-known heights and for other markers
 _MOST_MISSING, _MOST_OTHERS = 0.9, 0.2
 _SUBSAMPLE = 200_000
+# problems and hints of files of every format
+PROFILE = ("holds a profile", "measure a surface")
+CUT_SHORT = ("is damaged: it ends too soon", "copy or export it again")
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class RawMap:
         one_unit: heights and distances have one unit, as the coordinates of a mesh.
         rows_stated: the file states which row is first, or every writer of its format has the same one first.
         soil: dirt on the part, on the grid of `z`; None where the file does not say.
+        unit: unit that the file states for its heights; empty where the format alone or nothing does.
     """
 
     z: NDArray[np.number]
@@ -45,6 +49,7 @@ class RawMap:
     rows_stated: bool = False
     one_unit: bool = False
     soil: Soil | None = None
+    unit: str = ""
 
 
 def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:

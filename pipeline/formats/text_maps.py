@@ -27,12 +27,13 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.grid import MM
 from pipeline.formats.points import map_of_points
-from pipeline.formats.raw_map import RawMap
+from pipeline.formats.raw_map import PROFILE, RawMap
 from pipeline.formats.table_file import CP1252, encoding_of
 
 _SNIFF_BYTES = 200_000
 _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300
+_LEAST_PROFILE = 16
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
 # a number with thousands separators and a decimal sign, in a line of numbers separated by semicolons or tabs
@@ -116,13 +117,19 @@ def _number_table(text: str) -> NumberTable:
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
+        single = Layout(None, comma=False, columns=1, first_line=0)
+        if 2 * sum(_count(line, single) == 1 for line in sample) > max(len(sample), _LEAST_PROFILE):
+            raise DataError(*PROFILE)
         what = "holds no table of numbers"
         raise DataError(what, "export columns x y z, or a matrix of heights, one row per line")
     head = sample[: found.first_line]
     body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
     if body.count("\n") * found.columns > 9 * MAX_PIXELS:
         raise DataError("holds more numbers than the limit", "crop or thin the map")
-    return NumberTable("\n".join(head), _names(head, found.columns), _numbers(body, found))
+    rows = _numbers(body, found)
+    if found.delimiter and body.partition("\n")[0].rstrip().endswith(found.delimiter):
+        rows = rows[:, : np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=0) + 1]
+    return NumberTable("\n".join(head), _names(head, rows.shape[1]), rows)
 
 
 def _decode(data: bytes) -> str:
@@ -224,18 +231,40 @@ _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
 # number of characters of a heading that are searched
 _MOST_HEAD = 10_000
-# text before a key of a heading, and the keys as different programs and languages spell them
-_LINE = r"(?im)^(?:[^\w\n]|_)*"
-_EACH = "(?:pitch|step|spacing|increment|scale)"
-_PITCH_KEYS = (
-    rf"cell[ _]?size|d ?x|x[ _-]?{_EACH}|scale x|pixel[ _]?size|xy[ _]calibration|pitch|step|spacing",
-    rf"d ?y|y[ _-]?{_EACH}|scale y",
+# a line of a heading: its key, a unit in brackets, a number, and a unit or another word
+_ENTRY = re.compile(
+    r"(?m)^(?:[^\w\n]|_)*(?P<key>[^\W\d_][^\n\d:=,;\t()\[\]]*)[ \t]*"
+    r"(?:[(\[][ \t]*(?:->|in\b)?[ \t]*(?P<before>[^\n()\[\]]*)[)\]])?[ \t:=,;]*"
+    r"(?P<value>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)?[ \t:=,;(\[]*(?P<after>[^\n,;()\[\]]*)"
 )
-_SIZE_KEYS = (r"width|breite|largeur|x[ _-]?length", r"height|h[öo]he|hauteur|y[ _-]?length")
-_Z_UNIT_KEYS = r"value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data"
-_XY_UNIT_KEYS = r"x[ _-]?units?|units? x"
-_UNIT = r"(?:nm|[uµμ]m|mm|cm|m|inch|in)\b"
-_VALUE = r"[\s:=,;]*(?P<value>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)"
+# what ends an entry within a line: the next key follows
+_NEXT_ENTRY = re.compile(r"[,;][ \t]*(?=[^\W\d_][\w .-]{0,30}=)")
+# a unit of length, of each sample or of each step of the converter
+_OF_EACH = re.compile(
+    rf"(?P<unit>{'|'.join(sorted(MM, key=len, reverse=True))})\b(?:[ \t]*(?:/|per\b)[ \t]*"
+    r"(?:(?P<sample>px|pix|sample|point|pt\b|step|col|row)|(?P<digit>digit|count|lsb|bit|level|gr[ea]y|unit|value|dn\b))"
+    r"\w*)?",
+    re.IGNORECASE,
+)
+# keys as different programs and languages spell them, in lower case with single blanks
+_GAP = r"(?:pitch|step|spacing|increment|interval|distance|sampling|scale|resolution|calibration|gap|pas|schritt\w*)"
+_LATERAL = r"(?:xy|lateral|horizontal|pixel|cell|sample|sampling|point|grid|node)"
+_OF_AXIS = (
+    r"d ?{0}|delta {0}|(?:pixel|cell) ?size ?{0}|{0} ?(?:pixel|cell) ?size"
+    rf"|(?:{_LATERAL} ?)?{_GAP} ?{{0}}|{{0}} ?(?:{_LATERAL} ?)?{_GAP}"
+)
+_PITCH_KEYS = {axis: _OF_AXIS.format(axis) for axis in "xy"} | {
+    "": rf"(?:pixel|cell) ?size|{_LATERAL} ?{_GAP}|pixel(?:gr[öo](?:ß|ss)e|abstand|weite)|(?:punkt|abtast|mess)abstand",
+    # of a microscope this may be the step of its lens
+    "bare": r"pitch|step|spacing",
+}
+_SIZE_KEYS = {"x": r"width|breite|largeur|x ?length", "y": r"height|h[öo]he|hauteur|y ?length"}
+_Z_SCALE_KEYS = (
+    r"(?:z|height|vertical) ?(?:calibration|scal(?:e|ing)(?: factor)?|factor|conversion(?: factor)?)"
+)
+_Z_UNIT_KEYS = r"value units?|einheiten|unit[ée]s|(?:z|height) ?units?|units? z|unit data|data unit"
+_Z_KEYS, _UNIT_KEYS = r"z|heights?|h[öo]he|depth|topography", r"units?|einheit|unité"
+_XY_UNIT_KEYS = r"(?:x|xy|lateral) ?units?|units? (?:x|xy)"
 _SHAPE = re.compile(r"(?is)(?:ncols|nx|x-pixels)\W+(\d+).*?(?:nrows|ny|y-pixels)\W+(\d+)")
 _SURFER = re.compile(r"DSAA\s+(\d+)\s+(\d+)" + r"\s+(\S+)" * 4)
 _NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
@@ -261,13 +290,16 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
     if text.startswith(_ZYGO):
         return _zygo(text, most)
     table = _number_table(text)
+    entries = _entries(table.head[:_MOST_HEAD])
+    unit = ""
     if (named := _named_points(table)) is not None:
         points, z_mm, xy_mm = named
-    elif _is_points(table):
-        points, z_mm, xy_mm = table.rows[:, :3], None, None
+    elif _is_points(table, entries):
+        scale, unit = _height_scale(entries)
+        points, z_mm, xy_mm = table.rows[:, :3] * (1.0, 1.0, scale), MM.get(unit), _xy_mm(entries)
     else:
-        return _matrix(table)
-    raw = replace(map_of_points(points, most=most), z_mm=z_mm, xy_mm=xy_mm)
+        return _matrix(table, entries)
+    raw = replace(map_of_points(points, most=most), z_mm=z_mm, xy_mm=xy_mm, unit=unit)
     # coordinates that count 0, 1, 2 are not lengths
     counted = xy_mm is None and raw.x_pitch == raw.y_pitch == 1.0
     return replace(raw, x_pitch=None, y_pitch=None) if counted else raw
@@ -304,19 +336,21 @@ def _zygo(text: str, most: int) -> RawMap:
     return replace(raw, x_pitch=pitch, y_pitch=pitch, z_mm=1e-3, xy_mm=1e3)
 
 
-def _is_points(table: NumberTable) -> bool:
+def _is_points(table: NumberTable, entries: Sequence[HeadEntry]) -> bool:
     rows, columns = table.rows.shape
     head = table.head.lower()
     if "ncols" in head or _WYKO in head or columns < 3:
+        return False
+    if all(any(re.fullmatch(keys, entry.key) for entry in entries) for keys in _SIZE_KEYS.values()):
         return False
     many = columns <= _MOST_POINT_COLUMNS and rows > _LEAST_ROWS * columns
     return bool(columns < _LEAST_MATRIX_COLUMNS or many)
 
 
-def _matrix(table: NumberTable) -> RawMap:
+def _matrix(table: NumberTable, entries: Sequence[HeadEntry]) -> RawMap:
     head, z = table.head[:_MOST_HEAD], table.rows
     if z.shape[1] < 3:
-        raise DataError(f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
+        raise DataError(PROFILE[0], f"{PROFILE[1]}, and export columns x y z or a matrix of heights")
     if _WYKO in head.lower():
         return _wyko(head, z)
     surfer = _SURFER.match(head)
@@ -324,10 +358,8 @@ def _matrix(table: NumberTable) -> RawMap:
         z = z.reshape(int(shape[2]), int(shape[1]))  # rows may be broken into lines
     if no_data := _NO_DATA.search(head):
         z = np.where(z == float(no_data[1].replace(",", ".")), np.nan, z)
-    unit = _unit_in(head, _Z_UNIT_KEYS)
-    if unit and unit.lower() not in MM:
-        raise DataError(f"holds no heights: its values have the unit {unit!r}", "export the heights")
-    z_mm = MM.get(unit.lower())
+    scale, unit = _height_scale(entries)
+    z, z_mm = z * scale, MM.get(unit)
     if surfer:
         x, to_x, y, to_y = (float(end) for end in surfer.groups()[2:])
         pitches = (to_x - x) / (z.shape[1] - 1), (to_y - y) / (z.shape[0] - 1)
@@ -335,40 +367,112 @@ def _matrix(table: NumberTable) -> RawMap:
     if axes := _without_axes(_with_first_row(z, table.names)):
         z, x_step, y_step = axes
         if x_step == y_step == 1.0:  # rows and columns are numbered
-            return RawMap(z, z_mm=z_mm)
-        return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
-    x_pitch, y_pitch, xy_mm = _stated_pitches(head, *z.shape)
+            return RawMap(z, z_mm=z_mm, unit=unit)
+        return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0, unit=unit)
+    x_pitch, y_pitch, xy_mm = _stated_pitches(entries, *z.shape)
     # ESRI grids and exports of Gwyddion have their top row first by definition
-    stated = "ncols" in head.lower() or _in_head(head, _SIZE_KEYS[0]) is not None
-    return RawMap(z, x_pitch, y_pitch, z_mm, xy_mm, rows_stated=stated)
+    stated = "ncols" in head.lower() or any(re.fullmatch(_SIZE_KEYS["x"], entry.key) for entry in entries)
+    return RawMap(z, x_pitch, y_pitch, z_mm, xy_mm, rows_stated=stated, unit=unit)
 
 
-def _stated_pitches(head: str, rows: int, cols: int) -> tuple[float | None, float | None, float | None]:
-    """Column and row pitch that a heading states, and their unit in mm; None for each that is missing."""
-    width, height = (_in_head(head, keys) for keys in _SIZE_KEYS)
-    x, y = (_in_head(head, keys) for keys in _PITCH_KEYS)
-    if width and height:
+@dataclass(frozen=True)
+class HeadEntry:
+    """One line of a heading.
+
+    Attributes:
+        key: in lower case, with single blanks.
+        value: its number; None without one.
+        unit: unit of length; empty without one.
+        of: "sample" or "digit" if the unit is that of each sample or each step of the converter, else empty.
+        word: text behind the number, or in its place.
+    """
+
+    key: str
+    value: float | None
+    unit: str
+    of: str
+    word: str
+
+
+def _entries(head: str) -> list[HeadEntry]:
+    entries = []
+    for line in _ENTRY.finditer(_NEXT_ENTRY.sub("\n", head)):
+        name = line["key"].replace("_", " ").strip()
+        key = re.sub(r"[\s./-]+", " ", name).strip().lower()
+        unit = _OF_EACH.fullmatch(name)  # such as um_per_pixel
+        for text in (line["before"] or "", line["after"]):
+            unit = unit or _OF_EACH.match(text.strip())
+        of = "" if unit is None else "sample" if unit["sample"] else "digit" if unit["digit"] else ""
+        named, _, last = key.rpartition(" ")
+        if unit is None and last in MM and named:  # such as pitch_um
+            key, length = named.removesuffix(" in"), last
+        else:
+            length = "" if unit is None else unit["unit"].lower()
+        value = None if line["value"] is None else float(line["value"].replace(",", "."))
+        entries.append(HeadEntry(key, value, length, of, line["after"].strip()))
+    return entries
+
+
+def _height_scale(entries: Sequence[HeadEntry]) -> tuple[float, str]:
+    """Factor from a table's numbers to a unit, and the unit; 1 and "" where the heading does not say.
+
+    Raises:
+        DataError: the values are no lengths.
+    """
+    for entry in entries:
+        scales = re.fullmatch(_Z_SCALE_KEYS, entry.key) and (entry.unit or "scal" not in entry.key)
+        each_step = entry.of == "digit" and not entry.key.startswith(("x", "y"))
+        if entry.value and entry.value > 0.0 and entry.of != "sample" and (scales or each_step):
+            return entry.value, entry.unit
+    for keys in (_Z_UNIT_KEYS, _Z_KEYS, _UNIT_KEYS):
+        for entry in entries:
+            if entry.value is None and re.fullmatch(keys, entry.key):
+                if keys is _Z_UNIT_KEYS and entry.word and not entry.unit:
+                    what = f"holds no heights: its values have the unit {entry.word[:40]!r}"
+                    raise DataError(what, "export the heights")
+                if entry.unit:
+                    return 1.0, entry.unit
+    return 1.0, ""
+
+
+def _stated_pitches(
+    entries: Sequence[HeadEntry], rows: int, cols: int
+) -> tuple[float | None, float | None, float | None]:
+    """Column and row pitch that a heading states, and their unit in mm; None for each that is missing.
+
+    A number without a unit that is the number of columns or rows is a count.
+    """
+    lengths = [
+        (entry, (entry.value, MM.get(entry.unit)))
+        for entry in entries
+        if entry.value and entry.value > 0.0 and entry.of != "digit"
+        if entry.unit
+        or not (entry.value in (rows, cols) or "resolution" in entry.key or entry.word[:1].isalpha())
+    ]
+
+    def first(keys: str) -> tuple[float, float | None] | None:
+        return next((length for entry, length in lengths if re.fullmatch(keys, entry.key)), None)
+
+    x, y = (first(_PITCH_KEYS[axis]) for axis in "xy")
+    each = (
+        length for entry, length in lengths if entry.of == "sample" and not entry.key.startswith(("y", "z"))
+    )
+    x = x or first(_PITCH_KEYS[""]) or next(each, None)
+    width, height = (first(_SIZE_KEYS[axis]) for axis in "xy")
+    if x is None and width and height:
         x, y = (width[0] / cols, width[1]), (height[0] / rows, height[1])
+    if x is None and not any(entry.key.startswith("z ") for entry in entries):
+        x = first(_PITCH_KEYS["bare"])
     if x is None:
         return None, None, None
     y = y or x
-    xy_mm = x[1] or MM.get(_unit_in(head, _XY_UNIT_KEYS).lower())
-    return x[0], y[0] * (y[1] / x[1] if x[1] and y[1] else 1.0), xy_mm
+    return x[0], y[0] * (y[1] / x[1] if x[1] and y[1] else 1.0), x[1] or _xy_mm(entries)
 
 
-def _unit_in(head: str, keys: str) -> str:
-    """The unit that a heading states; empty if it states none."""
-    found = re.search(rf"{_LINE}(?:{keys})[ \t:=,;]*([^\W\d_]+\b|\S+)", head)
-    return found[1] if found else ""
-
-
-def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
-    """A length that a heading states, and its unit in mm (None without a unit)."""
-    before, after = rf"(?:[\[(]\s*(?P<before>{_UNIT})\s*[\])])?", rf"[ \t;,\[(]*(?P<after>{_UNIT})?"
-    found = re.search(rf"{_LINE}(?:{keys})[ \t]*{before}{_VALUE}{after}", head)
-    if found is None or (value := float(found["value"].replace(",", "."))) <= 0.0:
-        return None
-    return value, MM.get((found["before"] or found["after"] or "").lower())
+def _xy_mm(entries: Sequence[HeadEntry]) -> float | None:
+    """Unit of distances that a heading states apart from their numbers, in mm."""
+    named = (e.unit for keys in (_XY_UNIT_KEYS, _UNIT_KEYS) for e in entries if re.fullmatch(keys, e.key))
+    return MM.get(next(named, ""))
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:

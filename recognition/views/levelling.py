@@ -7,9 +7,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.maps import HeightMap
+from glyphs.surface.maps import HeightMap, MapError
 
 Floats: TypeAlias = NDArray[np.float64]
+# fewer heights show no character; share of known samples from which they cannot lie on one line
+_LEAST_HEIGHTS, _SURFACE_SHARE = 16, 0.1
+# samples, standard deviation of places across a line: two whole rows have half a sample
+_LEAST_SPREAD = 0.49
 
 
 def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> HeightMap:
@@ -22,10 +26,16 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> Height
         height_map: surface of the part.
         degree: degree of the polynomial.
         rounds: most rounds of the fit.
+
+    Raises:
+        MapError: the heights are few, or lie on one line.
     """
     z = height_map.z_mm
+    _check_spread(np.isfinite(z))
     rows, cols = z.shape
     step = max(1, int(np.sqrt(z.size / 40_000)))
+    if not np.isfinite(z[::step, ::step]).any():  # such as each second row
+        step = 1
     thin = np.ascontiguousarray(z[::step, ::step], dtype=np.float64)
     row_terms, col_terms = np.linspace(-1.0, 1.0, rows), np.linspace(-1.0, 1.0, cols)
     terms = _Terms(col_terms[::step], row_terms[::step], degree)
@@ -46,6 +56,16 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> Height
     out -= terms.form(coefficients, col_terms, row_terms)
     out.flags.writeable = False  # so that it is not copied
     return HeightMap(out, height_map.pitch_mm)
+
+
+def _check_spread(known: NDArray[np.bool_]) -> None:
+    count = int(np.count_nonzero(known))
+    if count < _LEAST_HEIGHTS:
+        raise MapError(f"only {count} heights are known", hint="measure the surface again")
+    if count < _SURFACE_SHARE * known.size:
+        spread = np.linalg.eigvalsh(np.cov(np.nonzero(known)))
+        if spread[0] < _LEAST_SPREAD**2:
+            raise MapError("all known heights lie on one line, as a profile", hint="measure a surface")
 
 
 class _Terms:

@@ -416,8 +416,7 @@ def scaled(name: str, folder: Path, z: float, xy: float) -> Path:
 @pytest.mark.parametrize(("name", "z", "xy", "unit"), [
     ("a.npz", 1e3, 1e3, "um"), ("a.npz", 1e3, 1.0, "um"), ("a.npz", 1.0, 1e3, "um"), ("a.npz", 1e-3, 1e-3, "m"),
     ("a.x3p", 1.0, 1.0, "mm"), ("a.x3p", 1e3, 1e3, "um"), ("a.x3p", 1e3, 1e-3, "um"), ("a.x3p", 1.0, 1e-3, "mm"),
-    ("a.x3p", 1e-3, 1.0, "mm"), ("a.xyz", 1e3, 1.0, "um"), ("a.xyz", 1e3, 1e3, "um"), ("a.sur", 1e3, 1.0, "um"),
-    ("a.sur", 1e3, 1e3, "um"),
+    ("a.x3p", 1e-3, 1.0, "mm"), ("a.xyz", 1e3, 1.0, "um"), ("a.xyz", 1e3, 1e3, "um"),
 ])  # fmt: skip
 def test_numbers_of_no_part_are_asked_about_and_converted(
     name: str, z: float, xy: float, unit: str, tmp_path: Path
@@ -426,6 +425,147 @@ def test_numbers_of_no_part_are_asked_about_and_converted(
     with pytest.raises(FileError, match=rf"; are the \w+ \w+\? then give --unit {unit}$"):
         read_height_map(path)
     check(read_height_map(path, MapSettings(unit=unit)))
+
+
+@pytest.mark.parametrize("xy", [1.0, 1e3])
+def test_a_unit_that_the_file_states_is_not_asked_about(xy: float, tmp_path: Path) -> None:
+    path = scaled("a.sur", tmp_path, 1e3, xy)
+    with pytest.raises(
+        FileError, match=r"\(the file states mm\); if that is wrong, give --unit or --pitch-mm$"
+    ):
+        read_height_map(path)
+    check(read_height_map(path, MapSettings(unit="um")))
+
+
+@pytest.mark.parametrize(("name", "xy"), [("a.sur", 1e-3), ("a.x3p", 1e-6)])
+def test_a_map_without_room_for_a_character_is_too_small(name: str, xy: float, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"too small for characters: the map measures 4\.8 um x 3\.2 um"):
+        read_height_map(scaled(name, tmp_path, 1e-6, xy))
+
+
+PROFILES = {
+    "two columns": ("a.csv", "x,z\n" + "".join(f"{0.1 * k:.1f},{0.01 * (k % 7)}\n" for k in range(300))),
+    "steps that are rounded": ("a.csv", "Scan Data\nLateral um,Raw Micrometer,\n" + "".join(
+        f"{0.156 * k:.1f},{0.01 * (k % 7):.5f},,\n" for k in range(3000))),
+    "a flag behind": ("a.hfm", "X;Y;valid\n[mm];[mm];[1/0]\n" + "".join(
+        f"{8.6 + 5e-4 * k:.6f};{106.6 + 1e-5 * (k % 5):.6f};1\n" for k in range(3000))),
+    "a number before": ("a.xyz", "".join(f"{k} {0.1 * k:.1f} {0.01 * (k % 7):.2f}\n" for k in range(300))),
+    "y and z": ("a.xyz", "".join(f"{0.01 * (k % 3):.2f} {-0.1 * k:.1f} 0\n" for k in range(300))),
+    "a column": ("a.asc", "".join(f"{0.01 * (k % 7):.2f}\n" for k in range(300))),
+    "a row": ("a.asc", " ".join(f"{0.01 * (k % 7):.2f}" for k in range(300)) + "\n"),
+    "points": ("a.pcd", PCD.format("ascii") + "".join(f"{0.1 * k:.1f} 3 {k % 7} 0\n" for k in range(2400))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", PROFILES)
+def test_profiles_are_no_surfaces(case: str, tmp_path: Path) -> None:
+    name, text = PROFILES[case]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FileError, match="holds a profile; measure a surface"):
+        read_height_map(tmp_path / name)
+
+
+def test_points_sorted_by_x_are_a_surface(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    x, y = np.sort(rng.uniform(0, 20, 20_000)), rng.uniform(0, 10, 20_000)
+    np.savetxt(tmp_path / "a.xyz", np.stack([x, y, 0.1 * np.sin(x)], axis=1))
+    assert read_height_map(tmp_path / "a.xyz").size_mm == pytest.approx((20.0, 10.0), abs=0.2)
+
+
+# the heights are counts of 0.1 nm, the distances what each head says
+COUNTS = (Z * 1e7).round().astype(int)
+HEADS = {
+    "keyence": 'File name,plate.vk4\n"Pitch (um)",2.0\nXY calibration (nm/pixel),80000.0\n'
+    "Z calibration (nm/digit),0.1\nWidth,60\nHeight,40\n\n",
+    "counts first": "Width,60\nHeight,40\nXY Calibration;80;um/pixel\nZ Calibration;0.0001;um/digit\n",
+    "per pixel": "mm_per_pixel: 0.08\nnm/LSB: 0.1\n",
+    "lateral resolution": "Instrument: 5x\nLateral resolution = 80 \u00b5m/px\nZ scale: 0.1 nm\n",
+    "each axis": "X pitch(um),80\nY pitch(um),80\nZ factor (nm),0.1\n",
+    "pixel size": "Columns: 60\nPixel size X [\u00b5m]: 80\nPixel size Y [\u00b5m]: 80\nheight scale factor=1e-10 m\n",
+    "increments": "X_INCREMENT 0.08 mm\nY_INCREMENT 0.08 mm\nZ scaling: 1e-7 mm\n",
+    "on a line": "dx=0.08 mm, dy=0.08 mm, height scale=0.1 nm/count\n",
+    "unit in the key": "pixel_size_um: 80\nz_calibration_nm: 0.1\n",
+    "german": "Pixelabstand: 80 \u00b5m\nBreite: 60\nH\u00f6he: 40\nz factor: 0,1 nm\n",
+}
+
+
+@pytest.mark.parametrize("case", HEADS)
+@pytest.mark.parametrize("suffix", [".csv", ".asc"])
+def test_heads_that_state_the_scales(case: str, suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text(matrix(COUNTS, delimiter=",", head=HEADS[case], fmt="%d"), encoding="utf-8")
+    check(read_height_map(path))
+    if case == "keyence":  # the unit that is stated, given again
+        check(read_height_map(path, MapSettings(unit="nm")))
+
+
+@pytest.mark.parametrize(
+    "head", ["Width,60\nHeight,40\n", "Size: 60 x 40\nResolution: 60\n", "Pitch (um),2\nZ range,9\n"]
+)
+def test_numbers_of_pixels_are_no_lengths(head: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(matrix(delimiter=",", head=head))
+    with pytest.raises(FileError, match="without the distance of its samples"):
+        read_height_map(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("line", ["Unit,um", "Z unit: um", "Height [\u00b5m]", "Z-Unit\tmicrometer"])
+def test_units_of_heights_in_heads(line: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        matrix(Z * 1e3, delimiter=",", head=f"{line}\npixel size,80 um\n"), encoding="utf-8"
+    )
+    check(read_height_map(tmp_path / "a.csv"))
+
+
+def test_a_plate_that_is_tilted_is_said_to_be(tmp_path: Path) -> None:
+    tilted = Z.repeat(5, axis=0).repeat(5, axis=1) + np.arange(200)[:, None] * PITCH * np.tan(np.radians(55))
+    np.savez(tmp_path / "a.npz", z_mm=tilted, pitch_mm=PITCH)
+    with pytest.raises(FileError, match="tilted by 55 degrees; level the part"):
+        read_height_map(tmp_path / "a.npz")
+
+
+def tmd(
+    title: bytes = b"Binary TrueMap Data File v2.0\r\n", comment: bytes | None = b"", *, pad: int = 0
+) -> bytes:
+    """TrueMap's format; a comment of None is version 1, `pad` the least length of the title and of the comment."""
+    head = (title + b"\0").ljust(pad, b"\0") + (
+        b"\0" if comment is None else (comment + b"\0").ljust(pad, b"\0")
+    )
+    offsets = b"" if comment is None else struct.pack("<ff", 1.5, -2.0)
+    sizes = struct.pack("<iiff", 60, 40, 60 * PITCH, 40 * PITCH)
+    return head + sizes + offsets + np.where(gaps(), np.nan, Z).astype("<f4").tobytes()
+
+
+TMDS = {
+    "truemap 6": tmd(comment=b"Created by TrueMap v6\r\n"),
+    "another writer": tmd(b"Binary Truemap Data File v2.0\r\n", b"Created by Truemap v6\r\n"),
+    "gelsight": tmd(),
+    "version 1": tmd(b"Binary TrueMap Data File\r\n", None),
+    "long comment": tmd(comment=b"plate 7, second side; " * 20),
+    "without a line end": tmd(b"Binary TrueMap Data File v2.0", b"a comment"),
+    "padded": tmd(b"Binary TrueMap Data File v2.0", b"Test TMD File", pad=32),
+    "capitals": tmd(b"BINARY TRUEMAP DATA FILE V2.0\n"),
+    "bytes behind": tmd(comment=b"x") + b"end of file",
+}
+
+
+@pytest.mark.parametrize("case", TMDS)
+def test_truemap_files_of_all_writers(case: str, tmp_path: Path) -> None:
+    (tmp_path / "a.tmd").write_bytes(TMDS[case])
+    check(read_height_map(tmp_path / "a.tmd"), missing=gaps())
+    (tmp_path / "a.tmd").write_bytes(TMDS[case][:3000])
+    with pytest.raises(FileError, match="damaged"):
+        read_height_map(tmp_path / "a.tmd")
+
+
+def test_nanofocus(tmp_path: Path) -> None:
+    """Heights in um, distances in nm."""
+    low, high = Z.min() * 1e3, Z.max() * 1e3
+    head = bytearray(3468)
+    struct.pack_into("<2d", head, 16, low, high)
+    struct.pack_into("<2I2d", head, 1368, 60, 40, PITCH * 1e6, PITCH * 1e6)
+    counts = np.round((Z * 1e3 - low) / (high - low) * 65534).astype("<u2")
+    (tmp_path / "a.nms").write_bytes(bytes(head) + counts.tobytes())
+    check(read_height_map(tmp_path / "a.nms"))
 
 
 def test_shallow_marks_in_micrometres_below_the_width_of_the_plate_are_asked_about(tmp_path: Path) -> None:

@@ -86,8 +86,8 @@ SAYS = {
     "is of type": "pitch-string.npz complex.npz strings.npz bools.npz",
     "z_mm is of type object": "pickle.npz",  # and was not opened
     "has no finite height": "nan-only.npz beyond-floats.npz nan-only.x3p",
-    "its heights have shape": "flat.npz cube.npz one-row.npz no-samples.npz declared-negative.npz",
-    "profile": "one-row.sdf",
+    "its heights have shape": "flat.npz cube.npz no-samples.npz declared-negative.npz",
+    "holds a profile; measure a surface": "one-row.sdf one-row.npz",
     "is shorter than it declares": "declared-short.npz",
     "npy version": "version-9.npz",
     "no format that is read": "script.py",

@@ -1,0 +1,116 @@
+"""Count the pieces of a picture file before a decoder works through them one by one, in Python.
+
+A photograph has some thousand pieces; a file of millions of empty ones is small and keeps a decoder busy for minutes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import accumulate
+
+from pipeline.errors import DataError
+
+MOST_PIECES = 300_000
+"""Most chunks, segments, blocks or strips of a picture; Pillow takes some seconds for them."""
+_NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+"""Next marker in a JPEG's compressed data; stuffed bytes and restart markers do not count."""
+_START_OF_SCAN = 0xDA
+_PGM_HEAD = re.compile(rb"P[56](?:(?:\s|#[^\n]*\n)+\d+){3}\s")
+_MOST_PGM_HEAD_BYTES = 4096
+_TIFF_PLACES = (258, 339)
+"""First and last tag of a TIFF whose values are read one by one, such as the places of strips and tiles."""
+_MOST_DIRECTORIES = 64
+
+
+def check_pieces(data: bytes, kind: str) -> None:
+    """Refuse a picture of far more pieces than a photograph.
+
+    Args:
+        data: the file.
+        kind: its kind, as Pillow names it.
+
+    Raises:
+        DataError: it has more.
+    """
+    if kind == "PPM" and not _PGM_HEAD.match(data[:_MOST_PGM_HEAD_BYTES]):
+        raise DataError("is a PGM with a damaged head or long comments", "save it as PNG")
+    pieces = {"PNG": _png_chunks, "JPEG": _jpeg_segments, "GIF": _gif_blocks}
+    counts = _tiff_values(data) if kind == "TIFF" else (1 for _ in pieces.get(kind, _no_pieces)(data))
+    if any(total > MOST_PIECES for total in accumulate(counts)):
+        raise DataError(f"is a {kind} of more than {MOST_PIECES:,} pieces", "save it as a usual JPEG or PNG")
+
+
+def jpeg_scans(data: bytes) -> int:
+    """Passes of a JPEG over its pixels: start-of-scan markers before the end of the picture."""
+    return sum(marker == _START_OF_SCAN for marker in _jpeg_segments(data))
+
+
+def _no_pieces(_: bytes) -> Iterator[int]:
+    return iter(())
+
+
+def _png_chunks(data: bytes) -> Iterator[int]:
+    at = 8
+    while at < len(data):
+        yield at
+        at += 12 + int.from_bytes(data[at : at + 4], "big")
+
+
+def _jpeg_segments(data: bytes) -> Iterator[int]:
+    """The markers up to the end of the picture."""
+    at = 2
+    while (place := _NEXT_MARKER.search(data, at)) is not None:
+        marker, at = data[place.start() + 1], place.end()
+        if marker == 0xD9:
+            break
+        yield marker
+        if marker not in (0x01, 0xD8):
+            at += max(2, int.from_bytes(data[at : at + 2], "big"))
+
+
+def _gif_blocks(data: bytes) -> Iterator[int]:
+    """The blocks of all frames and extensions, and the parts of at most 255 bytes that their data come in."""
+
+    def colours(at: int) -> int:
+        """Bytes of the table of colours that the flags at a place declare."""
+        flags = data[at] if at < len(data) else 0
+        return 3 << (flags & 7) + 1 if flags & 0x80 else 0
+
+    at = 13 + colours(10)
+    while at < len(data):
+        yield at
+        if data[at] == 0x2C:
+            at += 11 + colours(at + 9)
+        elif data[at] == 0x21:
+            at += 2
+        elif data[at] == 0x3B:
+            break
+        else:
+            at += 1
+            continue
+        while at < len(data) and data[at]:
+            yield at
+            at += data[at] + 1
+        at += 1
+
+
+def _tiff_values(data: bytes) -> Iterator[int]:
+    """Number of entries of each directory, and of the values that a decoder reads one by one."""
+    order = "big" if data[:2] == b"MM" else "little"
+    big = b"+" in data[2:4]
+    width, size, entry = (8, 8, 20) if big else (4, 2, 12)
+
+    def number(at: int, length: int) -> int:
+        return int.from_bytes(data[at : at + length], order)  # type: ignore[arg-type]
+
+    at = number(8 if big else 4, width)
+    for _ in range(_MOST_DIRECTORIES):
+        if not 0 < at < len(data):
+            break
+        entries = number(at, size)
+        yield entries
+        for place in range(at + size, min(at + size + entries * entry, len(data)), entry):
+            if _TIFF_PLACES[0] <= number(place, 2) <= _TIFF_PLACES[1]:
+                yield number(place + 4, width)
+        at = number(at + size + entries * entry, width)
