@@ -154,12 +154,9 @@ class Reader:
         touch, vision = reading.touch, reading.vision
         lattices = [one.trace.open_lattice for one in (touch, vision) if one is not None]
         lattice = next((own for own in lattices if own is not None), None)
-        contradicted = False
         if touch is not None and vision is not None:
-            both = fused_lattice(touch, vision, before_format=True)
-            if both is not None:
-                lattice, contradicted = both[0], bool(both[1])
-        return with_verification(reading, lattice, expected, grammar=self.grammar, contradicted=contradicted)
+            lattice = fused_lattice(touch, vision, before_format=True) or lattice
+        return with_verification(reading, lattice, expected, grammar=self.grammar)
 
 
 def centre_on(photo: Photo, surface: HeightMap) -> Photo:

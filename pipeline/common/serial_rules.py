@@ -15,11 +15,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from statistics import median_low
 from typing import NamedTuple
 
+from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.common.texts import without_blanks
 
 WINDOW = 9
@@ -49,6 +50,12 @@ class Objection:
     alarm: SerialAlarm
     why: str
     of: str = ""
+
+
+def with_objection(reading: ReadingRecord, objection: Objection) -> ReadingRecord:
+    """The same reading with the objection among its messages and reasons; its decision stays."""
+    reasons = (*reading.reasons, ReasonRecord(objection.alarm))
+    return replace(reading, messages=(*reading.messages, objection.why), reasons=reasons)
 
 
 class NumberedSerial(NamedTuple):
@@ -144,6 +151,9 @@ class SerialRules:
             return None
         where = f"{off} ahead of" if off > 0 else f"{-off} behind"
         return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} is {where} the parts before it")
+
+
+ANY_SERIAL = SerialRules()
 
 
 def split_serial(text: str) -> NumberedSerial | None:

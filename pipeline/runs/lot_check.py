@@ -1,43 +1,39 @@
-"""Checks among the serials of a run: serials that are not in the production order, and duplicates."""
+"""Duplicate check among the serials of a run.
+
+Parts are read in any order, and some of them twice: the check is made once, on the final records of all parts.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
-from pipeline.common.reading_records import ReadingRecord, ReasonRecord
-from pipeline.common.serial_rules import ProductionOrder, SerialAlarm
-from pipeline.common.texts import without_blanks
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.serial_rules import Objection, SerialAlarm, with_objection
+from pipeline.common.texts import first_of, without_blanks
+
+Repeats = Mapping[str, Sequence[str]]
+"""Names of the parts by serial, of serials that several parts have."""
 
 
-@dataclass
-class LotCheck:
-    """Send parts with impossible serials to review, although they were read with certainty.
-
-    If two parts have one serial, the second goes to review, and its message names the first. The sequence is not
-    checked, since a run reads parts in any order.
-
-    Attributes:
-        order: production order.
-        bearers: first part with each serial that was read with certainty so far.
-    """
-
-    order: ProductionOrder
-    bearers: dict[str, str] = field(default_factory=dict)
-
-    def remember(self, record: ReadingRecord) -> None:
-        """Add a record from an earlier part of the run."""
+def find_repeats(records: Iterable[ReadingRecord]) -> Repeats:
+    """Find the serials with which several parts were accepted."""
+    parts = defaultdict[str, list[str]](list)
+    for record in records:
         if record.decision == "accept":
-            self.bearers.setdefault(without_blanks(record.text), record.part)
+            parts[without_blanks(record.text)].append(record.part)
+    return {text: names for text, names in parts.items() if len(names) > 1}
 
-    def check(self, record: ReadingRecord) -> ReadingRecord:
-        """Return the record, with the decision "review" if its serial fails a check."""
-        if record.decision != "accept":
-            return record
-        if not self.order.holds(record.text):
-            why, code = f"{record.text} is not in {self.order.name}", SerialAlarm.NOT_IN_ORDER
-        elif (first := self.bearers.setdefault(without_blanks(record.text), record.part)) != record.part:
-            why, code = f"{record.text} was already read on {first}", SerialAlarm.READ_BEFORE
-        else:
-            return record
-        reasons = (*record.reasons, ReasonRecord(code))
-        return replace(record, decision="review", messages=(*record.messages, why), reasons=reasons)
+
+def repeated(record: ReadingRecord, repeats: Repeats) -> Objection | None:
+    """The objection to an accepted part whose serial other parts have: any of them may be the wrong one."""
+    others = [name for name in repeats.get(without_blanks(record.text), ()) if name != record.part]
+    if record.decision != "accept" or not others:
+        return None
+    return Objection(SerialAlarm.READ_BEFORE, f"{record.text} was also read on {first_of(others)}")
+
+
+def reviewed(record: ReadingRecord, objection: Objection | None) -> ReadingRecord:
+    """The record, sent to review if there is an objection."""
+    return record if objection is None else replace(with_objection(record, objection), decision="review")

@@ -20,7 +20,9 @@ class RunOptions:
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
         order: Production order: a file of serials one per line, or ranges such as KX400000..KX409999. A part that is
-            read with certainty and is not in it, or has the serial of another part of the run, goes to review.
+            read with certainty and is not in it goes to review.
+        repeats: Accept parts with the same serial. Default: if several parts of a run are read with the same serial,
+            all of them go to review.
         truth: CSV with the columns part and text, to print the accuracy.
         out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
@@ -34,6 +36,7 @@ class RunOptions:
     manifest: tuple[str, ...] = ()
     verify: str | None = None
     order: Path | None = None
+    repeats: bool = False
     truth: Path | None = None
     out: str | None = None
     evidence: Path | None = None

@@ -14,13 +14,13 @@ from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
 from pipeline.common.output_paths import write_json
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.serial_rules import SerialRules
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, discover
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import Accuracy, PartTexts, load_truth, read_order
 from pipeline.reading.expected import load_expected
-from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import print_table
 from pipeline.runs.run import Run, open_run
@@ -77,7 +77,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
-    lot = LotCheck(read_order(options.order)) if options.order is not None else None
+    serials = None if options.order is None else read_order(options.order)
     watch = None
     if settings.certificate is not None:
         from pipeline.reading.drift import watch_of  # slow to import, like all of recognition
@@ -133,7 +133,8 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         if run.journal.kept is not None:
             print(f"{options.out} already existed; it is kept as {run.journal.kept}")
         progress.start(len(parts), done)
-        run.on_row, run.lot, run.watch = on_row, lot, watch
+        run.on_row, run.watch = on_row, watch
+        run.rules = SerialRules(duplicates=not options.repeats, order=serials)
         began = time.monotonic()
         with show_compiling(progress.line):
             run.work(parts, order, executor)

@@ -18,10 +18,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.serial_rules import ANY_SERIAL, SerialRules
 from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import resumable, set_aside, writing
+from pipeline.runs.lot_check import Repeats, find_repeats, repeated, reviewed
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
 from pipeline.runs.quarantine import write_quarantine
@@ -35,7 +37,6 @@ from pipeline.workers.executors import Executor
 
 if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
-    from pipeline.runs.lot_check import LotCheck
 
 
 @dataclass
@@ -47,7 +48,7 @@ class Run:
         quarantine: table of the parts that could not be read.
         store: store that keeps the parts as well.
         second: second pass, with the shapes learned from the lot.
-        lot: check that sends impossible serials of this lot to review.
+        rules: checks of the serials of this lot.
         watch: compares the parts read now with those of a certificate.
         progress: progress display.
         on_row: called with every final row, including those from before a resumption.
@@ -61,7 +62,7 @@ class Run:
     quarantine: Path | None = None
     store: RunStore | None = None
     second: SecondPass | None = None
-    lot: LotCheck | None = None
+    rules: SerialRules = ANY_SERIAL
     watch: DriftWatch | None = None
     progress: Progress = field(default_factory=Progress)
     on_row: Callable[[ReadingRecord], None] | None = None
@@ -81,8 +82,6 @@ class Run:
         """
         failed: dict[str, str] = {}
         for record in self.journal.records():
-            if self.lot is not None:
-                self.lot.remember(record)
             if record.error:
                 failed[record.part] = record.error
         try:
@@ -104,23 +103,25 @@ class Run:
             self.progress.more(len(waiting))
             for _, record in resumable(
                 self.journal, waiting, executor, read_listed, order,
-                lost=lost_part, kept=lambda _, read: self._check_lot(read.record), again=True,
+                lost=lost_part, kept=lambda _, read: self._in_order(read.record), again=True,
             ):  # fmt: skip
                 self.second.again += 1
                 self.progress.advance(failed=bool(record.error))
+        names = [part.name for part in parts]
+        repeats = find_repeats(self.journal.records(names)) if self.rules.duplicates else {}
         if self.journal.written:
-            self.journal.finish((part.name for part in parts), self._count)
+            self.journal.finish(names, lambda record: self._final(record, repeats))
         else:
             for record in self.journal.records():
-                self._count(record)
+                self._final(record, repeats)
         self.finished = True
 
-    def _check_lot(self, record: ReadingRecord) -> ReadingRecord:
-        return record if self.lot is None else self.lot.check(record)
+    def _in_order(self, record: ReadingRecord) -> ReadingRecord:
+        return reviewed(record, self.rules.by_order(record.text) if record.decision == "accept" else None)
 
     def _record(self, part: PartFiles, read: ReadPart) -> ReadingRecord:
         """Make the record of a part: check it against the lot, store it, and compare it with the certificate."""
-        record = self._check_lot(read.record)
+        record = self._in_order(read.record)
         if self.store is not None:
             try:
                 self.known += not self.store.add(part, replace(read, readings=(record,)))
@@ -132,10 +133,16 @@ class Run:
             self.watch.add(record.source, read.measures)
         return record
 
-    def _count(self, record: ReadingRecord) -> None:
+    def _final(self, record: ReadingRecord, repeats: Repeats) -> ReadingRecord:
+        """Send the part to review if its serial is repeated, and count it."""
+        objection = repeated(record, repeats)
+        if objection is not None and self.store is not None:
+            self.store.send_to_review(record, objection)
+        record = reviewed(record, objection)
         self.summary.add(record)
         if self.on_row is not None:
             self.on_row(record)
+        return record
 
 
 @contextmanager

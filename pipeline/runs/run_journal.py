@@ -96,29 +96,27 @@ class RunJournal(Journal[ReadingRecord]):
         for first, second in self.entries(order):
             yield second if second is not None and is_better(second, first) else first
 
-    def finish(self, order: Iterable[str], count: Callable[[ReadingRecord], None] = lambda _: None) -> None:
+    def finish(
+        self, order: Iterable[str], final: Callable[[ReadingRecord], ReadingRecord] = lambda record: record
+    ) -> None:
         """Write the table in order, with unnamed parts last, and end the run.
 
         Args:
             order: names of the parts; names without a record are skipped.
-            count: called with every record.
+            final: makes the record that is written from each stored one.
 
         Raises:
             FileError: it cannot be written; the same command resumes the run and ends it.
         """
         self._close_table()
 
-        def counted() -> Iterator[ReadingRecord]:
-            for record in self.records(order):
-                count(record)
-                yield record
-
+        records = map(final, self.records(order))
         with writing(self.table):
             if self.table.suffix.lower() == WORKBOOK:
                 with replacing(self.table) as temporary:
-                    write_workbook(counted(), temporary, self.description)
+                    write_workbook(records, temporary, self.description)
             else:
-                write_table(counted(), self.table)
+                write_table(records, self.table)
         self.remove()
 
     def keep_private(self) -> None:

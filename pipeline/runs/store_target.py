@@ -12,6 +12,8 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.records import EvidenceRecord, PartState
 
 if TYPE_CHECKING:
+    from pipeline.common.reading_records import ReadingRecord
+    from pipeline.common.serial_rules import Objection
     from pipeline.formats.part_files import PartFiles
     from pipeline.reading.part_pictures import Picture
     from pipeline.reading.triage import ReadPart
@@ -86,6 +88,17 @@ class RunStore:
         except AlreadyDoneError:
             return False
         return True
+
+    def send_to_review(self, record: ReadingRecord, objection: Objection) -> None:
+        """Send a stored part to review, unless a person has reviewed it.
+
+        Raises:
+            StoreError: the database does not answer.
+        """
+        from pipeline.store.errors import MAX_TEXT, cleaned
+
+        name = cleaned(record.part)[:MAX_TEXT]
+        self._store.send_to_review(name=name, text=cleaned(record.text), objection=objection)
 
     def _keep_pictures(self, pictures: Sequence[Picture]) -> list[EvidenceRecord]:
         if (folder := self._folder) is None:

@@ -359,9 +359,19 @@ class Intake:
             return await self._keep(write, done, sent, part)
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
+        """Paths of the part's photographs, with which touch is compared.
+
+        Raises:
+            Problem: it was photographed, but its photographs are gone or damaged.
+        """
+
         def photos() -> tuple[Path, ...]:
-            kept = self.store.evidence(part.id)
-            return self.evidence.whole(e.sha256 for e in kept if e.kind is EvidenceKind.PHOTO and not e.gone)
+            kept = [e for e in self.store.evidence(part.id) if e.kind is EvidenceKind.PHOTO]
+            whole = self.evidence.whole(e.sha256 for e in kept if not e.gone)
+            if kept and not whole:
+                what = f"the photographs of part {part.id} are no longer kept whole"
+                raise Problem(409, f"{what}; send photograph and scan together as a new part")
+            return whole
 
         return await asyncio.to_thread(photos)
 

@@ -27,9 +27,16 @@ from typing import Any, NamedTuple, Required, TypedDict, Unpack
 import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord, ReasonRecord, ScanPlanRecord, to_json
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord, to_json
 from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord, TouchWait
-from pipeline.common.serial_rules import WINDOW, Objection, SerialAlarm, SerialRules
+from pipeline.common.serial_rules import (
+    ANY_SERIAL,
+    WINDOW,
+    Objection,
+    SerialAlarm,
+    SerialRules,
+    with_objection,
+)
 from pipeline.store import tables
 from pipeline.store.database import Transaction
 from pipeline.store.errors import (
@@ -44,7 +51,6 @@ from pipeline.store.rows import READ, Event, add_events, part_by_id, write_part
 from pipeline.store.tables import idempotency as keys
 from pipeline.store.tables import parts
 
-ANY_SERIAL = SerialRules()
 AUDIT_WAITS = "waiting"
 _SHA256 = re.compile("[0-9a-f]{64}")
 # begins the fingerprint of a key that is kept for ever; those of requests are hexadecimal
@@ -171,10 +177,9 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
     if part.state is PartState.ACCEPTED and readings and rules.any:
         last = readings[-1]
         for one in objections(tx, rules, replace(part, text=cleaned(last.text))):
-            part, read = replace(part, state=PartState.REVIEW), readings[-1]
-            reasons = (*read.reasons, ReasonRecord(one.alarm))
-            readings[-1] = replace(read, messages=(*read.messages, one.why), reasons=reasons)
-            alarms.append(("serial_alarm", {"alarm": one.alarm, "why": one.why}))
+            part = replace(part, state=PartState.REVIEW)
+            readings[-1] = with_objection(readings[-1], one)
+            alarms.append(_alarm(one))
             if one.of:  # of two parts with one serial either may be the wrong one
                 part_by_id(tx, one.of, lock=True)
                 add_events(tx, one.of, [("serial_again", {"part": part.id, "text": last.text})])
@@ -378,6 +383,22 @@ def _read_before(tx: Transaction, part: PartRecord) -> Objection | None:
             on = row.name or f"part {row.id}"
             return Objection(SerialAlarm.READ_BEFORE, f"{part.text} was already read on {on}", row.id)
     return None
+
+
+def send_to_review(tx: Transaction, *, name: str, text: str, objection: Objection) -> None:
+    """Send the latest accepted part of a name and a serial to review; nothing happens if there is none."""
+    same = sa.and_(name == _NAME, text == _TEXT, parts.c.text_folded == text.casefold())
+    accepted = sa.select(parts.c.id).where(same, parts.c.state == PartState.ACCEPTED)
+    part_id = tx.execute(accepted.order_by(parts.c.id.desc()).limit(1)).scalar()
+    if part_id is None:
+        return
+    part = part_by_id(tx, part_id, lock=True)
+    reading = None if part.reading is None else with_objection(part.reading, objection)
+    write_part(tx, replace(part, state=PartState.REVIEW, reading=reading), [_alarm(objection)])
+
+
+def _alarm(objection: Objection) -> Event:
+    return "serial_alarm", {"alarm": objection.alarm, "why": objection.why}
 
 
 def _before(tx: Transaction, part: PartRecord) -> list[tuple[int, str]]:

@@ -67,6 +67,7 @@ class Store(Database):
     add_part = _writes(_parts.add_part)
     add_readings = _writes(_parts.add_readings)
     note_event = _writes(_parts.note_event)
+    send_to_review = _writes(_parts.send_to_review)
     part = _reads(rows.part_by_id)
     story = _reads(_review.story)
 

@@ -10,6 +10,8 @@ that both had read, touch had 97.1 % of characters and 635 serials right; powers
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,27 +48,32 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, power: float = 0.7) -> Lat
     return Lattice(chars, np.minimum(log, 0.0), boxes=touch.boxes)
 
 
-def contradictions(
-    touch: Lattice, camera: Lattice, *, sure: float = 0.97, agreeing: float = 0.5
-) -> tuple[tuple[int, str, str], ...]:
-    """Find the places at which both senses are sure of different characters: (place from 0, touch's, the camera's).
+def contradict(touch: Lattice, camera: Lattice, *, sure: float = 0.97) -> bool:
+    """Whether both senses are sure of different characters at a place.
 
     Args:
         touch: posteriors.
         camera: posteriors of as many places.
         sure: belief from which a sense counts as sure.
-        agreeing: share of the other places at which the camera must read what touch reads: one that sees something
-            else altogether contradicts nothing.
     """
-    bests = [np.exp(own.log_belief).max(axis=1, initial=0.0) for own in (touch, camera)]
-    texts = (touch.text, camera.text)
-    same = np.array([a == b for a, b in zip(*texts, strict=True)])
-    others = max(same.size - 1, 1)
-    return tuple(
-        (int(k), texts[0][k], texts[1][k])
-        for k in np.flatnonzero(~same)
-        if bests[0][k] >= sure and bests[1][k] >= sure and same.sum() / others >= agreeing
-    )
+    bests = (np.exp(own.log_belief).max(axis=1, initial=0.0) >= sure for own in (touch, camera))
+    return any(a != b for a, b, *both in zip(touch.text, camera.text, *bests, strict=True) if all(both))
+
+
+def lead_nats(own: Lattice, text: str, other: str) -> float:
+    """Log ratio of the probabilities of two texts by one sense; what it has not read counts for neither.
+
+    Args:
+        own: posteriors of the sense.
+        text: text of its characters, as long as it has places.
+        other: another text; infinitely less likely if it has another length or other characters.
+    """
+    if len(other) != own.n_places or not set(other) <= set(own.chars):
+        return math.inf
+    belief, _ = _spread(own, own.chars)
+    here, there = ([own.chars.index(c) for c in one] for one in (text, other))
+    places = np.arange(own.n_places)
+    return float((np.log(belief[places, here]) - np.log(belief[places, there])).sum())
 
 
 def _spread(own: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:

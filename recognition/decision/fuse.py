@@ -11,9 +11,9 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from recognition.combine.fuse_lattices import contradictions, fuse_lattices
+from recognition.combine.fuse_lattices import contradict, fuse_lattices, lead_nats
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.decide import Finding, ReadingFlag, flags_of
+from recognition.decision.decide import USUAL_THRESHOLD, Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import (
     LineSettings,
@@ -48,7 +48,7 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
 
     Returns:
         A reading of source "fused" in the plate frame, whose trace holds both. It is accepted by the settings'
-        threshold, and never if both senses are sure of different characters.
+        threshold, and never if a sense that is sure of another text is outvoted.
     """
     made = _fuse_lines(touch, vision, settings)
     trace = ReadingTrace(
@@ -58,10 +58,60 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
     made = replace(
         made, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
     )
-    made = with_score(made)
+    made = with_score(made).with_findings(*disagreement(touch, vision, plain_text(made)))
     # a photograph without a scale has a frame of its own
     codes = vision.codes if vision.unit == made.unit else [replace(c, corners=()) for c in vision.codes]
     return checked_by_codes(made, codes)
+
+
+def disagreement(
+    touch: Reading, vision: Reading, text: str, *, sure: float = USUAL_THRESHOLD, ratio: float = 1000.0
+) -> tuple[Finding, ...]:
+    """Report a sense that is sure of another text than the fused one: it may have read another part.
+
+    A sense is sure of its text if its score says so, or if it holds the text for far likelier than the fused one. They
+    also disagree if both are sure of different characters at one place: serials of one lot often differ at one only.
+
+    Args:
+        touch: reading by touch.
+        vision: reading by camera.
+        text: fused text.
+        sure: least score of a text that is sure.
+        ratio: ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt
+            makes the camera take two or three characters for others at ten to one each; from 1,000 on it is not dirt.
+    """
+    nats = math.log(ratio)
+    (seen, seen_lead), (felt, felt_lead) = (_text_and_lead(sense, text) for sense in (vision, touch))
+    if not seen or not felt or seen == felt:
+        return ()
+    outvoted = (
+        own != text and (sense.confidence >= sure or lead > nats)
+        for sense, own, lead in ((vision, seen, seen_lead), (touch, felt, felt_lead))
+    )
+    lattices = touch.trace.lattice, vision.trace.lattice
+    if not any(outvoted) and not (len(seen) == len(felt) and contradict(*lattices)):
+        return ()
+    places = tuple(k for k, (a, b) in enumerate(zip(seen, felt, strict=False), start=1) if a != b)
+    what = f"camera reads {vision.text}, touch {touch.text or felt}: are they of one part?"
+    return (Finding(ReadingFlag.SENSES_DISAGREE, what, places if len(seen) == len(felt) else ()),)
+
+
+def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tuple[str, float]:
+    """Text of a sense, and the log ratio of its probability to that of another one, or of all others together."""
+    own, trace = plain_text(reading), reading.trace
+    if own and trace.lattice is not None and len(own) == len(text):
+        return own, lead_nats(trace.lattice, own, text)
+    if own:
+        return own, -math.inf if trace.odds is None else trace.odds
+    # touch may have felt another text than the format allows; a scratch is read as a 1
+    if (
+        reading.source != "tactile"
+        or trace.open_lattice is None
+        or trace.open_lattice.n_places < least_places
+    ):
+        return "", -math.inf
+    sure = math.exp(trace.open_lattice.log_belief.max(axis=1).sum())
+    return trace.open_lattice.text, log_odds(sure)
 
 
 def _odds_of(reading: Reading, text: str) -> float | None:
@@ -81,10 +131,10 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     """Touch's reading with the combined posteriors; if only one sense has read the part, its reading."""
     if tactile.trace.lattice is None or not tactile.characters:
         return _by_vision_alone(tactile, vision)
-    found = fused_lattice(tactile, vision)
-    if found is None:
-        return replace(tactile, notes=(*tactile.notes, "the camera has read nothing; read by touch alone"))
-    lattice, contradicted = found
+    lattice = fused_lattice(tactile, vision)
+    if lattice is None:
+        seen = f"{vision.text}, which has another number of characters" if vision.text else "nothing"
+        return replace(tactile, notes=(*tactile.notes, f"the camera has read {seen}; read by touch alone"))
     choice = choose(lattice, settings.grammar)
     if not choice.text:
         return tactile
@@ -112,7 +162,6 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     ).with_findings(
         *(finding for finding in tactile.findings if finding.flag & overruled),
         *doubts_of_lines(others, settings),
-        *contradicted,
         *other_contradictions,
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
@@ -120,10 +169,8 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     return add_stroke_findings(made.with_trace(choice=choice, laid=laid, strokes=strokes))
 
 
-def fused_lattice(
-    touch: Reading, vision: Reading, *, before_format: bool = False
-) -> tuple[Lattice, tuple[Finding, ...]] | None:
-    """Combined posteriors of both, and findings where they contradict each other; None if they cannot be combined.
+def fused_lattice(touch: Reading, vision: Reading, *, before_format: bool = False) -> Lattice | None:
+    """Combined posteriors of both; None if they cannot be combined.
 
     They can if both have equally many places. These count as the same, because both senses read the line with the
     format, or the only one.
@@ -136,13 +183,7 @@ def fused_lattice(
     felt, seen = (r.trace.open_lattice if before_format else r.trace.lattice for r in (touch, vision))
     if felt is None or seen is None or felt.n_places != seen.n_places:
         return None
-    found = tuple(
-        Finding(
-            ReadingFlag.SENSES_DISAGREE, f"place {k + 1}: touch has {ours}, the camera {theirs}", (k + 1,)
-        )
-        for k, ours, theirs in contradictions(felt, seen)
-    )
-    return fuse_lattices(felt, seen), found
+    return fuse_lattices(felt, seen)
 
 
 def _orientation_doubts(

@@ -91,7 +91,7 @@ def reading_of_line(
     openly = replace(openly, boxes=boxes_of(main.line, columns))
     if not choice.text or not main.is_text:
         found = _outside_format(openly, grammar)
-        return nothing.with_findings(*found).with_trace(lattice=lattice)
+        return nothing.with_findings(*found).with_trace(lattice=lattice, open_lattice=openly)
     unsure = choice.probability < settings.accept_confidence
     if grammar is None and len(choice.text) < least_places and unsure:
         # a scratch is read as a 1, two dents as OO

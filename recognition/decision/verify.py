@@ -214,13 +214,12 @@ def with_verification(
     expected: str,
     *,
     grammar: Grammar | None = None,
-    contradicted: bool = False,
 ) -> Reading:
     """Add to a reading the states of its places for the expected text, and the verdict in its trace.
 
     Args:
         reading: the reading.
-        lattice, expected, grammar, contradicted: as in `verify`; lattice None if no characters were found.
+        lattice, expected, grammar: as in `verify`; lattice None if no characters were found.
 
     Raises:
         VerifyError: as in `verify`.
@@ -229,10 +228,9 @@ def with_verification(
         lattice = Lattice((), np.zeros((0, 0)))
     same_text = "".join(reading.text.split()) == "".join(expected.split())
     accepted = reading.confidence if same_text and reading.decision is Decision.ACCEPT else 0.0
-    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted, accepted=accepted)
     flags, characters = reading.flags, reading.characters
-    if contradicted:
-        flags |= ReadingFlag.SENSES_DISAGREE
+    contradicted = bool(flags & ReadingFlag.SENSES_DISAGREE)
+    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted, accepted=accepted)
     if verification.verdict is Verdict.REFUTED:
         flags |= ReadingFlag.MISMATCH
     if verification.places == len(characters):

@@ -79,17 +79,17 @@ def fused_as(
     seen: list[Any],
     *,
     lattice: Any = None,
-    contradicted: tuple[str, ...] = (),
+    flags: ReadingFlag = ReadingFlag.NONE,
 ) -> None:
     """Fusion that says so."""
 
     def fuse(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
         seen.append((touch.text, vision.text, settings.format))
-        return reading_of("A1", source="fused").with_trace(touch=touch, vision=vision)
+        return reading_of("A1", source="fused", flags=flags).with_trace(touch=touch, vision=vision)
 
     def fused_lattice(touch: Reading, vision: Reading, *, before_format: bool = False) -> Any:
         seen.append((touch.text, vision.text, before_format))
-        return None if lattice is None else (lattice, contradicted)
+        return lattice
 
     monkeypatch.setattr("recognition.decision.fuse.fuse", fuse)
     monkeypatch.setattr("recognition.decision.fuse.fused_lattice", fused_lattice)
@@ -205,7 +205,7 @@ def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.Mon
     found = PartReader(FakeReader("A9"), ReadSettings(mode="fused")).read(part(folder, "both"), expected="B1")
     assert verdict_of(found) is Verdict.CONFIRMED
     assert seen == [("A1", "B1", "A9"), ("A1", "B1", True)]
-    fused_as(monkeypatch, [], lattice=lattice("B1"), contradicted=("place 1",))
+    fused_as(monkeypatch, [], lattice=lattice("B1"), flags=ReadingFlag.SENSES_DISAGREE)
     found = PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"), expected="B1")
     assert verdict_of(found) is Verdict.UNDECIDED
     assert ReadingFlag.SENSES_DISAGREE in found.flags

@@ -196,5 +196,5 @@ def test_verified_parts_and_the_exit_status(
     if table is not None and "," in table:
         Path("wanted.csv").write_text(table, encoding="utf-8")
         verify = "wanted.csv"
-    assert read(str(parts), run=RunOptions(verify=verify)) == status
+    assert read(str(parts), run=RunOptions(verify=verify, repeats=True)) == status
     assert told in capsys.readouterr().out

@@ -16,16 +16,16 @@ import sqlalchemy as sa
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
+from pipeline.common.people_records import Person
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import EvidenceKind
-from pipeline.common.serial_rules import ProductionOrder
+from pipeline.common.records import EvidenceKind, ReviewAction
+from pipeline.common.serial_rules import ProductionOrder, SerialRules
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
-from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.production import run_batch
 from pipeline.runs.run import Run, open_run
@@ -212,21 +212,61 @@ def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
     assert refuted.pictures[0].content.startswith(b"\xff\xd8")
 
 
-def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Path) -> None:
-    """Also where the run was broken off between the two."""
-    order = LotCheck(ProductionOrder("lot-7.csv", frozenset({"T0", "T2"})))
-    texts = {"p0": "T0", "p1": "T2", "p2": "T 2", "p3": "T3", "p4": "T0", "p5": "T2"}
+ROWS = {"p0": "T0", "p1": "T2", "p2": "T 2", "p3": "T3", "p4": "T4", "p5": "T2"}
 
-    options = RunOptions(out=str(tmp_path / "rows.csv"))
-    for breaks_after in (3, 99):
+
+@pytest.mark.parametrize("breaks_after", [1, 3, 5, 99])
+@pytest.mark.parametrize("parts", [PARTS, PARTS[::-1], PARTS[3:] + PARTS[:3]])
+@pytest.mark.parametrize("table", ["rows.csv", None])
+def test_parts_with_one_serial_all_go_to_review(
+    tmp_path: Path, breaks_after: int, parts: list[PartFiles], table: str | None
+) -> None:
+    """In whatever order they are read, and wherever the run was interrupted."""
+    options = RunOptions(out=None if table is None else str(tmp_path / table))
+    rules = SerialRules(duplicates=True, order=ProductionOrder("lot-7.csv", frozenset({"T0", "T2", "T4"})))
+    for ends in (breaks_after, 99):
         rows = dict[str, Any]()
         with open_run(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
-            run.lot = LotCheck(order.order)
+            run.rules = rules
             run.on_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
-            run.work(PARTS, ORDER, reading(text=lambda p: texts[p.name], breaks_after=breaks_after))
-    assert {name: row.decision for name, row in rows.items()} == {
-        "p5": "accept", "p4": "accept", "p3": "review", "p2": "review", "p1": "review", "p0": "review",
-    }  # fmt: skip
+            run.work(parts, ORDER, reading(text=lambda p: ROWS[p.name], breaks_after=ends))
+    decisions = {name: row.decision for name, row in rows.items()}
+    assert decisions == {name: "accept" if name in ("p0", "p4") else "review" for name in ROWS}
     assert rows["p3"].messages == ("T3 is not in lot-7.csv",)
-    assert rows["p2"].messages == ("T 2 was already read on p5",)
-    assert rows["p0"].messages == ("T0 was already read on p4",)
+    alarms = {(*row.messages, row.reasons[-1].code) for name, row in rows.items() if name in ("p1", "p2")}
+    names = [part.name for part in parts if part.name in ("p1", "p2", "p5")]
+    assert alarms == {
+        (f"{ROWS[name]} was also read on {', '.join(n for n in names if n != name)}", "read_before")
+        for name in ("p1", "p2")
+    }
+    if table is not None:
+        assert {row.part: row.decision for row in read_rows(tmp_path / table)} == decisions
+
+
+def test_repeated_serials_are_accepted_if_they_may_repeat(tmp_path: Path) -> None:
+    with open_run(RunOptions(out=str(tmp_path / "rows.csv")), {}) as run:
+        run.rules = SerialRules()
+        run.work(PARTS, ORDER, reading(text=lambda _: "T2"))
+    assert {row.decision for row in read_rows(tmp_path / "rows.csv")} == {"accept"}
+
+
+@pytest.mark.usefixtures("_in_folder")
+def test_parts_with_one_serial_go_to_review_in_the_store_too() -> None:
+    """A person's review stands, also if the run is given again."""
+    options, texts = RunOptions(out="sqlite:///parts.db"), dict.fromkeys(("p1", "p4"), "T2")
+
+    def run_once(breaks_after: int = 99) -> dict[str, Any]:
+        with open_run(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
+            run.rules = SerialRules(duplicates=True)
+            work = reading(text=lambda p: texts.get(p.name, p.name), breaks_after=breaks_after)
+            run.work(PARTS, ORDER, work)
+        with contextlib.closing(Store.open("sqlite:///parts.db")) as store:
+            return {part.name: part for part in store.parts()}
+
+    run_once(breaks_after=4)
+    stored = run_once()
+    assert {name for name, part in stored.items() if part.state.value == "review"} == {"p1", "p4"}
+    assert stored["p4"].reading.messages[-1] == "T2 was also read on p1"
+    with contextlib.closing(Store.open("sqlite:///parts.db")) as store:
+        store.review(stored["p1"].id, person=Person("Ada"), action=ReviewAction.CONFIRM)
+    assert {part.state.value for part in run_once().values()} == {"accepted", "reviewed", "review"}

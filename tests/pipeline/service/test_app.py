@@ -14,6 +14,7 @@ from starlette.testclient import TestClient
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
 from pipeline.common.settings import SettingsError
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.devices import load_driver
@@ -276,6 +277,30 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
             service.pool.instead = None  # type: ignore[attr-defined]
             felt = client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts))
             assert (felt.status_code, felt.json()["reading"]["source"]) == (200, "fused")
+
+
+def test_touch_that_felt_another_part_than_the_camera_saw_is_not_accepted(
+    tmp_path: Path, parts: Path
+) -> None:
+    other = write_part(SynthSpec(format="AA99", seed=22), tmp_path / "other", 0, photos=False)
+    unsure = ReadPart((reading(source="vision", decision="review"),), plan=PLAN)
+    with inline_service(tmp_path / "s") as (service, client):
+        waiting = []
+        for _ in range(2):
+            service.pool.instead = lambda *_: unsure  # type: ignore[attr-defined]
+            waiting.append(client.post("/v1/parts", files=photo(parts), data={"touch": "plan"}).json()["id"])
+        service.pool.instead = None  # type: ignore[attr-defined]
+        felt = {"scan": ("other.npz", (tmp_path / "other.npz").read_bytes())}
+        part = client.post(f"/v1/parts/{waiting[0]}/scan", files=felt).json()
+        assert (part["state"], part["text"]) == ("review", other)
+        apart = f"camera reads {truth(parts)}, touch {other}: are they of one part?"
+        assert part["reading"]["messages"][0] == apart
+        # without its photograph nothing says whether it is the same part
+        for kept in service.store.story(waiting[1]).evidence:
+            service.evidence.path(kept.sha256).unlink(missing_ok=True)
+        refused = client.post(f"/v1/parts/{waiting[1]}/scan", files=felt)
+        assert refused.status_code == 409
+        assert "photographs" in refused.json()["detail"]
 
 
 class Iron:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from recognition.combine.fuse_lattices import contradictions, fuse_lattices
+from recognition.combine.fuse_lattices import fuse_lattices, lead_nats
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.fuse import fuse
@@ -151,16 +151,78 @@ def test_both_doubtful_of_the_same_are_sure_together() -> None:
     assert read.confidence > 0.9
 
 
-def test_senses_sure_of_different_characters_are_never_accepted() -> None:
-    one, other = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
-    assert contradictions(one, other) == ((4, "3", "8"),)
-    read = fuse(touch(one), vision(other), SETTINGS)
-    assert ReadingFlag.SENSES_DISAGREE in read.flags
+def test_the_photograph_of_another_part_sends_it_to_review() -> None:
+    read = fuse(touch(of_text("RY354206", 0.9999)), vision(of_text("TG391882", 0.999)), SETTINGS)
     assert read.decision is Decision.REVIEW
-    assert read.messages() == ("place 5: touch has 3, the camera 8",)
-    # a camera that reads something else altogether is not sure of anything
-    lost = fuse(touch(one), vision(of_text("XY9876", 0.999)), SETTINGS)
-    assert (lost.text, lost.decision) == ("AB1234", Decision.ACCEPT)
+    assert read.messages() == ("camera reads TG391882, touch RY354206: are they of one part?",)
+    (finding,) = read.findings
+    assert (finding.code, finding.places) == ("senses_disagree", (1, 2, 4, 5, 6, 7, 8))
+
+
+def test_one_place_tells_two_parts_of_a_lot_apart() -> None:
+    read = fuse(touch(of_text("AB1234", 0.9999)), vision(of_text("AB1284", 0.98)), SETTINGS)
+    assert read.decision is Decision.REVIEW
+    assert read.messages() == ("camera reads AB1284, touch AB1234: are they of one part?",)
+    assert read.findings[0].places == (5,)
+
+
+serials = st.text(alphabet=LETTERS, min_size=4, max_size=17)
+
+
+@settings(max_examples=60, deadline=None)
+@given(serials, serials, st.floats(0.9, 0.9999), st.floats(0.9, 0.9999))
+def test_two_serials_are_never_accepted_as_one(
+    felt: str, seen: str, doubt: float, other_doubt: float
+) -> None:
+    """Each sense is sure of its own text, whatever the numbers of characters and in whichever place they differ."""
+    sure = (
+        touch(of_text(felt, doubt ** (1 / len(felt)))),
+        vision(of_text(seen, other_doubt ** (1 / len(seen)))),
+    )
+    one, other = (with_score(reading) for reading in sure)
+    read = fuse(one, other, SETTINGS)
+    apart = f"camera reads {seen}, touch {felt}: are they of one part?"
+    if felt == seen:
+        assert not read.flags & ReadingFlag.SENSES_DISAGREE
+    elif one.decision is other.decision is Decision.ACCEPT:
+        assert read.decision is not Decision.ACCEPT
+        assert read.messages()[0] == apart
+
+
+def test_a_camera_whose_doubts_add_up_is_not_outvoted() -> None:
+    """It is unsure of every place, but far surer of its text than of the one that touch has read."""
+    doubtful = vision(of_text("TG391882", 0.6))
+    assert doubtful.confidence < 0.1
+    read = fuse(touch(of_text("RY354206", 0.9999)), doubtful, SETTINGS)
+    assert (read.text, read.decision) == ("RY354206", Decision.REVIEW)
+    assert read.messages()[0].startswith("camera reads TG391882, touch RY354206")
+
+
+def test_a_camera_misled_by_dirt_at_two_places_leaves_the_part_to_touch() -> None:
+    beliefs = [0.99, 0.99, 0.99, 0.8, 0.8, 0.99, 0.99, 0.99]
+    misled = vision(of_text("RY381206", beliefs, rival="RY354206"))
+    read = fuse(touch(of_text("RY354206", 0.9999)), misled, SETTINGS)
+    assert (read.text, read.decision, read.findings) == ("RY354206", Decision.ACCEPT, ())
+
+
+def test_touch_that_felt_another_text_than_the_format_allows_is_not_passed_over() -> None:
+    felt = touch(None).with_trace(open_lattice=of_text("HOUSING", 0.9999))
+    seen = vision(of_text("AB1234", 0.9999))
+    read = fuse(felt, seen, SETTINGS)
+    assert read.decision is Decision.REVIEW
+    assert "camera reads AB1234, touch HOUSING: are they of one part?" in read.messages()
+    for dirt in (of_text("HOUSING", 0.7), of_text("1I", 0.99999)):
+        assert fuse(touch(None).with_trace(open_lattice=dirt), seen, SETTINGS).decision is Decision.ACCEPT
+
+
+@given(st.floats(0.01, 1.0))
+def test_what_was_not_read_is_no_lead(read: float) -> None:
+    seen = of_text("A", 0.9)
+    lead = lead_nats(replace(seen, log_belief=seen.log_belief + np.log(read)), "A", "B")
+    rest = (1.0 - read) / len(LETTERS)
+    share = (1.0 - 0.9) / len(LETTERS)
+    np.testing.assert_allclose(lead, np.log((read * (0.9 + share) + rest) / (read * share + rest)), rtol=1e-6)
+    assert lead_nats(seen, "A", "ß") == lead_nats(seen, "A", "AB") == np.inf
 
 
 def test_one_sense_alone() -> None:
@@ -226,11 +288,18 @@ def test_a_line_nobody_asked_for_sends_to_review_whoever_reads_it() -> None:
     assert fuse(felt, lines_of(vision(of_text("AB1234", 0.999)), unnamed), LINES).others == (sure,)
 
 
-def test_other_counts_without_places_leave_touch_alone() -> None:
-    placed = touch(of_text("AB1234", 0.999, where=boxes(6)))
-    fewer = of_text("B123", 0.999)
-    read = fuse(placed, vision(fewer).with_trace(lattice=fewer), SETTINGS)
-    assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)
+def test_another_number_of_characters_is_another_text() -> None:
+    """Doubtful, it leaves touch alone, and a note says so; sure, it is that of another part."""
+    felt = touch(of_text("AB1234", 0.999, where=boxes(6)))
+    read = fuse(felt, vision(of_text("B123", 0.8)), SETTINGS)
+    note = "the camera has read B123, which has another number of characters; read by touch alone"
+    assert (read.text, read.decision, read.messages()) == ("AB1234", Decision.ACCEPT, (note,))
+    read = fuse(felt, vision(of_text("B123", 0.9999)), SETTINGS)
+    assert (read.text, read.decision) == ("AB1234", Decision.REVIEW)
+    assert read.messages() == ("camera reads B123, touch AB1234: are they of one part?", note)
+    # nor is a sure touch outvoted by a camera that has read more
+    read = fuse(touch(of_text("AB1234", 0.9999)), vision(of_text("AB12345", 0.5)), SETTINGS)
+    assert read.text == "AB1234"
 
 
 BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5)

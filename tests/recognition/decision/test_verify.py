@@ -207,9 +207,10 @@ def test_without_characters_nothing_is_known() -> None:
 
 
 def test_senses_that_contradict_each_other_confirm_nothing() -> None:
-    read, found = verdict(READ_B1, SURE_B1, "B1", contradicted=True)
+    apart = ReadingFlag.SENSES_DISAGREE
+    read, found = verdict(replace(READ_B1, flags=apart), SURE_B1, "B1")
     assert found.verdict is Verdict.UNDECIDED
-    assert read.flags is ReadingFlag.SENSES_DISAGREE
-    read, found = verdict(READ_81, SURE_81, "B1", contradicted=True)
+    assert read.flags is apart
+    read, found = verdict(replace(READ_81, flags=apart), SURE_81, "B1")
     assert found.verdict is Verdict.REFUTED
-    assert read.flags is ReadingFlag.SENSES_DISAGREE | ReadingFlag.MISMATCH
+    assert read.flags is apart | ReadingFlag.MISMATCH

@@ -1,0 +1,92 @@
+"""Photographs beside the touch of another part: none may be accepted, and no part of its own may be lost.
+
+    python tests/benchmarks/mixed_pairs.py [--parts 200] [--seed 60]
+
+Parts of one format, of three fonts, at dirt 0, 0.3 and 0.6. Each part is read once by touch and once by its photograph;
+then every touch is fused with the photograph of its own part (true pairs), and with that of the next part of the same
+dirt (mixed pairs). Each pair is fused twice, with and without the rule for senses that disagree. Intervals are
+Wilson's, 95 %.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest
+
+from glyphs import stamp
+from glyphs.fonts.serials import random_text
+from recognition import Reader
+from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decision.reading import Reading
+
+FORMAT = "AA999999"
+FONTS = ("gothic", "futural", "timesrb")
+SEVERITIES = (0.0, 0.3, 0.6)
+
+
+class ReadPart(NamedTuple):
+    """A part and its reading by each sense."""
+
+    text: str
+    dirt: float
+    touch: Reading
+    vision: Reading
+
+
+def read_parts(reader: Reader, *, parts: int, seed: int) -> Iterator[ReadPart]:
+    for number in range(parts):
+        dirt, font = SEVERITIES[number % 3], FONTS[number // 3 % 3]
+        text = random_text(FORMAT, rng=np.random.default_rng((seed, number)))
+        part = stamp(text, font=font, dirt=dirt, seed=(seed, number))
+        touch = reader.touch.read_height_map(part.height_map, soil=part.soil)
+        vision = reader.vision.read_photo(part.photograph())
+        # fusion needs neither scan nor map, which are large
+        yield ReadPart(text, dirt, touch.with_trace(scan=None, height_map=None, edge_map=None), vision)
+
+
+def share(count: int, n: int) -> str:
+    """Count of n, with its interval in percent."""
+    low, high = binomtest(count, n).proportion_ci(method="wilson")
+    return f"{count} of {n} ({100 * low:.1f} to {100 * high:.1f} %)"
+
+
+def print_table(reader: Reader, rows: Sequence[ReadPart]) -> None:
+    """Print what is accepted of true and mixed pairs, by dirt, with and without the rule."""
+    accepted: dict[tuple[object, str, bool], list[bool]] = defaultdict(list)
+    for dirt in SEVERITIES:
+        level = [row for row in rows if row.dirt == dirt]
+        for part, following in zip(level, [*level[1:], *level[:1]], strict=True):
+            for kind, vision in (("true", part.vision), ("mixed", following.vision)):
+                fused = reader.fuse(part.touch, vision)
+                for rule, reading in (
+                    (True, fused),
+                    (False, fused.without_flags(ReadingFlag.SENSES_DISAGREE)),
+                ):
+                    for key in (dirt, "all"):
+                        accepted[key, kind, rule].append(reading.decision is Decision.ACCEPT)
+    print("| dirt | mixed, accepted | mixed, without the rule | true, accepted | true, without the rule |")
+    print("|---|---|---|---|---|")
+    for dirt in (*SEVERITIES, "all"):
+        columns = [accepted[dirt, kind, rule] for kind in ("mixed", "true") for rule in (True, False)]
+        print(f"| {dirt} | {' | '.join(share(sum(column), len(column)) for column in columns)} |")
+
+
+def main(*, parts: int = 200, seed: int = 60) -> None:
+    """Read the parts, and print the table.
+
+    Args:
+        parts: number of parts, of all dirts together.
+        seed: of the parts.
+    """
+    reader = Reader(format=FORMAT)
+    print_table(reader, list(read_parts(reader, parts=parts, seed=seed)))
+
+
+if __name__ == "__main__":
+    from cyclopts import run
+
+    run(main)
