@@ -20,6 +20,7 @@ from pipeline.common.private import private_folder
 from pipeline.common.settings import SettingsError
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
+from pipeline.service.connections import log_failed_accepts_sparingly
 from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
 from pipeline.service.jobs import GlyphDatabases, JobFolder
@@ -295,6 +296,7 @@ class Service:
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Run everything beside the requests."""
+        log_failed_accepts_sparingly()
         works = [
             repeat("sweep", lambda: asyncio.to_thread(self.sweep), every_s=SWEEP_EVERY_S),
             repeat("check of what was unusable", self.intake.calls.recheck, every_s=RECHECK_EVERY_S),
