@@ -445,11 +445,12 @@ def service_router(service: Service) -> APIRouter:
         return {"status": "alive"}
 
     @router.get("/readyz", tags=["service"])
-    def readyz() -> dict[str, str]:
+    async def readyz() -> dict[str, str]:
         """Whether parts can be read."""
-        if why := service.why_not_ready():
+        why, state = await service.readiness()
+        if why:
             raise Problem(503, why, headers={"Retry-After": "1"})
-        return service.state()
+        return state
 
     @router.get(
         "/metrics",

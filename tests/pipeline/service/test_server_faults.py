@@ -7,7 +7,9 @@ import errno
 import os
 import shutil
 import signal
+import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -98,6 +100,19 @@ def test_a_disk_that_is_nearly_full_is_not_ready(served: Served, monkeypatch: py
     monkeypatch.setattr("shutil.disk_usage", lambda _: usage._replace(free=1000))
     ready = served[1].get("/readyz")
     assert (ready.status_code, "No space left" in ready.json()["detail"]) == (503, True)
+
+
+def test_a_store_that_another_program_holds_is_not_ready_and_says_so_at_once(
+    served: Served, tmp_path: Path
+) -> None:
+    other = sqlite3.connect(tmp_path / "s" / "store.db")
+    other.execute("BEGIN IMMEDIATE")
+    began_s = time.monotonic()
+    ready = served[1].get("/readyz")
+    assert (ready.status_code, "has not answered for 2 s" in ready.json()["detail"]) == (503, True)
+    assert time.monotonic() - began_s < 4.0
+    other.close()
+    wait_until(lambda: served[1].get("/readyz").status_code == 200)
 
 
 @pytest.mark.parametrize(
