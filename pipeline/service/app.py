@@ -225,8 +225,8 @@ class Service:
     async def readiness(self) -> tuple[str, dict[str, str]]:
         """Reason why parts cannot be read, without paths because callers need no token, and the answer of /readyz.
 
-        The reason is empty if parts can be read. Both come within `READY_S`, also if the store is locked: only one check
-        runs at a time, and later callers wait for it.
+        The reason is empty if parts can be read. Both come within `READY_S`, also if the store is locked: only one
+        check runs at a time, and later callers wait for it.
 
         Raises:
             StoreError: the store does not answer.

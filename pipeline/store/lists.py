@@ -8,6 +8,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from pipeline.common.names import folded
 from pipeline.common.part_id import is_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, AgreementDay, PartRecord, PartState, Statistics, TrendStep
@@ -58,8 +59,8 @@ def find_parts(
     # not LIKE: nothing in what is sought has a meaning of its own
     find = sa.func.strpos if tx.postgresql else sa.func.instr
     wanted += [
-        find(parts.c[f"{column}_folded"], fit(value, "what is sought").casefold()) > 0
-        for column, value in (("text", text), ("name", name))
+        find(parts.c[f"{column}_folded"], fold(fit(value, "what is sought"))) > 0
+        for column, value, fold in (("text", text, str.casefold), ("name", name, folded))
         if value
     ]
     # not `created_at` alone: by its index the database would sort all matches for every page, instead of using the ids

@@ -29,7 +29,7 @@ from string import Formatter
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError
-from glyphs.plain_text import is_hidden
+from glyphs.plain_text import has_hidden, is_hidden
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
@@ -94,7 +94,7 @@ class ResultString:
         except ValueError as error:
             raise ResultStringError(f"the result format {template!r} is broken: {error}") from error
         literals = "".join(literal for literal, *_ in parsed)
-        if any(map(is_hidden, literals)):
+        if has_hidden(literals):
             raise ResultStringError(
                 "a result format has no control characters", hint="the line's end is added"
             )
@@ -282,7 +282,7 @@ class TcpPort:
             words = line.decode("utf-8").strip(" ")
         except UnicodeDecodeError:
             return _error("the line is not UTF-8")
-        if any(is_hidden(char) for char in words):
+        if has_hidden(words):
             return _error("the line holds control characters")
         command, _, rest = words.partition(" ")
         verb, colon, job = command.partition(":")
