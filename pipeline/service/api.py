@@ -40,7 +40,7 @@ from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.jobs import JobAnswer, written_job
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import PROBLEMS, Problem
-from pipeline.service.web.uploads import SMALL_BODY, FormRoute, Upload, check_count, receive
+from pipeline.service.web.uploads import FormRoute, Upload, check_count, receive
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 from pipeline.store.parts import IdempotencyKey
 from pipeline.store.store import Store
@@ -204,19 +204,16 @@ _REPLAYED: dict[int | str, dict[str, Any]] = {
 
 def parts_router(service: Service) -> APIRouter:
     """The routes of /v1/parts."""
-    router = APIRouter(
-        prefix="/v1", tags=["parts"], route_class=FormRoute, max_body_size=SMALL_BODY, responses=PROBLEMS
-    )
+    router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=PROBLEMS)
     Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
     intake, store, files = service.intake, service.store, service.evidence
-    root_path, upload_bytes = service.settings.root_path, service.settings.limits.upload_bytes
+    root_path = service.settings.root_path
 
     @router.post(
         "/parts",
         status_code=201,
         response_model=PartAnswer,
         responses=_REPLAYED,
-        max_body_size=upload_bytes,
     )
     async def read_part(
         request: Request,
@@ -243,7 +240,7 @@ def parts_router(service: Service) -> APIRouter:
             done = await intake.receive(new, sent, idempotency=key)
         return replied(done, 201)
 
-    @router.post("/parts/{part_id}/scan", response_model=PartAnswer, max_body_size=upload_bytes)
+    @router.post("/parts/{part_id}/scan", response_model=PartAnswer)
     async def add_scan(
         request: Request,
         part_id: PartId,
@@ -447,8 +444,7 @@ class GoldenAnswer(GoldenRecord):
 
 def service_router(service: Service) -> APIRouter:
     """The routes; the first three need no token."""
-    upload_bytes = service.settings.limits.upload_bytes
-    router = APIRouter(route_class=FormRoute, max_body_size=SMALL_BODY, responses=PROBLEMS)
+    router = APIRouter(route_class=FormRoute, responses=PROBLEMS)
     Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
     store, jobs, golden = service.store, service.jobs, service.golden
 
@@ -519,7 +515,7 @@ def service_router(service: Service) -> APIRouter:
             response.status_code = 200
         return jobs.answer(name)
 
-    @router.post("/v1/golden", status_code=201, max_body_size=upload_bytes, tags=["golden part"])
+    @router.post("/v1/golden", status_code=201, tags=["golden part"])
     async def scan_golden(
         scan: UploadFile,
         reference: Annotated[bool, Form(description="Compare later scans with this one.")] = False,

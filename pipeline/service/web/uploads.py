@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 MOST_NAME = 200
 MOST_PHOTOS = 12
 """Maximum number of photographs of one part."""
-SMALL_BODY = 64_000
-"""Maximum size of a request without files, bytes."""
 _CHUNK = 1 << 20
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
 _PLAIN_NAME = re.compile(rb";\s*filename\s*=", re.IGNORECASE)

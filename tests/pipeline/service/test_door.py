@@ -26,7 +26,7 @@ from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
 from pipeline.service.web.access import COOKIE, is_in, is_own_user, user_of
-from pipeline.service.web.uploads import SMALL_BODY
+from pipeline.service.web.door import SMALL_BODY
 from pipeline.service.web.web_server import Room, patient_protocol
 from pipeline.store.store import Store
 from tests.support.self_signed import certificates
@@ -133,6 +133,52 @@ def test_what_brings_no_files_may_bring_little(open_one: Served, path: str, leng
     status, _ = asyncio.run(asked(open_one[1].app, "POST", path, body, content_type=kind, **said))
     assert status in (404, 413) if path.endswith("touch") else status == 413
     assert body.read <= SMALL_BODY // 1000 + 2
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8417", 200),
+        ("LOCALHOST", 200),
+        ("[::1]:8417", 200),
+        ("marks.plant.example", 200),
+        ("line-3.plant.example:80", 200),
+        ("reader-pc:8417", 400),
+        ("plant.example.evil.example", 400),
+        ("127.0.0.1.evil.example", 400),
+        ("evil\u202e", 400),
+        ("", 400),
+    ],
+)
+def test_a_host_name_that_is_not_in_the_settings_is_refused_by_the_setting_s_name(
+    tmp_path: Path, host: str, status: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    with inline_service(tmp_path, hosts=("marks.plant.example", "*.plant.example")) as (_, client):
+        answers = [client.get(path, headers={"Host": host.encode()}) for path in ("/healthz", "/readyz")]
+    assert [answer.status_code for answer in answers] == [status, status]
+    for answer in answers if status == 400 else ():
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert "in the setting hosts" in answer.json()["detail"]
+    assert caplog.text.count("is for the host name") == (status == 400)
+
+
+def test_a_request_of_two_lengths_is_refused_and_its_connection_closed(open_one: Served) -> None:
+    both = {"content_length": "1", "transfer_encoding": "chunked"}
+    status, _ = asyncio.run(asked(open_one[1].app, "POST", "/v1/parts", Body(1), **both))
+    assert status == 400
+    refused = open_one[1].post("/v1/parts", content=b"x", headers={"Transfer-Encoding": "chunked"})
+    assert (refused.status_code, refused.headers["connection"]) == (400, "close")
+
+
+def test_the_metrics_are_not_for_everybody_beyond_a_proxy(tmp_path: Path) -> None:
+    with inline_service(tmp_path, tokens="on", root_path="/marks") as (service, client):
+        known = {"Authorization": f"Bearer {service.store.add_token('anna', [Scope.READ])}"}
+        for path in ("/metrics", "/marks/metrics"):
+            assert client.get(path).status_code == 200
+            assert (
+                client.get(path, headers=FORWARDED, follow_redirects=False).status_code == 303
+            )  # to sign in
+            assert client.get(path, headers={**FORWARDED, **known}).status_code == 200
 
 
 @pytest.mark.parametrize("name", FORWARDED)
