@@ -119,11 +119,13 @@ def test_a_store_that_another_program_holds_is_not_ready_and_says_so_at_once(
     ("losses", "status"),
     [
         ([WorkerLostError("killed")], 201),
-        ([WorkerLostError("crashed", crashed=True)] * 2, 503),
-        ([WorkerLostError("too long", timed_out=True)], 503),
+        ([WorkerLostError("crashed", crashed=True)] * 2, 422),
+        ([WorkerLostError("killed")] * 2, 503),
+        ([WorkerLostError("too long", timed_out=True)], 422),
+        ([WorkerLostError("too long", timed_out=True, starved=True)], 503),
     ],
 )
-def test_a_lost_worker_is_no_verdict_on_the_part(
+def test_a_lost_worker_is_a_verdict_on_the_part_only_if_it_would_be_lost_again(
     served: Served, plate: bytes, losses: list[WorkerLostError], status: int
 ) -> None:
     service, client = served
@@ -151,7 +153,7 @@ def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_
 
     def work(*_: object) -> ReadPart:
         if broken.is_set():
-            raise WorkerLostError("the worker took longer than 60 s", timed_out=True)
+            raise WorkerLostError("the worker took longer than 60 s", timed_out=True, starved=True)
         return read_at_once()
 
     service.pool.instead = work  # type: ignore[attr-defined]
