@@ -30,6 +30,7 @@ def find_parts(
     *,
     state: PartState | None = None,
     agreement: Agreement | None = None,
+    would_be: PartState | None = None,
     text: str = "",
     name: str = "",
     job: str = "",
@@ -45,6 +46,7 @@ def find_parts(
         tx: the transaction.
         state: their state.
         agreement: with the line's own reader, of parts read in shadow mode.
+        would_be: state that they would have outside shadow mode.
         text: text that their serial contains, in upper or lower case.
         name: text that their name contains, in upper or lower case.
         job: job that they were read by.
@@ -54,7 +56,7 @@ def find_parts(
         before: id of the last part of the page before.
         limit: most of them.
     """
-    same = {"state": state, "agreement": agreement, "job": job, "line": line}
+    same = {"state": state, "agreement": agreement, "would_be": would_be, "job": job, "line": line}
     wanted = [parts.c[column] == fit(value, "what is sought") for column, value in same.items() if value]
     # not LIKE: nothing in what is sought has a meaning of its own
     find = sa.func.strpos if tx.postgresql else sa.func.instr
