@@ -17,6 +17,8 @@ from pipeline.cli.settings import DEFAULT_FILE, READING, SERVICE, Config, Readin
 from pipeline.cli.shared import Positive
 
 if TYPE_CHECKING:
+    import ssl
+
     from pipeline.common.settings import ReadSettings
     from pipeline.service.settings import ServiceSettings
 
@@ -114,18 +116,21 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
 
     from pipeline.service.app import Service as RunningService
     from pipeline.service.app import check_folder
+    from pipeline.service.connections import BACKLOG, raise_descriptor_limit
     from pipeline.service.logs import set_up_logs
     from pipeline.service.web.web_server import (
         KEEP_ALIVE_S,
         MOST_CONNECTIONS,
         DrainingServer,
+        Room,
         patient_protocol,
     )
     from pipeline.service.web_app import create_app
 
     check_folder(settings)
-    check_tls(settings)
+    tls = tls_context(settings)
     check_tokens(settings)
+    most = min(MOST_CONNECTIONS, raise_descriptor_limit() // 2)  # files, workers and the store need some
     with contextlib.ExitStack() as until_served:
         bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
         for one, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
@@ -138,12 +143,12 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
         uvicorn.Config(
             create_app(service),
             log_config=None,
-            ssl_certfile=settings.tls.certificate,
-            ssl_keyfile=settings.tls.key,
-            http=patient_protocol(an_address=settings.connections, proxies=settings.trusted_proxies),
+            http=patient_protocol(
+                Room(an_address=settings.connections, most=most, proxies=settings.trusted_proxies), tls=tls
+            ),
+            backlog=BACKLOG,
             access_log=False,
             server_header=False,
-            limit_concurrency=MOST_CONNECTIONS,
             timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=max(1, round(settings.shutdown_grace_s)),
             proxy_headers=False,
@@ -152,7 +157,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
         drain_s=settings.drain_s,
     )
     host, port = bound.getsockname()[:2]
-    scheme = "http" if settings.tls.certificate is None else "https"
+    scheme = "http" if tls is None else "https"
     at = f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
     _say(f"tactile-marks serves at {at} (page: /, interface: /openapi.json); Ctrl-C ends it")
     if settings.shadow:
@@ -184,8 +189,8 @@ def check_tokens(settings: ServiceSettings) -> None:
     )
 
 
-def check_tls(settings: ServiceSettings) -> None:
-    """Load the certificate and its key before anything is started.
+def tls_context(settings: ServiceSettings) -> ssl.SSLContext | None:
+    """Load the certificate and its key before anything is started; None without them.
 
     Raises:
         UsageError: they cannot be used.
@@ -199,9 +204,10 @@ def check_tls(settings: ServiceSettings) -> None:
     if cert is None:
         if key is not None:
             raise UsageError("serve: tls.key is set without tls.certificate", "give both")
-        return
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(cert, key, password=_no_password)
+        context.load_cert_chain(cert, key, password=_no_password)
     except (OSError, ValueError) as error:  # an SSLError is an OSError
         named = cert if key is None else f"{cert} with {key}"
         reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
@@ -209,6 +215,7 @@ def check_tls(settings: ServiceSettings) -> None:
             f"serve: the certificate {named} cannot be used ({reason})",
             "give a certificate and its own key, both PEM, the key without a password",
         ) from error
+    return context
 
 
 def _no_password() -> str:
@@ -223,7 +230,7 @@ def listening(host: str, port: int, *, option: str) -> socket.socket:
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         bound.bind((host, port))
-        bound.listen(2048)
+        bound.listen()
     except OSError as error:
         bound.close()
         what = f"serve: cannot listen on {host}:{port} ({error.strerror})"

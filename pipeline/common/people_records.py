@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
+from pipeline.common.names import clean_name, folded
 from pipeline.common.records import ReviewRecord
 from pipeline.common.shares import Share
 
@@ -17,11 +18,17 @@ class Person:
         name: signature of reviews: the token's name, or the name typed where no token is required.
         token: name of the token; empty without one.
         seat: secret of the person's browser; it distinguishes persons without tokens.
+
+    Raises:
+        HiddenCharacterError: the name has hidden characters.
     """
 
     name: str
     token: str = ""
     seat: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", clean_name(self.name))
 
     @property
     def holder(self) -> str:
@@ -29,8 +36,9 @@ class Person:
         return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
 
     def wrote(self, review: ReviewRecord) -> bool:
-        """Whether a review is this person's."""
-        return self.token == review.token and bool(self.token or self.name == review.who)
+        """Whether a review is this person's, however the name is spelled."""
+        same_token = folded(self.token) == folded(review.token)
+        return same_token and bool(self.token or folded(self.name) == folded(review.who))
 
 
 @dataclass(frozen=True)

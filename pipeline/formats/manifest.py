@@ -20,6 +20,7 @@ from itertools import chain
 from pathlib import Path
 
 from glyphs.errors import MarksError
+from pipeline.common.names import HiddenCharacterError, clean_name, folded
 from pipeline.errors import DataError, is_url, reading
 from pipeline.formats.part_files import (
     PartFiles,
@@ -103,7 +104,7 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
             part = _part_of(source, f"line {number}", cells)
             folder, last = split_name(part.files[0])
             # no name begins with a NUL
-            key = part.name if cells.get("part") else f"\0{folder}/{os.path.splitext(last)[0]}"
+            key = folded(part.name) if cells.get("part") else f"\0{folder}/{os.path.splitext(last)[0]}"
             if (first := seen.setdefault(key, number)) != number:
                 again = f"line {number} names {part.name} a second time, after line {first}"
                 raise DataError(again, "give every part one line")
@@ -118,6 +119,10 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
     if _CONTROL.search("".join(cells.values())):
         column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
         raise DataError(f"{where} has a line break or control character under {column}", "check its quotes")
+    try:
+        part_name = clean_name(cells.get("part", ""))
+    except HiddenCharacterError as error:
+        raise DataError(f"{where}: {error.what}", error.hint) from error
     photos = [name.strip() for name in cells.get("photo", "").split(SEVERAL) if name.strip()]
     named = [*(cells.get(kind, "") for kind in FILES[:2]), *photos]
     height_map, scan, *photos = (_place(source, where, name) for name in named)
@@ -127,7 +132,7 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
     if not all(lasts):
         raise DataError(f"{where} names a folder", "name a file")
     return PartFiles(
-        cells.get("part") or os.path.splitext(lasts[0])[0],
+        part_name or os.path.splitext(lasts[0])[0],
         height_map=height_map,
         scan=scan,
         photos=tuple(photos),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
+from pipeline.common.names import folded
 from pipeline.common.texts import split_commas
 from pipeline.errors import is_url, is_web
 from pipeline.formats.kinds import HEIGHT_IMAGE_SUFFIXES, file_kind
@@ -126,11 +127,6 @@ def _names(folder: Path) -> dict[str, list[str]]:
 
 def _compose(name: str) -> str:
     return unicodedata.normalize("NFC", name)
-
-
-def folded(name: str) -> str:
-    """A name's spelling, independent of composition (NFC, NFD) and case."""
-    return _compose(name).casefold()
 
 
 def by_spelling(names: Iterable[str]) -> dict[str, list[str]]:

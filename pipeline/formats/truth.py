@@ -15,12 +15,13 @@ from pathlib import Path, PurePath, PureWindowsPath
 
 from rapidfuzz.distance import Levenshtein
 
+from pipeline.common.names import folded
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_serial
 from pipeline.common.texts import without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import file_kind
-from pipeline.formats.part_files import by_spelling, folded
+from pipeline.formats.part_files import by_spelling
 from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,

@@ -16,7 +16,9 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse, StreamingResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SkipValidation
+from pydantic_core import PydanticCustomError
 
+from glyphs.plain_text import has_hidden
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.job_file import NAME
 from pipeline.common.people_records import AuditFigures
@@ -38,7 +40,7 @@ from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.jobs import JobAnswer, written_job
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import PROBLEMS, Problem
-from pipeline.service.web.uploads import SMALL_BODY, FormRoute, Upload, check_count, receive
+from pipeline.service.web.uploads import FormRoute, Upload, check_count, receive
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 from pipeline.store.parts import IdempotencyKey
 from pipeline.store.store import Store
@@ -84,6 +86,15 @@ def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
     return PartAnswer(**part.__dict__, links={"self": here, "history": f"{here}/history", **pictures})
 
 
+def _check_visible(text: str) -> str:
+    if has_hidden(text):  # the pattern that describes the field knows those of the Basic Multilingual Plane
+        raise PydanticCustomError("hidden", "it has a character that cannot be seen; leave it out")
+    return text
+
+
+Visible = AfterValidator(_check_visible)
+
+
 class ReviewBody(BaseModel):
     """A person's review of a part."""
 
@@ -95,7 +106,9 @@ class ReviewBody(BaseModel):
     )
 
     action: ReviewAction
-    text: str = Field("", max_length=200, pattern=TEXT, description="serial; empty for unreadable")
+    text: Annotated[str, Visible] = Field(
+        "", max_length=200, pattern=TEXT, description="serial; empty for unreadable"
+    )
     who: str = Field(
         "", max_length=100, pattern=TEXT, description="name of the person; a token signs with its own name"
     )
@@ -117,7 +130,7 @@ def _sought(description: str) -> Any:
 
 
 Name = Annotated[str, _text("name of the part on the line", examples=["tray-7/part-3"])]
-Expected = Annotated[str, _text("serial to verify: confirmed, refuted or undecided")]
+Expected = Annotated[str, _text("serial to verify: confirmed, refuted or undecided"), Visible]
 Database = Annotated[str, _text("name of a glyph database; /v1/databases lists them")]
 JobName = Annotated[
     str, _text("name of a job with the settings of reading; /v1/jobs lists them", examples=["housing-left"])
@@ -191,19 +204,16 @@ _REPLAYED: dict[int | str, dict[str, Any]] = {
 
 def parts_router(service: Service) -> APIRouter:
     """The routes of /v1/parts."""
-    router = APIRouter(
-        prefix="/v1", tags=["parts"], route_class=FormRoute, max_body_size=SMALL_BODY, responses=PROBLEMS
-    )
+    router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=PROBLEMS)
     Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
     intake, store, files = service.intake, service.store, service.evidence
-    root_path, upload_bytes = service.settings.root_path, service.settings.limits.upload_bytes
+    root_path = service.settings.root_path
 
     @router.post(
         "/parts",
         status_code=201,
         response_model=PartAnswer,
         responses=_REPLAYED,
-        max_body_size=upload_bytes,
     )
     async def read_part(
         request: Request,
@@ -230,7 +240,7 @@ def parts_router(service: Service) -> APIRouter:
             done = await intake.receive(new, sent, idempotency=key)
         return replied(done, 201)
 
-    @router.post("/parts/{part_id}/scan", response_model=PartAnswer, max_body_size=upload_bytes)
+    @router.post("/parts/{part_id}/scan", response_model=PartAnswer)
     async def add_scan(
         request: Request,
         part_id: PartId,
@@ -434,8 +444,7 @@ class GoldenAnswer(GoldenRecord):
 
 def service_router(service: Service) -> APIRouter:
     """The routes; the first three need no token."""
-    upload_bytes = service.settings.limits.upload_bytes
-    router = APIRouter(route_class=FormRoute, max_body_size=SMALL_BODY, responses=PROBLEMS)
+    router = APIRouter(route_class=FormRoute, responses=PROBLEMS)
     Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
     store, jobs, golden = service.store, service.jobs, service.golden
 
@@ -445,11 +454,12 @@ def service_router(service: Service) -> APIRouter:
         return {"status": "alive"}
 
     @router.get("/readyz", tags=["service"])
-    def readyz() -> dict[str, str]:
+    async def readyz() -> dict[str, str]:
         """Whether parts can be read."""
-        if why := service.why_not_ready():
+        why, state = await service.readiness()
+        if why:
             raise Problem(503, why, headers={"Retry-After": "1"})
-        return service.state()
+        return state
 
     @router.get(
         "/metrics",
@@ -505,7 +515,7 @@ def service_router(service: Service) -> APIRouter:
             response.status_code = 200
         return jobs.answer(name)
 
-    @router.post("/v1/golden", status_code=201, max_body_size=upload_bytes, tags=["golden part"])
+    @router.post("/v1/golden", status_code=201, tags=["golden part"])
     async def scan_golden(
         scan: UploadFile,
         reference: Annotated[bool, Form(description="Compare later scans with this one.")] = False,

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -20,6 +21,7 @@ from pipeline.common.private import private_folder
 from pipeline.common.settings import SettingsError
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
+from pipeline.service.connections import log_failed_accepts_sparingly
 from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
 from pipeline.service.jobs import GlyphDatabases, JobFolder
@@ -30,7 +32,7 @@ from pipeline.service.web.access import Access
 from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.worker_calls import WorkerCalls
 from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
-from pipeline.store.errors import StoreError
+from pipeline.store.errors import StoreError, UnwritableError
 from pipeline.store.evidence_folder import EvidenceFolder, SweepClock
 from pipeline.store.store import Store
 from pipeline.workers.pool import WorkPool
@@ -49,6 +51,8 @@ LOOK_AT_WORKERS_S = 0.05
 LOOK_AT_TOUCH_S = 1.0
 # Seconds between looks for alerts; a window of parts takes longer.
 LOOK_FOR_ALERTS_S = 5.0
+# Longest time of a check of readiness, s: shorter than the usual patience of those who ask.
+READY_S = 2.0
 # Age, s, at which a file that no record names is removed; a younger one may belong to a running transaction.
 ORPHAN_AGE_S = 3600.0
 # Days after which a request that is sent again makes a new part.
@@ -166,6 +170,8 @@ class Service:
         self.settings = settings
         self._started_s = time.monotonic() if started_s is None else started_s
         self._said = ""
+        self._checker = ThreadPoolExecutor(1)
+        self._readiness: Future[tuple[str, dict[str, str]]] | None = None
         self.evidence = EvidenceFolder(settings.evidence_folder)
         self.sweeps = SweepClock(settings.evidence_folder / "swept")
         self.store = Store.open(settings.store_url)
@@ -216,20 +222,37 @@ class Service:
         )
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
-    def why_not_ready(self) -> str:
-        """Reason why parts cannot be read, without paths because callers need no token; empty if they can."""
-        why = self._why_not_ready()
+    async def readiness(self) -> tuple[str, dict[str, str]]:
+        """Reason why parts cannot be read, without paths because callers need no token, and the answer of /readyz.
+
+        The reason is empty if parts can be read. Both come within `READY_S`, also if the store is locked: only one
+        check runs at a time, and later callers wait for it.
+
+        Raises:
+            StoreError: the store does not answer.
+        """
+        if self._readiness is None or self._readiness.done():
+            self._readiness = self._checker.submit(self._check_readiness)
+        checked, _ = await asyncio.wait([asyncio.wrap_future(self._readiness)], timeout=READY_S)
+        silent = f"the store has not answered for {READY_S:g} s: it is locked or too busy"
+        why, state = checked.pop().result() if checked else (silent, {})
         if why not in ("", self._said):
             log.warning("not ready", why=why)
         self._said = why
-        return without_folders(why)
+        return without_folders(why), state
+
+    def _check_readiness(self) -> tuple[str, dict[str, str]]:
+        why = self._why_not_ready()
+        return why, {} if why else self.state()
 
     def _why_not_ready(self) -> str:
         intake = self.intake
         if intake.draining:
             return "the service is stopping"
         try:
-            self.store.ping()
+            self.store.check_writable()
+        except UnwritableError as error:
+            return str(error)
         except StoreError as error:
             log.error("store", why=str(error))
             return "the store does not answer; the service's log says why"
@@ -295,6 +318,7 @@ class Service:
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Run everything beside the requests."""
+        log_failed_accepts_sparingly()
         works = [
             repeat("sweep", lambda: asyncio.to_thread(self.sweep), every_s=SWEEP_EVERY_S),
             repeat("check of what was unusable", self.intake.calls.recheck, every_s=RECHECK_EVERY_S),
@@ -315,6 +339,7 @@ class Service:
 
     def close(self) -> None:
         """End the workers and close the store."""
+        self._checker.shutdown(wait=False)
         self.pool.close(self.settings.shutdown_grace_s)
         self.store.close()
 

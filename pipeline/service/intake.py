@@ -28,6 +28,7 @@ from weakref import WeakValueDictionary
 
 import structlog
 
+from pipeline.common.names import clean_name
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import (
@@ -85,6 +86,9 @@ class NewPart:
         database: name of the glyph database; empty for the service's own.
         job: name of the job that says how to read; empty for the service's own settings.
         touch: stage or sender that feels it if the camera is unsure.
+
+    Raises:
+        HiddenCharacterError: the name has hidden characters.
     """
 
     name: str = ""
@@ -92,6 +96,9 @@ class NewPart:
     database: str = ""
     job: str = ""
     touch: Touch = Touch.ASKED
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", clean_name(self.name))
 
 
 @dataclass(frozen=True)
@@ -256,14 +263,15 @@ class Intake:
             StageError: the camera gives none.
         """
         self._refuse_if_draining()
+        new = NewPart(name=name, job=job, touch=Touch.STAGE)
         with self.work_folder() as folder:
             try:
-                photos = await self.camera.take(name, folder)
+                photos = await self.camera.take(new.name, folder)
             except OSError as error:
                 raise OwnProblem(
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
-            return (await self.receive(NewPart(name=name, job=job, touch=Touch.STAGE), photos)).part
+            return (await self.receive(new, photos)).part
 
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 from pydantic import TypeAdapter
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from pipeline.common.version import program_version
@@ -19,7 +18,6 @@ from pipeline.service.web.problem import ProblemBody, add_problem_handlers
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
-    from pipeline.service.settings import ServiceSettings
 
 
 def create_app(service: Service) -> FastAPI:
@@ -38,7 +36,6 @@ def create_app(service: Service) -> FastAPI:
         openapi_url="/openapi.json",
         servers=[{"url": settings.root_path}] if settings.root_path else None,
         lifespan=service.running,
-        max_body_size=settings.limits.upload_bytes,
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
         # include_router would build every route, and the schemas of its answers, a second time
@@ -47,10 +44,9 @@ def create_app(service: Service) -> FastAPI:
     app.state.problem_page = frame.refusal
     add_problem_handlers(app)
     app.openapi = lambda: _describe_api(app, asked=service.access.required)  # type: ignore[method-assign]
-    # the one added last is outermost
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
+    # the one added last is outermost
     app.add_middleware(
         Door,
         settings=settings,
@@ -59,14 +55,6 @@ def create_app(service: Service) -> FastAPI:
         busy=service.pool.retry_after_s,
     )
     return app
-
-
-def _names(settings: ServiceSettings) -> tuple[str, ...]:
-    """Host names that the service accepts; any if tokens are required and no list is given."""
-    if settings.tokens_asked and not settings.hosts:
-        return ("*",)
-    names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
-    return tuple(f"[{name}]" if ":" in name and not name.startswith("[") else name for name in names)
 
 
 def _describe_api(app: FastAPI, *, asked: bool) -> dict[str, Any]:

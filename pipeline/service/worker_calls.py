@@ -155,7 +155,7 @@ class WorkerCalls:
             raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
             log.warning("worker lost", why=str(error))
-            if error.timed_out:
+            if error.timed_out and not error.starved:
                 raise Problem(422, f"it takes longer than {CHECK_S:g} s to check; make it simpler") from error
             if error.crashed:
                 raise Problem(422, f"the worker that checked it was lost: {error}") from error
@@ -197,11 +197,12 @@ class WorkerCalls:
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
-    """The answer after lost workers; it does not blame the part, because a limit or this program may be the cause."""
-    later = {"Retry-After": "60"}
+    """The answer after lost workers: 422 if the same would happen again, 503 if it may pass."""
+    if error.timed_out and not error.starved:
+        return Problem(422, f"{error}; send a smaller file, a simpler job, or raise part_timeout_s")
     if error.timed_out:
-        return Problem(503, f"{error}; send it again later, or a smaller file", headers=later)
+        busy_machine = f"{error}, for most of which it waited; send it again later"
+        return Problem(503, busy_machine, headers={"Retry-After": "60"})
     if error.crashed and lost > 1:
-        detail = f"it has ended {lost} workers, the last so: {error}; if it happens again, report it"
-        return Problem(503, detail, headers=later)
+        return Problem(422, f"it has ended {lost} workers, the last so: {error}; report it")
     return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})

@@ -12,6 +12,7 @@ from hashlib import sha256
 
 import sqlalchemy as sa
 
+from pipeline.common.names import clean_name, folded
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, NotFoundError, UnfitError, fit
@@ -47,21 +48,25 @@ def add_token(
         Its secret, which is kept nowhere.
 
     Raises:
-        ConflictError: the name was given before; a revoked token keeps its name.
+        ConflictError: the name was given before, perhaps spelled otherwise; a revoked token keeps its name.
     """
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
         raise UnfitError("a token without a scope allows nothing", hint=f"give some of {', '.join(Scope)}")
-    if not name.strip() or not name.isprintable():
-        raise UnfitError("a token needs a name of printable characters", hint="give one, such as line-3")
+    name = clean_name(name)
+    if not name:
+        raise UnfitError("a token needs a name", hint="give one, such as line-3")
     if expires_at is not None and (expires_at.tzinfo is None or expires_at <= tx.now):
         raise UnfitError(
             "the token would have expired or has no time zone", hint="give a time to come in UTC"
         )
     secret = new_token()
     row = {"name": fit(name, "the token's name"), "secret_hash": token_hash(secret), "scopes": granted}
-    if not tx.insert_if_new(tokens, {**row, "created_at": tx.now, "expires_at": expires_at}):
-        what = f"there is or was a token {name!r}, and reviews are signed with it"
+    taken = _spelled(tx, name)
+    if taken is not None or not tx.insert_if_new(
+        tokens, {**row, "created_at": tx.now, "expires_at": expires_at}
+    ):
+        what = f"there is or was a token {taken or name!r}, and reviews are signed with it"
         raise ConflictError(what, hint="choose another name")
     return secret
 
@@ -86,10 +91,17 @@ def all_tokens(tx: Transaction) -> tuple[TokenRecord, ...]:
 
 def revoke(tx: Transaction, name: str) -> None:
     """Revoke a token; nothing happens if it was revoked before."""
-    known = tokens.c.name == fit(name, "the token's name")
-    if not tx.count(tokens, known):
+    known = _spelled(tx, name)
+    if known is None:
         raise NotFoundError(f"there is no token {name[:40]!r}", hint="`tactile-marks tokens list` names them")
-    tx.execute(sa.update(tokens).where(known, tokens.c.revoked_at.is_(None)).values(revoked_at=tx.now))
+    unrevoked = sa.and_(tokens.c.name == known, tokens.c.revoked_at.is_(None))
+    tx.execute(sa.update(tokens).where(unrevoked).values(revoked_at=tx.now))
+
+
+def _spelled(tx: Transaction, name: str) -> str | None:
+    """The name of a token as it was spelled when it was made; None without one."""
+    names = tx.execute(sa.select(tokens.c.name)).scalars()
+    return next((known for known in names if folded(known) == folded(name)), None)
 
 
 def open_session(tx: Transaction, secret: str) -> str | None:

@@ -23,7 +23,7 @@ from sqlalchemy.engine import Row
 
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import close_to_others, private_file
-from pipeline.store.errors import StoreError, UnfitError, cleaned, fit
+from pipeline.store.errors import StoreError, UnfitError, UnwritableError, cleaned, fit
 from pipeline.store.tables import METADATA
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
 # longest wait, s, for the one caller that checks whether a silent server is back
 _TURN_S = 1.0
+# longest wait, s, of a check for the lock that every write of a part needs
+_LOCKED_S = 1.0
 _MOST_URL = 5000  # longer than any path of the system
 _CHECK = "check that the database runs, that it or its folder is writable, and its address"
 _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
@@ -118,6 +120,7 @@ class Database:
 
     Attributes:
         shown: its address without the password.
+        write_failed: whether the database has failed the last write.
     """
 
     def __init__(self, engine: Engine, shown: str, now: Callable[[], datetime]) -> None:
@@ -126,6 +129,7 @@ class Database:
         # threads queue here, not in SQLite's own wait, which polls and may starve one of many
         self._writer = threading.Lock() if engine.dialect.name == "sqlite" else None
         self._silent, self._asking = False, threading.Lock()
+        self.write_failed = False
 
     @classmethod
     def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Self:
@@ -176,6 +180,16 @@ class Database:
         Raises:
             StoreError: the database cannot be reached, or is busy for too long.
         """
+        try:
+            with self._write_transaction() as tx:
+                yield tx
+        except StoreError as error:
+            self.write_failed |= type(error) is StoreError  # the others are of what was to be written
+            raise
+        self.write_failed = False
+
+    @contextlib.contextmanager
+    def _write_transaction(self) -> Iterator[Transaction]:
         with _store_errors(self.shown), contextlib.ExitStack() as held:
             if self._writer is not None:
                 if not self._writer.acquire(timeout=_WAIT_S):
@@ -203,9 +217,39 @@ class Database:
                 self._silent = True
                 raise
 
+    def check_writable(self) -> None:
+        """Check that parts can be written: by the database's state, and after a failed write by a write.
+
+        Raises:
+            UnwritableError: the database is read-only, or another program has locked the parts.
+            StoreError: it cannot be reached, or cannot be written for another reason.
+        """
+        failed = self.write_failed
+        with self._write_transaction() as tx:  # of SQLite this tells whether the file can be written
+            if tx.postgresql:
+                _check_postgresql(tx)
+            if failed:
+                tx.execute(sa.text(f"UPDATE {VERSION_TABLE} SET version_num = version_num"))
+        if failed:
+            self.write_failed = False
+
     def close(self) -> None:
         """Close every connection."""
         self._engine.dispose()
+
+
+def _check_postgresql(tx: Transaction) -> None:
+    if tx.execute(sa.text("SHOW transaction_read_only")).scalar_one() == "on":
+        raise UnwritableError(
+            "the store is read-only", hint="point it to the server that takes writes, as after a fail-over"
+        )
+    tx.execute(sa.text(f"SET LOCAL lock_timeout = '{_LOCKED_S:g}s'"))
+    try:
+        tx.execute(sa.text("LOCK TABLE parts IN ROW EXCLUSIVE MODE"))
+    except exc.OperationalError as error:
+        raise UnwritableError(
+            "the store's parts are locked by another program", hint="end it, or wait for it"
+        ) from error
 
 
 @contextlib.contextmanager

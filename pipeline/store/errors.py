@@ -22,6 +22,10 @@ class StoreError(MarksError):
     """The store cannot carry out the operation."""
 
 
+class UnwritableError(StoreError):
+    """The database answers, but takes no changes."""
+
+
 class NotFoundError(StoreError):
     """Not found in the store."""
 

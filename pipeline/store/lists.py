@@ -8,6 +8,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from pipeline.common.names import folded
 from pipeline.common.part_id import is_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, AgreementDay, PartRecord, PartState, Statistics, TrendStep
@@ -29,6 +30,7 @@ def find_parts(
     *,
     state: PartState | None = None,
     agreement: Agreement | None = None,
+    would_be: PartState | None = None,
     text: str = "",
     name: str = "",
     job: str = "",
@@ -44,6 +46,7 @@ def find_parts(
         tx: the transaction.
         state: their state.
         agreement: with the line's own reader, of parts read in shadow mode.
+        would_be: state that they would have outside shadow mode.
         text: text that their serial contains, in upper or lower case.
         name: text that their name contains, in upper or lower case.
         job: job that they were read by.
@@ -53,13 +56,13 @@ def find_parts(
         before: id of the last part of the page before.
         limit: most of them.
     """
-    same = {"state": state, "agreement": agreement, "job": job, "line": line}
+    same = {"state": state, "agreement": agreement, "would_be": would_be, "job": job, "line": line}
     wanted = [parts.c[column] == fit(value, "what is sought") for column, value in same.items() if value]
     # not LIKE: nothing in what is sought has a meaning of its own
     find = sa.func.strpos if tx.postgresql else sa.func.instr
     wanted += [
-        find(parts.c[f"{column}_folded"], fit(value, "what is sought").casefold()) > 0
-        for column, value in (("text", text), ("name", name))
+        find(parts.c[f"{column}_folded"], fold(fit(value, "what is sought"))) > 0
+        for column, value, fold in (("text", text, str.casefold), ("name", name, folded))
         if value
     ]
     # not `created_at` alone: by its index the database would sort all matches for every page, instead of using the ids

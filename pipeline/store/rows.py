@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import sqlalchemy as sa
 
+from pipeline.common.names import folded
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import from_json, to_json
 from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ReviewAction
@@ -58,7 +59,7 @@ def search_columns(part: PartRecord) -> dict[str, Any]:
         "state": part.state,
         "created_at": part.created_at,
         "changed_at": part.changed_at,
-        "name_folded": part.name.casefold(),
+        "name_folded": folded(part.name),
         "text_folded": part.text.casefold(),
         "job": part.job,
         "line": part.line,
@@ -142,8 +143,8 @@ def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None
 
 
 def signature(*, who: str, token: str, **_: Any) -> str:
-    """Identity of a person: the token, or else the name."""
-    return f"token {token}" if token else f"name {who}"
+    """Identity of a person: the token, or else the name, however it is spelled."""
+    return f"token {folded(token)}" if token else f"name {folded(who)}"
 
 
 def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:

@@ -12,8 +12,6 @@ from contextlib import AbstractContextManager
 from datetime import datetime
 from typing import Concatenate, ParamSpec, TypeVar
 
-import sqlalchemy as sa
-
 from pipeline.store import access, lists, outbox, rows
 from pipeline.store import alerts as _alerts
 from pipeline.store import parts as _parts
@@ -46,11 +44,6 @@ def _method(
     return method
 
 
-def _ping(tx: Transaction) -> None:
-    """Ask the database for an answer."""
-    tx.execute(sa.select(sa.literal(1))).scalar_one()
-
-
 class Store(Database):
     """Parts and all that belongs to them.
 
@@ -60,8 +53,6 @@ class Store(Database):
     * Every method raises StoreError if the database does not answer, UnfitError (a StoreError) for values that cannot
       be stored, and NotFoundError for parts and tokens that do not exist.
     """
-
-    ping = _reads(_ping)
 
     # parts, and what has happened to them
     add_part = _writes(_parts.add_part)

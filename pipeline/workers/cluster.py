@@ -7,14 +7,16 @@ each once more by itself.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import queue
 import socket
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, cast
 
 from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common import version
@@ -148,6 +150,7 @@ class ClusterExecutor(Executor):
         """Connect: the client's thread has ten seconds to start, too few if all cores are busy."""
         import distributed
 
+        self._check_scheduler()
         until = time.monotonic() + _START_S
         while True:
             try:
@@ -158,8 +161,29 @@ class ClusterExecutor(Executor):
                     what = "the connection to the scheduler does not start: this machine is too busy"
                     raise ClusterError(what, hint="try again, or leave a core free") from error
             except (OSError, ValueError, TypeError) as error:
-                what = f"no Dask scheduler answers at {self.address} ({_first_line(error)})"
-                raise ClusterError(what, hint="start one with: dask scheduler") from error
+                raise self._no_scheduler(error) from error
+
+    def _check_scheduler(self) -> None:
+        """Ask the address what it is: with anything else `Client` would try for ever, or end in a traceback.
+
+        Raises:
+            ClusterError: no scheduler answers in time.
+        """
+        with ThreadPoolExecutor(1) as thread:  # it has a loop of its own, unlike a notebook's thread
+            try:
+                kind = thread.submit(asyncio.run, _kind_of_server(self.address)).result()
+            except TimeoutError as error:
+                raise self._no_scheduler(TimeoutError(f"silent for {_CONNECT_S:g} s")) from error
+            except (OSError, ValueError, TypeError) as error:
+                raise self._no_scheduler(error) from error
+            except Exception as error:  # whatever comes of reading what is no message of Dask
+                raise self._no_scheduler(ValueError("something else is there")) from error
+        if kind != "Scheduler":
+            raise self._no_scheduler(ValueError(f"it is a {kind}"))
+
+    def _no_scheduler(self, error: BaseException) -> ClusterError:
+        what = f"no Dask scheduler answers at {self.address} ({_first_line(error)})"
+        return ClusterError(what, hint="start one with: dask scheduler")
 
     def _check_programs(self) -> None:
         self._mark = _own_mark()
@@ -174,6 +198,21 @@ class ClusterExecutor(Executor):
                 raise ClusterError(what, hint="install tactile-marks there")
             if mark != self._mark:
                 raise ClusterError(_other_program(worker))
+
+
+async def _kind_of_server(address: str) -> str:
+    from distributed import core, security
+
+    dask_core, dask_security = cast(Any, core), cast(Any, security)
+    async with asyncio.timeout(_CONNECT_S):
+        options = dask_security.Security().get_connection_args("client")
+        # earlier than the whole, so that the library can say why
+        comm = await dask_core.connect(address, timeout=0.8 * _CONNECT_S, **options)
+        try:
+            await comm.write({"op": "identity", "reply": True})
+            return str((await comm.read())["type"])
+        finally:
+            comm.abort()
 
 
 def _own_mark() -> str:

@@ -32,6 +32,7 @@ class WorkerLostError(MarksError):
 
     Attributes:
         timed_out: whether the task exceeded its time limit; another try would hardly help.
+        starved: whether the worker got little of a core until then, so that another try may help.
         crashed: whether the worker crashed, rather than being killed from outside.
         unstarted: whether no worker has begun the task, because none can start.
         tried: whether the task was retried already; another try is useful only if others were lost with it.
@@ -42,12 +43,14 @@ class WorkerLostError(MarksError):
         what: str,
         *,
         timed_out: bool = False,
+        starved: bool = False,
         crashed: bool = False,
         unstarted: bool = False,
         tried: bool = False,
     ) -> None:
         super().__init__(what)
-        self.timed_out, self.crashed, self.unstarted, self.tried = timed_out, crashed, unstarted, tried
+        self.timed_out, self.starved = timed_out, starved
+        self.crashed, self.unstarted, self.tried = crashed, unstarted, tried
 
 
 @dataclass(frozen=True, eq=False)

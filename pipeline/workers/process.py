@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any
 
 from glyphs.compiling import end_part, show_compiling
@@ -31,6 +32,8 @@ _THREADS = (
     *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
 )
 LOOK_S = 0.25
+_STARVED = 0.5
+"""Share of its time limit for which a worker that is slow by itself had a core."""
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
 _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
@@ -109,7 +112,7 @@ class Worker:
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)
-        until = time.monotonic() + timeout_s
+        until, before_s = time.monotonic() + timeout_s, self._core_s()
         while not stopped():
             left_s = until - time.monotonic()
             ready = wait([self._pipe, self.process.sentinel], max(0.0, min(LOOK_S, left_s)))
@@ -124,8 +127,17 @@ class Worker:
                     f"the worker has ended (exit code {code})", crashed=code not in _FROM_OUTSIDE
                 )
             if left_s <= 0.0:
-                return WorkerLostError(late.format(f"{timeout_s:g}"), timed_out=True)
+                starved = self._core_s() - before_s < _STARVED * timeout_s
+                return WorkerLostError(late.format(f"{timeout_s:g}"), timed_out=True, starved=starved)
         return WorkerLostError("the workers are stopping")
+
+    def _core_s(self) -> float:
+        """Time for which the process has had a core, s; where that is not known, as if it had one since ever."""
+        try:
+            stat = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii", errors="replace")
+            return sum(map(int, stat.rpartition(")")[2].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+        except (OSError, ValueError, AttributeError):
+            return time.monotonic()
 
     def kill(self) -> None:
         """End the process now."""

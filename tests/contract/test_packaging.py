@@ -6,6 +6,7 @@ packages, pyproject.toml ... --copy--> tree --> sdist --unpacked--> wheel --pip-
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from glyphs import stamp
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")
+COMMITTED = "2026-11-29T12:00:00Z"
 SETUPTOOLS = 77
 """The first that knows a licence by its SPDX name."""
 SCRAPS = shutil.ignore_patterns("__pycache__", ".*", "*~")
@@ -33,7 +35,8 @@ SCRAPS = shutil.ignore_patterns("__pycache__", ".*", "*~")
 
 @dataclass(frozen=True)
 class Installed:
-    """An environment with the wheel, and a folder to work in that is far from the sources; `tree` is their copy."""
+    """An environment with the wheel, and a folder to work in that is far from the sources; `tree` is their clone, which
+    has a commit of the version's date."""
 
     tree: Path
     sdist: Path
@@ -92,6 +95,20 @@ def built(kind: str, tree: Path, out: Path, environment: dict[str, str]) -> Path
     return made
 
 
+def commit(tree: Path) -> None:
+    """Make a clone of a tree, with one commit."""
+    who = {f"GIT_{kind}_{what}": "x@y" for kind in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    when = {"GIT_AUTHOR_DATE": COMMITTED, "GIT_COMMITTER_DATE": COMMITTED}
+    for command in (("init", "-q"), ("add", "pyproject.toml"), ("commit", "-q", "-m", "x")):
+        subprocess.run(("git", *command), cwd=tree, env={**os.environ, **who, **when}, check=True)
+
+
+def is_dated(told: str) -> bool:
+    return (
+        re.fullmatch(re.escape(PROJECT["project"]["version"]) + r"\+20261129\.g[0-9a-f]+", told) is not None
+    )
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     base = tmp_path_factory.mktemp("packaging")
@@ -99,8 +116,14 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
         (base / name).mkdir()
     for name in PACKAGES:
         shutil.copytree(ROOT / name, base / "tree" / name, ignore=SCRAPS)
-    for name in ("pyproject.toml", PROJECT["project"]["readme"], *PROJECT["project"]["license-files"]):
+    for name in (
+        "pyproject.toml",
+        "setup.py",
+        PROJECT["project"]["readme"],
+        *PROJECT["project"]["license-files"],
+    ):
         shutil.copy(ROOT / name, base / "tree" / name)
+    commit(base / "tree")
     environment = backend(base / "backend")
     sdist = built("sdist", base / "tree", base / "sdist", environment)
     with tarfile.open(sdist) as archive:
@@ -146,7 +169,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(installed: 
         assert archive.read(info["licenses/LICENSE"]) == (ROOT / "LICENSE").read_bytes()
         assert "tactile-marks = pipeline.cli.main:main" in archive.read(info["entry_points.txt"]).decode()
         told = Parser().parsestr(archive.read(info["METADATA"]).decode())
-    assert (told["Name"], told["Version"]) == ("tactile-marks", PROJECT["project"]["version"])
+    assert (told["Name"], is_dated(told["Version"])) == ("tactile-marks", True)
     assert told["License-Expression"] == "Apache-2.0"
     extras = set(PROJECT["project"]["optional-dependencies"])
     assert set(told.get_all("Provides-Extra")) == extras
@@ -161,7 +184,19 @@ def test_the_command_comes_from_the_wheel_and_answers(installed: Installed) -> N
     assert where.count(str(installed.bin.parent)) == len(PACKAGES)
     assert str(ROOT) not in where.replace(str(installed.bin.parent), "")
     assert "Usage: tactile-marks" in installed.run("tactile-marks", "--help")
-    assert installed.run("tactile-marks", "--version").strip() == PROJECT["project"]["version"]
+    assert is_dated(installed.run("tactile-marks", "--version").strip())
+
+
+def test_without_git_the_version_is_the_plain_one(tmp_path: Path) -> None:
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tmp_path / name)
+    done = subprocess.run(
+        [sys.executable, "setup.py", "--version"],
+        cwd=tmp_path,
+        env=backend(tmp_path / "b"),
+        capture_output=True,
+    )
+    assert done.stdout.decode().split()[-1] == PROJECT["project"]["version"]
 
 
 def test_a_part_is_read(installed: Installed) -> None:

@@ -25,7 +25,7 @@ ELSEWHERE = "203.0.113.9"
 
 @contextlib.contextmanager
 def proxied(folder: Path, service: RunningService) -> Iterator[httpx.Client]:
-    """A client of the proxy."""
+    """A client of the proxy, which has the service behind / and, as the page about it says, behind /marks/."""
     certificate, key = certificates(folder, "proxy")
     certificate = certificate.rename(folder / "cert.pem")
     key.rename(folder / "key.pem")
@@ -39,6 +39,7 @@ def proxied(folder: Path, service: RunningService) -> Iterator[httpx.Client]:
     ):
         assert there in text
         text = text.replace(there, here)
+    text = text.replace("location / {", f"location /marks/ {{ proxy_pass {service.url}/; }}\n location / {{")
     config = folder / "nginx.conf"
     # its processes, too, may write into this folder
     config.write_text(f"user {getpass.getuser()};\n{text}", encoding="utf-8")
@@ -80,7 +81,18 @@ def test_a_service_behind_the_proxy(tmp_path: Path, capsys: pytest.CaptureFixtur
         known = {"Authorization": f"Bearer {secret}"}
         assert client.get("/v1/parts").status_code == 401
         assert client.get("/v1/parts", headers={**known, "X-Forwarded-For": ELSEWHERE}).json() == []
-        assert client.get("/metrics").status_code == 403
+        for path in (
+            "/metrics",
+            "/marks/metrics",
+            "/marks//metrics",
+            "/marks/%6detrics",
+            "/marks/x/../metrics",
+        ):
+            assert client.get(path).status_code == 403
+        assert client.get("/marks/v1/parts", headers=known).status_code == 200
+        page = client.get("/marks/login")
+        assert page.status_code == 200
+        assert not re.search(r'(?:href|src|action)="/', page.text)  # or it would leave /marks
         # refused before the body is read: the answer must pass the proxy all the same
         refused = [client.post("/v1/parts", files={"photo": ("a.png", b"x" * 2_000_000)}) for _ in range(20)]
         assert {answer.status_code for answer in refused} == {401}

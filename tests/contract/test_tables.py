@@ -105,6 +105,24 @@ def test_names_that_are_composed_otherwise(
     assert "(0 of 1)" in done.out  # the truth was found, the part was not read
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "told"),
+    [
+        ("Gehäuse 1", "GEHA\u0308USE  1", "names GEHÄUSE 1 a second time, after line 2"),
+        ("a", "a\u202eb", "line 3: the name 'a\\u202eb' has a character that cannot be seen"),
+    ],
+)
+def test_names_of_parts_that_are_the_same_or_cannot_be_seen_are_refused(
+    first: str, second: str, told: str, tmp_path: Path, command: Command
+) -> None:
+    for name in ("a", "b"):
+        damaged(tmp_path / f"{name}.npz")
+    lot = saved(tmp_path, "lot.csv", f"part,height_map\n{first},a.npz\n{second},b.npz\n")
+    done = command("read", lot, *READ)
+    assert done.status == 1
+    assert told in done.err
+
+
 def test_several_files_that_a_name_could_mean_are_named(tmp_path: Path, command: Command) -> None:
     damaged(tmp_path / "B.npz")
     damaged(tmp_path / "b.NPZ")

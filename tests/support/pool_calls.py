@@ -75,3 +75,8 @@ def facts() -> dict[str, Any]:
         "cv2": cv2.getNumThreads(),
         "matplotlib": "matplotlib" in sys.modules,
     }
+
+
+def work_for_ever() -> None:
+    while True:
+        sum(range(10_000))

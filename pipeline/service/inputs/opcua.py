@@ -26,7 +26,7 @@ from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from glyphs.plain_text import is_hidden
+from glyphs.plain_text import has_hidden
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.opcua_server import (
@@ -198,7 +198,7 @@ class OpcUaPort:
         """Methods TriggerPart and TriggerJob: a scan in plain types, with the names of the part and of its job."""
         names = ["" if one.Value is None else one.Value for one in arguments]
         fits = len(names) in (1, 2) and not any(
-            not isinstance(one, str) or any(map(is_hidden, one)) for one in names
+            not isinstance(name, str) or has_hidden(name) for name in names
         )
         if (refused := self._refusal(fits=fits)) is not None:
             return refused

@@ -10,10 +10,11 @@ caller --room--> connection --messages--> asyncua
          |                     |- no OPC UA, too large, faults          closed
          |                     |- sign-in after a wrong password        answered late
          |                     '- Call                                  answered in a task of its own
-         '- no room: a caller that has not signed in is dropped
+         '- no room: an idle caller is dropped
 
-* Callers without a session and callers with one are counted separately. Of those without one, the address with the
-  most connections loses its oldest.
+* Callers without a session and callers with one are counted separately. If there are too many of a kind, the address
+  with the most loses its longest idle one. A caller with a call in progress is not dropped.
+* A caller who does not read the answers is disconnected.
 * While a method runs, the same session still gets its other answers.
 * asyncua logs a traceback for each bad message; here one line of each kind in ten seconds is logged.
 * asyncua is untyped here: its modules do not export their names as strict type checking wants it, and the types of a
@@ -29,6 +30,7 @@ import asyncio
 import hmac
 import logging
 import math
+import time
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
@@ -36,7 +38,7 @@ from typing import Any
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.version import program_version
-from pipeline.service.inputs.trigger import SparingLog, one_of_the_busiest
+from pipeline.service.connections import WRITE_S, SparingLog, address_block, longest_idle_of_busiest
 
 try:
     from asyncua import ua as _untyped
@@ -219,22 +221,25 @@ class _Connection(OPCUAProtocol):
         )
         self.server, self.log = listener.server, listener.server.log
         self.address, self.gone, self.faults = "", False, 0
+        self.block, self.heard_s = "", 0.0
+        self.unread: asyncio.TimerHandle | None = None
         self.calls: set[asyncio.Task[Any]] = set()
 
     def connection_made(self, transport: Any) -> None:
         """Let a caller in, if there is room or another caller can be dropped."""
         self.address = str((transport.get_extra_info("peername") or ("",))[0])
-        if not self._has_room():
-            self.log.say(f"full {self.address}", f"no room for a connection from {self.address}")
-            self.gone = True
-            transport.abort()
-            return
+        self.block, self.heard_s = address_block(self.address), time.monotonic()
+        strangers = [client for client in self._live() if not client.signed_in]
+        if len(strangers) >= MOST_STRANGERS:
+            longest_idle_of_busiest(strangers).let_go("others wait")
         super().connection_made(transport)
         self.processor = _Processor(self)
 
     def connection_lost(self, ex: BaseException | None) -> None:
         """Cancel the calls of the lost connection."""
         self.gone = True
+        if self.unread is not None:
+            self.unread.cancel()
         for task in self.calls:
             task.cancel()
         super().connection_lost(ex)
@@ -247,7 +252,21 @@ class _Connection(OPCUAProtocol):
         elif len(self._buffer) + len(data) > 2 * MESSAGE_BYTES:
             self.let_go("its message is too large")
         elif not self.gone:
+            self.heard_s = time.monotonic()
             super().data_received(data)
+
+    def pause_writing(self) -> None:
+        """Take no more requests until the caller reads the answers."""
+        if self.transport is not None:
+            self.transport.pause_reading()
+            loop = asyncio.get_running_loop()
+            self.unread = loop.call_later(WRITE_S, self.let_go, "it does not read its answers")
+
+    def resume_writing(self) -> None:
+        """Take requests again."""
+        if self.transport is not None and self.unread is not None:
+            self.unread.cancel()
+            self.transport.resume_reading()
 
     @property
     def signed_in(self) -> bool:
@@ -262,15 +281,19 @@ class _Connection(OPCUAProtocol):
             self.log.say(f"{why} {self.address}", f"a connection from {self.address} was closed: {why}")
             self.transport.abort()
 
-    def _has_room(self) -> bool:
+    def make_room(self) -> bool:
+        """Drop a signed-in connection if there are too many beside this one; False if all are in use."""
+        signed_in = [client for client in self._live() if client.signed_in and client is not self]
+        if len(signed_in) < self.server.sessions:
+            return True
+        idle = [client for client in signed_in if not client.calls]
+        if idle:
+            longest_idle_of_busiest(idle).let_go("others wait")
+        return bool(idle)
+
+    def _live(self) -> list[_Connection]:
         clients: list[Any] = self.clients
-        there = [one for one in clients if not one.gone]
-        strangers = [one for one in there if not one.signed_in]
-        if len(there) - len(strangers) >= self.server.sessions:
-            return False
-        if len(strangers) >= MOST_STRANGERS:
-            one_of_the_busiest(strangers, lambda one: str(one.address)).let_go("others wait")
-        return True
+        return [client for client in clients if not client.gone]
 
     async def _process_one_msg(self, header: Any, buf: Any) -> bool:
         try:
@@ -319,7 +342,10 @@ class _Processor(UaProcessor):
         if kind == _ACTIVATE:
             users.denied = ""
         try:
-            return bool(await super()._process_message(kind, *message))  # type: ignore[no-untyped-call]
+            done = bool(await super()._process_message(kind, *message))  # type: ignore[no-untyped-call]
+            if kind == _ACTIVATE and not self.connection.make_room():
+                self.connection.let_go("too many have signed in, and all are scanning")
+            return done
         except Exception as error:
             if kind == _ACTIVATE and getattr(error, "code", None) in _WRONG:
                 who = f"{users.denied[:40]!r} from {self.connection.address}"

@@ -22,23 +22,23 @@ import asyncio
 import contextlib
 import re
 import socket
+import time
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from string import Formatter
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError
-from glyphs.plain_text import is_hidden
+from glyphs.plain_text import has_hidden, is_hidden
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
+from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest
 from pipeline.service.inputs.trigger import (
     NO_READING,
-    SparingLog,
     Trigger,
     decision_of,
     in_words,
-    one_of_the_busiest,
 )
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
@@ -94,14 +94,14 @@ class ResultString:
         except ValueError as error:
             raise ResultStringError(f"the result format {template!r} is broken: {error}") from error
         literals = "".join(literal for literal, *_ in parsed)
-        if any(map(is_hidden, literals)):
+        if has_hidden(literals):
             raise ResultStringError(
                 "a result format has no control characters", hint="the line's end is added"
             )
-        for _, field, spec, conversion in parsed:
-            if field is not None:
-                _check_field(field, spec or "", conversion)
-        if not any(field for _, field, *_ in parsed):
+        for _, name, spec, conversion in parsed:
+            if name is not None:
+                _check_field(name, spec or "", conversion)
+        if not any(name for _, name, *_ in parsed):
             raise ResultStringError(f"the result format {template!r} names no field, such as {{text}}")
         self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
 
@@ -140,7 +140,8 @@ class TcpLimits:
     """Resource limits of callers.
 
     Attributes:
-        connections: maximum number of connections at once; further ones get an error and are closed.
+        connections: maximum number of connections at once; for a further one an idle one is closed, or it gets an
+            error.
         line_bytes: maximum length of a line, bytes; a longer one gets an error and closes the connection.
         idle_s: time without a line after which a connection is closed, seconds.
         line_s: time in which a line that has begun must end, seconds.
@@ -251,15 +252,16 @@ class TcpPort:
                 writer.transport.abort()
 
     def _has_room(self) -> bool:
-        """Whether one more caller fits; if full, drop one that has sent no line yet, from the busiest address."""
+        """Whether one more caller fits; if full, drop an idle one of the busiest address, silent ones first."""
         if len(self._callers) < self._limits.connections:
             return True
-        silent = [task for task, caller in self._callers.items() if not caller.spoken]
-        if not silent:
+        idle = {caller: task for task, caller in self._callers.items() if caller.idle}
+        if not idle:
             return False
-        dropped = one_of_the_busiest(silent, lambda task: self._callers[task].address)
-        del self._callers[dropped]
-        dropped.cancel()
+        dropped = longest_idle_of_busiest([caller for caller in idle if not caller.spoken] or idle)
+        self._log.say("full", f"too many connections; an idle one of {dropped.address} is closed")
+        del self._callers[idle[dropped]]
+        idle[dropped].cancel()
         return True
 
     async def _converse(self, caller: _Caller, reader: asyncio.StreamReader) -> None:
@@ -269,6 +271,7 @@ class TcpPort:
                 self._log.say("web", "a web browser or similar has called; its connection was closed")
                 return
             caller.spoken, caller.idle = True, False
+            caller.heard_s = time.monotonic()
             await self._write(caller.writer, await self._answer(line))
             caller.idle = True
             if self._stopping:
@@ -279,7 +282,7 @@ class TcpPort:
             words = line.decode("utf-8").strip(" ")
         except UnicodeDecodeError:
             return _error("the line is not UTF-8")
-        if any(is_hidden(char) for char in words):
+        if has_hidden(words):
             return _error("the line holds control characters")
         command, _, rest = words.partition(" ")
         verb, colon, job = command.partition(":")
@@ -318,16 +321,23 @@ class _Caller:
         writer: writer to the connection.
         spoken: whether it has sent a line.
         idle: whether it has no trigger in progress.
+        heard_s: time of its last line, or of the connection, by the monotonic clock.
     """
 
     writer: asyncio.StreamWriter
     spoken: bool = False
     idle: bool = True
+    heard_s: float = field(default_factory=time.monotonic)
 
     @property
     def address(self) -> str:
         """Address of the caller."""
         return str((self.writer.get_extra_info("peername") or ("",))[0])
+
+    @property
+    def block(self) -> str:
+        """Addresses of the caller."""
+        return address_block(self.address)
 
 
 async def _lines(reader: asyncio.StreamReader, limits: TcpLimits) -> AsyncIterator[bytes]:

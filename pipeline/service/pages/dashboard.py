@@ -29,7 +29,7 @@ SPANS = {
     "month": timedelta(days=30),
     "year": timedelta(days=365),
 }
-Shown = Literal[Agreement.OTHER, Agreement.NOTHING]
+Shown = Literal["accepted", Agreement.OTHER, Agreement.NOTHING]
 _COUNTS = [field.name for field in fields(AgreementDay) if field.name != "day"]
 _GOLDEN_SHOWN = 10
 _MOST_TICKS, _MOST_LABELS, _MOST_HOURS = 4, 8, 48
@@ -61,13 +61,21 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/shadow")
     def shadow(
-        span: Span = "month", show: Shown = Agreement.OTHER, before: str = "", view: View = looks
+        span: Span = "month", show: Shown | None = None, before: str = "", view: View = looks
     ) -> Response:
         since = datetime.now(UTC) - SPANS[span]
         days = frame.store.agreement_by_day(since)
-        found = frame.store.parts(agreement=show, before=before or None, limit=PARTS_SHOWN + 1)
-        total = {name: sum(getattr(one, name) for one in days) for name in _COUNTS}
+        total = {name: sum(getattr(day, name) for day in days) for name in _COUNTS}
+        if show is None:
+            show = "accepted" if total["accepted_other"] else Agreement.OTHER
+        found = frame.store.parts(
+            agreement=Agreement.OTHER if show == "accepted" else show,
+            would_be=PartState.ACCEPTED if show == "accepted" else None,
+            before=before or None,
+            limit=PARTS_SHOWN + 1,
+        )
         page = page_of(found, "/shadow", {"span": span, "show": show}, before)
+        surest = sorted(page["parts"], key=_confidence, reverse=True)
         return view.page(
             "shadow.html.j2",
             span=span,
@@ -76,7 +84,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             since=since,
             all=total,
             days=days[::-1],
-            **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in page["parts"]]},
+            **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in surest]},
         )
 
 
@@ -145,6 +153,10 @@ def who_was_right(part: PartRecord) -> str:
     if not part.text:
         return "unreadable"
     return "this reader" if ours and not theirs else "the line’s" if theirs and not ours else "neither"
+
+
+def _confidence(part: PartRecord) -> float:
+    return 0.0 if part.reading is None else part.reading.confidence
 
 
 def _said(part: PartRecord) -> tuple[Cell, ...]:

@@ -19,6 +19,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.staticfiles import StaticFiles
 
+from pipeline.common.names import printable_name
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, Scope
 from pipeline.common.shares import share
@@ -130,7 +131,8 @@ class View:
         kept = self.request.cookies.get(SEAT_COOKIE, "")
         # the cookie is a secret; the store sees its hash
         seat = hashlib.sha256(kept.encode()).hexdigest()[:32] if kept else ""
-        return Person(unquote(self.request.cookies.get(WHO_COOKIE, ""))[:MOST_WHO], seat=seat)
+        who = printable_name(unquote(self.request.cookies.get(WHO_COOKIE, "")))
+        return Person(who[:MOST_WHO], seat=seat)
 
     def named(self, name: str) -> Person:
         """The person at the page with the typed name; a token's name has priority."""

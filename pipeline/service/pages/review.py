@@ -15,6 +15,8 @@ from fastapi import APIRouter, Depends, Form
 from pydantic import BaseModel
 from starlette.responses import PlainTextResponse, Response
 
+from glyphs.plain_text import has_hidden
+from pipeline.common.names import printable_name
 from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.service.pages.frame import MOST_WHO, Frame, View
 from pipeline.service.pages.pictures import last_felt, picture_pair, without_reading
@@ -57,7 +59,7 @@ class ReviewForm(BaseModel):
             value = getattr(self, name)
             if len(value) > most:
                 return f"The {_NAMES[name]} has {len(value)} characters; at most {most} are kept. Shorten it."
-            if not value.isprintable():
+            if has_hidden(value):
                 return f"The {_NAMES[name]} holds characters that cannot be printed. Type it again."
         return ""
 
@@ -139,11 +141,10 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         view: View = reviews,
     ) -> Response:
         """Claim a part for the person whose page is open, or release it."""
-        name = " ".join(who.split())[:MOST_WHO]
         if release:
             store.release_part(part_id, view.person)
             return PlainTextResponse("")
-        return PlainTextResponse(_claim(view, part_id, name if name.isprintable() else ""))
+        return PlainTextResponse(_claim(view, part_id, printable_name(who)[:MOST_WHO]))
 
 
 def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:

@@ -24,7 +24,6 @@ from pipeline.service.pages.places import cells_of, expected_cells, places_of
 from pipeline.service.pages.review import add_review_pages
 from pipeline.service.touch_queue import RETRY_S
 from pipeline.service.web.access import COOKIE
-from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.access import SIGNED_IN_S
 
 Described = Mapping[str, Any]
@@ -35,7 +34,7 @@ Day = Annotated[date, Field(lt=date(9999, 1, 1))] | Literal[""]
 
 def pages_router(frame: Frame) -> APIRouter:
     """The routes of all pages of a service."""
-    router = APIRouter(include_in_schema=False, max_body_size=SMALL_BODY)
+    router = APIRouter(include_in_schema=False)
     for add in (
         add_review_pages,
         add_part_pages,

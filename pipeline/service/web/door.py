@@ -1,11 +1,14 @@
 """The outermost layer of every request: reject by the head, limit the body's time, count, log, answer failures.
 
-head --> from a page of another site?      403
+head --> for another host name?            400
+     --> of two lengths?                   400
+     --> from a page of another site?      403
      --> through a proxy not in settings?  403      (where no token is required: the proxy would let everybody in)
      --> from another user of this machine? a token is required
      --> no valid token?                   401, or the page to sign in
      --> too long, or no room for a part?  413, 503
      --> in; a body that stalls            408
+              that is longer than it says  413
 """
 
 from __future__ import annotations
@@ -15,14 +18,16 @@ import re
 import secrets
 import time
 from collections.abc import Callable
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 import anyio.to_thread
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.middleware import body_limit
 from starlette.requests import ClientDisconnect, HTTPConnection
 
+from glyphs.plain_text import visible
+from pipeline.service.connections import SparingLog
 from pipeline.service.web.access import is_in, is_own_user
 from pipeline.service.web.problem import Problem, busy, problem_answer, problem_of, stopping
 
@@ -38,6 +43,8 @@ BODY_PATIENCE_S = 30.0
 """Longest pause within an upload, s."""
 BODY_MOST_S = 600.0
 """Longest time that a whole upload may take, s, even if data keeps arriving."""
+SMALL_BODY = 64_000
+"""Maximum size of a request without files, bytes."""
 GONE = 499
 """Status in the log for a caller who left during an upload, as proxies log it."""
 _SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -53,9 +60,10 @@ log = structlog.get_logger("tactile-marks")
 class Door:
     """Give each request an id, a log line and its place in the metrics, and reject requests before reading the body.
 
-    A page of another site in the operator's browser must not reach the service. Its forms and scripts are refused here;
-    a host name of its own that points to this machine is refused by Starlette's TrustedHostMiddleware. If no token is
-    required, a proxy must be named in the settings: through it, every caller looks like one on this machine.
+    A page of another site in the operator's browser must not reach the service: neither its forms and scripts nor, if
+    no token is required, a host name of its own that points to this machine. If no token is required, a proxy must be
+    named in the settings: through it, every caller looks like one on this machine. The metrics need no token, except
+    through a proxy.
 
     HEAD is answered as GET without the body. A proxy's prefix (`root_path`) is removed from the path.
     """
@@ -72,6 +80,8 @@ class Door:
         """Wrap the application; `busy` gives the seconds after which to send a part again, None while there is room."""
         self._app, self._settings, self._access, self._metrics = app, settings, access, metrics
         self._busy = busy
+        self._hosts = _host_names(settings)
+        self._log = SparingLog("web interface")
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -101,12 +111,10 @@ class Door:
         with structlog.contextvars.bound_contextvars(request=request_id):
             try:
                 await self._check_head(scope)
-                await self._app(scope, _with_timeouts(receive), send_with_headers)
+                await self._app(scope, _with_limits(receive, self._most_bytes(scope)), send_with_headers)
             except ClientDisconnect:
                 status = GONE
             except (Exception, asyncio.CancelledError) as error:
-                if type(error).__module__ == body_limit.__name__:
-                    raise  # the body is over its limit, which starlette answers with 413
                 # a service that stops cancels requests that are not done in time
                 problem = problem_of(error) if isinstance(error, Exception) else stopping()
                 if begun:
@@ -124,16 +132,39 @@ class Door:
             Problem: it is rejected.
         """
         state, headers, path = scope["state"], Headers(scope=scope), scope["path"]
+        self._check_host(headers.get("host", ""))
+        if "transfer-encoding" in headers and "content-length" in headers:  # a proxy may take the other one
+            raise Problem(
+                400, "the request has both a Content-Length and a Transfer-Encoding; send one of them"
+            )
         self._check_origin(scope, headers)
         if not self._access.required:
             state["other_user"] = await self._is_other_user(scope, headers)
         connection = HTTPConnection(scope)
         # pages that are only looked at redirect to the sign-in themselves
         changes = scope["method"] not in _SAFE_METHODS and path != "/login"
-        if self._access.asked(connection) and (changes or path.startswith("/v1/")):
+        asked = self._access.asked(connection) and (changes or path.startswith("/v1/"))
+        if asked or (path == "/metrics" and any(name in headers for name in _FORWARDED)):
             state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
-        if scope["method"] == "POST" and _UPLOADS.fullmatch(path):
-            self._check_room(headers.get("content-length", "0"))
+        length = headers.get("content-length", "0")
+        if length.isdigit() and int(length) > self._most_bytes(scope):
+            raise _too_large(self._most_bytes(scope))
+        if _is_upload(scope) and (wait_s := self._busy()) is not None:
+            self._metrics.refused.inc()
+            raise busy(wait_s)
+
+    def _most_bytes(self, scope: Scope) -> int:
+        return self._settings.limits.upload_bytes if _is_upload(scope) else SMALL_BODY
+
+    def _check_host(self, host: str) -> None:
+        """Refuse requests for host names that are not in the settings, so that no other name can point here."""
+        name = re.sub(r":\d*$", "", host).strip("[]").lower()
+        if not any(fnmatchcase(name, known) for known in self._hosts):
+            what = (
+                f"the request is for the host name {visible(name[:80])!r}, which is not one of the service's"
+            )
+            self._log.say(f"host {name}", f"{what}: see hosts")
+            raise Problem(400, f"{what}; call it by its address, or name it in the setting hosts")
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
         """Refuse requests from pages of other sites (cross-site request forgery), by the headers of browsers.
@@ -167,14 +198,6 @@ class Door:
             connection["other_user"] = not own
         return bool(connection["other_user"])
 
-    def _check_room(self, length: str) -> None:
-        most_bytes = self._settings.limits.upload_bytes
-        if length.isdigit() and int(length) > most_bytes:
-            raise Problem(413, f"the upload is over the limit of {most_bytes / 1e6:.0f} MB; crop it")
-        if (wait_s := self._busy()) is not None:
-            self._metrics.refused.inc()
-            raise busy(wait_s)
-
     def _record(self, scope: Scope, method: str, status: int, seconds: float) -> None:
         # the route's pattern, so that the metrics have few routes whatever path is requested
         found = scope.get("route")
@@ -194,6 +217,25 @@ class Door:
             )
 
 
+def _host_names(settings: ServiceSettings) -> tuple[str, ...]:
+    """Host names that the service accepts; any if tokens are required and no list is given."""
+    if settings.tokens_asked and not settings.hosts:
+        return ("*",)
+    names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
+    return tuple(name.strip("[]").lower() for name in names)
+
+
+def _is_upload(scope: Scope) -> bool:
+    return scope["method"] == "POST" and _UPLOADS.fullmatch(scope["path"]) is not None
+
+
+def _too_large(most_bytes: int) -> Problem:
+    todo = (
+        "only parts are sent with files" if most_bytes == SMALL_BODY else "crop it, or raise limits.upload_mb"
+    )
+    return Problem(413, f"the request is over the limit of {most_bytes / 1e6:g} MB; {todo}")
+
+
 def _without_prefix(scope: Scope, root_path: str) -> Scope:
     """The request without a prefix that a proxy passes on.
 
@@ -211,12 +253,12 @@ def _without_prefix(scope: Scope, root_path: str) -> Scope:
     return inner
 
 
-def _with_timeouts(receive: Receive) -> Receive:
-    """Limit the wait for each chunk of a body and for the whole body; after the last chunk there is no limit."""
-    whole, until_s = False, time.monotonic() + BODY_MOST_S
+def _with_limits(receive: Receive, most_bytes: int) -> Receive:
+    """Limit a body's size, the wait for each chunk, and the whole time; after the last chunk there is no limit."""
+    whole, n_bytes, until_s = False, 0, time.monotonic() + BODY_MOST_S
 
     async def next_message() -> Message:
-        nonlocal whole
+        nonlocal whole, n_bytes
         if whole:
             return await receive()  # waits for the end of the connection, which may take long
         try:
@@ -231,6 +273,9 @@ def _with_timeouts(receive: Receive) -> Receive:
                 "again, over a faster connection if there is one"
             )
             raise Problem(408, detail, headers={"Connection": "close"}) from None
+        n_bytes += len(message.get("body", b""))
+        if n_bytes > most_bytes:
+            raise _too_large(most_bytes)
         whole = message["type"] != "http.request" or not message.get("more_body", False)
         return message
 

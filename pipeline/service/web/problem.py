@@ -21,6 +21,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from glyphs.errors import FileError, MarksError
 from glyphs.plain_text import visible
+from pipeline.common.names import HiddenCharacterError
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 from whisker_array.scan.stage_error import StageError
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from starlette.types import Scope
 
 MEDIA_TYPE = "application/problem+json"
-_STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422}
+_STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422, HiddenCharacterError: 422}
 log = structlog.get_logger("tactile-marks")
 
 

@@ -19,6 +19,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from glyphs.plain_text import visible
+from pipeline.common.names import printable_name
 from pipeline.common.records import EvidenceKind
 from pipeline.formats.kinds import HEAD_BYTES, READ, file_kind, kind_of, refusal
 from pipeline.service.web.problem import Problem
@@ -29,11 +30,8 @@ if TYPE_CHECKING:
 MOST_NAME = 200
 MOST_PHOTOS = 12
 """Maximum number of photographs of one part."""
-SMALL_BODY = 64_000
-"""Maximum size of a request without files, bytes."""
 _CHUNK = 1 << 20
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
-_UNPRINTABLE = re.compile(r"[^\x20-\x7e\u00a0-\ud7ff\ue000-\ufffd]")
 _PLAIN_NAME = re.compile(rb";\s*filename\s*=", re.IGNORECASE)
 _NOT_QUOTED = {ord(char): "_" for char in '"\\\r\n'}
 
@@ -73,8 +71,8 @@ def check_count(photos: int) -> None:
 
 def sent_name(name: str | None) -> str:
     """The sender's name for a file: the last part of any path, printable, of bounded length."""
-    last = re.split(r"[/\\]", name or "")[-1]
-    return _UNPRINTABLE.sub("_", last)[:MOST_NAME] or "unnamed"
+    last = re.split(r"[/\\]", printable_name(name or ""))[-1]
+    return last[:MOST_NAME].strip() or "unnamed"
 
 
 async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1) -> Upload:

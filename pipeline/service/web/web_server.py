@@ -2,9 +2,10 @@
 
 * After a first SIGTERM, SIGINT or SIGHUP it keeps answering for `drain_s` and reports that it is stopping; a second one
   stops it at once.
-* A connection that has not sent a whole request head within HEAD_S is closed.
+* A connection that has not done its TLS handshake, or sent a whole request head, within HEAD_S is closed; so is one
+  whose caller does not read its answer.
 * One address has a limited number of connections; more are closed as they come. A trusted proxy, which connects for
-  many callers, has no limit.
+  many callers, has no limit. If there are too many in all, the longest idle one of the busiest address is closed.
 * A request that is answered before all of it has come gets its answer: the rest is read and dropped for LINGER_S.
   A connection closed with bytes unread is reset by the system, and a proxy then has no answer to pass on (502).
 """
@@ -13,23 +14,27 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import signal
+import ssl
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol
 
 import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from pipeline.service.connections import WRITE_S, SparingLog, address_block, longest_idle_of_busiest
 from pipeline.service.web.access import is_in
+from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
 
 MOST_CONNECTIONS = 1000
 KEEP_ALIVE_S = 30
-HEAD_S = 15.0
+HEAD_S = 10.0
 LINGER_S = 5.0
 
 
@@ -73,40 +78,94 @@ class DrainingServer(uvicorn.Server):
         return await super().on_tick(counter)
 
 
+class Room:
+    """Open connections of the web server: so many in all, and from one address.
+
+    If there are too many in all, the longest idle one of the address with the most is closed.
+    """
+
+    def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
+        """Make an empty room.
+
+        Args:
+            an_address: connections that one address may have.
+            most: connections in all.
+            proxies: addresses and networks that may have any number.
+        """
+        self._an_address, self._most, self._proxies = an_address, most, proxies
+        self._open: set[_Guest] = set()
+        self._log = SparingLog("web interface")
+
+    def enter(self, guest: _Guest) -> bool:
+        """Count a connection; False if its address has too many."""
+        n_same = sum(other.block == guest.block for other in self._open)
+        if n_same >= self._an_address and not self._is_proxy(guest):
+            self._log.say(guest.block, f"{guest.address} has over {self._an_address} connections")
+            return False
+        if len(self._open) >= self._most:
+            callers = [other for other in self._open if not self._is_proxy(other)]
+            dropped = longest_idle_of_busiest(callers or self._open)
+            self._log.say(
+                "full", f"over {self._most} connections; an idle one of {dropped.address} is closed"
+            )
+            self._open.discard(dropped)
+            dropped.transport.abort()
+        self._open.add(guest)
+        return True
+
+    def leave(self, guest: _Guest) -> None:
+        """Count a connection no longer."""
+        self._open.discard(guest)
+
+    def _is_proxy(self, guest: _Guest) -> bool:
+        return is_in(guest.address, self._proxies)
+
+
+class _Guest(Protocol):
+    """A connection in the room."""
+
+    transport: Any
+    address: str
+    block: str
+    heard_s: float
+
+
 def patient_protocol(
-    *, an_address: int, proxies: Sequence[str] = (), head_s: float = HEAD_S
-) -> type[H11Protocol]:
-    """Make the HTTP protocol class, with a time limit for request heads and a limit of connections per address.
+    room: Room, *, tls: ssl.SSLContext | None = None, head_s: float = HEAD_S, write_s: float = WRITE_S
+) -> Any:
+    """Make the factory of HTTP protocols, with time limits for handshakes, request heads and answers.
 
     Args:
-        an_address: connections that one address may have.
-        proxies: addresses and networks that may have any number.
-        head_s: seconds for the head of a request.
+        room: counts the connections.
+        tls: certificate and key; None: no TLS.
+        head_s: seconds for a handshake, and for the head of a request.
+        write_s: seconds within which a caller must read what is written.
     """
-    open_now: Counter[str] = Counter()
 
     class PatientProtocol(H11Protocol):
         """One connection."""
 
         _head_timer: asyncio.TimerHandle | None = None
-        _address = ""
+        _write_timer: asyncio.TimerHandle | None = None
+        address = block = ""
+        heard_s = 0.0
 
         def connection_made(self, transport: Any) -> None:
             """Count the connection; close it if there are too many."""
             super().connection_made(transport)
             self.app_state = {**self.app_state, "connection": {}}  # shared by all requests of this connection
-            self.transport = _Lingering(transport, self)  # type: ignore[assignment]
-            self._address = self.client[0] if self.client else ""
-            open_now[self._address] += 1
-            if open_now[self._address] > an_address and not is_in(self._address, proxies):
-                transport.abort()
-            else:
+            self.transport = _Lingering(transport, self, write_s=write_s)  # type: ignore[assignment]
+            _introduce(self, transport)
+            if room.enter(self):
                 self._wait_for_head()
+            else:
+                transport.abort()
 
         def data_received(self, data: bytes) -> None:
             """End the time limit once the head is complete."""
             if self.transport.is_closing():
                 return
+            self.heard_s = self.loop.time()
             if self._head_timer is None and (self.cycle is None or self.cycle.response_complete):
                 self._wait_for_head()
             before = self.cycle
@@ -114,20 +173,97 @@ def patient_protocol(
             if self.cycle is not before:
                 self._wait_for_head(ends=True)
 
+        def pause_writing(self) -> None:
+            """Begin the time limit of an answer that is not read."""
+            super().pause_writing()
+            self._write_timer = self.loop.call_later(write_s, self.transport.abort)
+
+        def resume_writing(self) -> None:
+            """End the time limit of an answer."""
+            super().resume_writing()
+            self._end_write_timer()
+
         def connection_lost(self, exc: Exception | None) -> None:
             """Remove the connection from the count."""
             self._wait_for_head(ends=True)
-            open_now[self._address] -= 1
-            if not open_now[self._address]:
-                del open_now[self._address]
+            self._end_write_timer()
+            room.leave(self)
             super().connection_lost(exc)
+
+        def send_400_response(self, msg: str) -> None:
+            """Answer what is not HTTP with a problem."""
+            body = ProblemBody("Bad Request", 400, "this is not an HTTP request; check address and port", "")
+            content = json.dumps(asdict(body)).encode()
+            headers = [
+                (b"content-type", MEDIA_TYPE.encode()),
+                (b"content-length", str(len(content)).encode()),
+                (b"connection", b"close"),
+            ]
+            for event in (
+                h11.Response(status_code=400, headers=headers, reason=b"Bad Request"),
+                h11.Data(data=content),
+                h11.EndOfMessage(),
+            ):
+                self.transport.write(self.conn.send(event) or b"")
+            self.transport.close()
 
         def _wait_for_head(self, *, ends: bool = False) -> None:
             if self._head_timer is not None:
                 self._head_timer.cancel()
             self._head_timer = None if ends else self.loop.call_later(head_s, self.transport.abort)
 
-    return PatientProtocol
+        def _end_write_timer(self) -> None:
+            if self._write_timer is not None:
+                self._write_timer.cancel()
+
+    if tls is None:
+        return PatientProtocol
+    return lambda **options: _Handshake(PatientProtocol(**options), room, tls, head_s)
+
+
+def _introduce(guest: _Guest, transport: Any) -> None:
+    guest.address = str((transport.get_extra_info("peername") or ("",))[0])
+    guest.block, guest.heard_s = address_block(guest.address), asyncio.get_running_loop().time()
+
+
+class _Handshake(asyncio.Protocol):
+    """A connection until the end of its TLS handshake, which asyncio itself would neither count nor end soon."""
+
+    address = block = ""
+    heard_s = 0.0
+
+    def __init__(self, http: H11Protocol, room: Room, tls: ssl.SSLContext, head_s: float) -> None:
+        self._http, self._room, self._tls, self._head_s = http, room, tls, head_s
+        self._early = b""
+
+    def connection_made(self, transport: Any) -> None:
+        self.transport = transport
+        transport.pause_reading()  # until `start_tls` has taken over
+        _introduce(self, transport)
+        if self._room.enter(self):
+            self._task = asyncio.get_running_loop().create_task(self._shake_hands())
+        else:
+            transport.abort()
+
+    def data_received(self, data: bytes) -> None:
+        self._early += data  # of a request that has come with the end of the handshake
+
+    async def _shake_hands(self) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            tls: Any = await loop.start_tls(
+                self.transport, self, self._tls, server_side=True, ssl_handshake_timeout=self._head_s
+            )
+        except OSError:  # not TLS, refused by the caller, gone, or too slow
+            self.transport.abort()
+            return
+        finally:
+            self._room.leave(self)
+        if tls is not None and not tls.is_closing():
+            self._http.connection_made(tls)
+            tls.set_protocol(self._http)
+            if self._early:
+                self._http.data_received(self._early)
 
 
 class _Lingering:
@@ -137,8 +273,8 @@ class _Lingering:
     until the caller closes.
     """
 
-    def __init__(self, transport: Any, protocol: H11Protocol) -> None:
-        self._transport, self._protocol = transport, protocol
+    def __init__(self, transport: Any, protocol: H11Protocol, *, write_s: float) -> None:
+        self._transport, self._protocol, self._write_s = transport, protocol, write_s
         self._lingers = False
 
     def __getattr__(self, name: str) -> Any:
@@ -149,7 +285,8 @@ class _Lingering:
 
     def close(self) -> None:
         if self.is_closing() or self._protocol.conn.their_state not in (h11.SEND_BODY, h11.ERROR):
-            self._transport.close()
+            self._transport.close()  # once the caller has read what is written
+            asyncio.get_running_loop().call_later(self._write_s, self._transport.abort)
             return
         self._lingers = True
         if self._transport.can_write_eof():  # not over TLS

@@ -20,14 +20,14 @@ import uvicorn
 from starlette.testclient import TestClient
 
 from pipeline.cli.exit_status import CommandError
-from pipeline.cli.serve import check_tls, listening
+from pipeline.cli.serve import listening, tls_context
 from pipeline.common.records import PartState, Scope
 from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
 from pipeline.service.web.access import COOKIE, is_in, is_own_user, user_of
-from pipeline.service.web.uploads import SMALL_BODY
-from pipeline.service.web.web_server import patient_protocol
+from pipeline.service.web.door import SMALL_BODY
+from pipeline.service.web.web_server import Room, patient_protocol
 from pipeline.store.store import Store
 from tests.support.self_signed import certificates
 from tests.support.service_fixtures import Served, inline_service
@@ -133,6 +133,52 @@ def test_what_brings_no_files_may_bring_little(open_one: Served, path: str, leng
     status, _ = asyncio.run(asked(open_one[1].app, "POST", path, body, content_type=kind, **said))
     assert status in (404, 413) if path.endswith("touch") else status == 413
     assert body.read <= SMALL_BODY // 1000 + 2
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8417", 200),
+        ("LOCALHOST", 200),
+        ("[::1]:8417", 200),
+        ("marks.plant.example", 200),
+        ("line-3.plant.example:80", 200),
+        ("reader-pc:8417", 400),
+        ("plant.example.evil.example", 400),
+        ("127.0.0.1.evil.example", 400),
+        ("evil\u202e", 400),
+        ("", 400),
+    ],
+)
+def test_a_host_name_that_is_not_in_the_settings_is_refused_by_the_setting_s_name(
+    tmp_path: Path, host: str, status: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    with inline_service(tmp_path, hosts=("marks.plant.example", "*.plant.example")) as (_, client):
+        answers = [client.get(path, headers={"Host": host.encode()}) for path in ("/healthz", "/readyz")]
+    assert [answer.status_code for answer in answers] == [status, status]
+    for answer in answers if status == 400 else ():
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert "in the setting hosts" in answer.json()["detail"]
+    assert caplog.text.count("is for the host name") == (status == 400)
+
+
+def test_a_request_of_two_lengths_is_refused_and_its_connection_closed(open_one: Served) -> None:
+    both = {"content_length": "1", "transfer_encoding": "chunked"}
+    status, _ = asyncio.run(asked(open_one[1].app, "POST", "/v1/parts", Body(1), **both))
+    assert status == 400
+    refused = open_one[1].post("/v1/parts", content=b"x", headers={"Transfer-Encoding": "chunked"})
+    assert (refused.status_code, refused.headers["connection"]) == (400, "close")
+
+
+def test_the_metrics_are_not_for_everybody_beyond_a_proxy(tmp_path: Path) -> None:
+    with inline_service(tmp_path, tokens="on", root_path="/marks") as (service, client):
+        known = {"Authorization": f"Bearer {service.store.add_token('anna', [Scope.READ])}"}
+        for path in ("/metrics", "/marks/metrics"):
+            assert client.get(path).status_code == 200
+            assert (
+                client.get(path, headers=FORWARDED, follow_redirects=False).status_code == 303
+            )  # to sign in
+            assert client.get(path, headers={**FORWARDED, **known}).status_code == 200
 
 
 @pytest.mark.parametrize("name", FORWARDED)
@@ -271,6 +317,12 @@ async def test_app(scope: Any, receive: Any, send: Any) -> None:
     """Answers everything, after it has read it; at /refused at once."""
     if scope["type"] == "lifespan":
         return
+    if scope["path"] == "/large":
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        for _ in range(100):
+            await send({"type": "http.response.body", "body": b"x" * 1_000_000, "more_body": True})
+        await send({"type": "http.response.body", "body": b""})
+        return
     if scope["path"] == "/refused":
         closing = [(b"content-length", b"2"), (b"connection", b"close")]
         await send({"type": "http.response.start", "status": 401, "headers": closing})
@@ -288,18 +340,12 @@ test_app.__test__ = False  # type: ignore[attr-defined]
 @contextlib.asynccontextmanager
 async def web_server(tls: tuple[Path, Path] | None = None, **limits: Any) -> Any:
     """Port of a web server of `test_app`."""
+    times = {name: limits.pop(name) for name in ("head_s", "write_s") if name in limits}
     certificate, key = tls or (None, None)
+    context = tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate, key=key)))
     bound = listening("127.0.0.1", 0, option="--port")
-    server = uvicorn.Server(
-        uvicorn.Config(
-            test_app,
-            http=patient_protocol(**limits),
-            lifespan="off",
-            log_config=None,
-            ssl_certfile=certificate,
-            ssl_keyfile=key,
-        )
-    )
+    protocol = patient_protocol(Room(**{"an_address": 100, **limits}), tls=context, **times)
+    server = uvicorn.Server(uvicorn.Config(test_app, http=protocol, lifespan="off", log_config=None))
     server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
     running = asyncio.create_task(server.serve(sockets=[bound]))
     while not server.started:
@@ -323,7 +369,7 @@ REFUSED = b"POST /refused HTTP/1.1\r\nHost: x\r\nContent-Length: 3000000\r\n\r\n
 async def test_who_is_refused_gets_the_answer_however_much_is_still_on_its_way() -> None:
     """As a proxy does, which sends the whole body before it reads."""
 
-    async with web_server(an_address=100) as port:
+    async with web_server() as port:
         for _ in range(20):
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             writer.write(REFUSED)
@@ -339,7 +385,7 @@ async def test_who_is_refused_gets_the_answer_however_much_is_still_on_its_way()
 async def test_who_never_ends_what_is_refused_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(web_server_module, "LINGER_S", 0.2)
 
-    async with web_server(an_address=100) as port:
+    async with web_server() as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(REFUSED)
         with contextlib.suppress(ConnectionError):
@@ -352,7 +398,7 @@ async def test_who_never_ends_what_is_refused_is_let_go(monkeypatch: pytest.Monk
 
 
 async def test_who_says_nothing_or_too_little_is_let_go() -> None:
-    async with web_server(an_address=100, head_s=0.2) as port:
+    async with web_server(head_s=0.2) as port:
         silent, _w1 = await asyncio.open_connection("127.0.0.1", port)
         slow, slow_writer = await asyncio.open_connection("127.0.0.1", port)
         good, good_writer = await asyncio.open_connection("127.0.0.1", port)
@@ -397,6 +443,66 @@ async def test_one_address_has_so_many_connections_and_gets_them_back() -> None:
             writer.close()
 
 
+async def test_if_the_server_is_full_the_busiest_caller_loses_its_longest_idle_connection() -> None:
+    async with web_server(most=4, head_s=30.0) as port:
+        busy = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3)]
+        quiet, quiet_writer = await asyncio.open_connection("127.0.0.1", port, local_addr=("127.0.0.2", 0))
+        await asyncio.sleep(0.1)
+        busy[0][1].write(b"GET / HTTP/1.1\r\n")  # the second one is now idle for longest
+        await asyncio.sleep(0.1)
+        other, other_writer = await asyncio.open_connection("127.0.0.1", port, local_addr=("127.0.0.3", 0))
+        for reader, writer in ((other, other_writer), (quiet, quiet_writer)):
+            writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+            assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+        assert await _closed(busy[1][0])
+        busy[0][1].write(b"Host: x\r\n\r\n")
+        assert (await busy[0][0].readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+        for _, writer in (*busy, (quiet, quiet_writer), (other, other_writer)):
+            writer.close()
+
+
+@pytest.mark.parametrize("over_tls", [False, True])
+async def test_who_does_not_read_the_answers_is_let_go(tmp_path: Path, over_tls: bool) -> None:
+    files = certificates(tmp_path, "service") if over_tls else None
+    trusted = ssl.create_default_context(cafile=str(files[0])) if files else None
+    async with web_server(files, write_s=0.3) as port:
+        _, writer = await asyncio.open_connection("127.0.0.1", port, ssl=trusted, limit=1024)
+        began_s = time.monotonic()
+        with contextlib.suppress(ConnectionError):
+            while time.monotonic() < began_s + 10.0:  # pipelined, and no answer is read
+                writer.write(b"GET /large HTTP/1.1\r\nHost: x\r\n\r\n")
+                await asyncio.wait_for(writer.drain(), 20.0)
+                await asyncio.sleep(0.001)
+        assert time.monotonic() < began_s + 9.0
+
+
+async def test_a_handshake_that_does_not_end_is_ended_and_counts(tmp_path: Path) -> None:
+    files = certificates(tmp_path, "service")
+    async with web_server(files, head_s=0.3) as port:
+        silent, _ = await asyncio.open_connection("127.0.0.1", port)
+        rubbish, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"GET / HTTP/1.1\r\n\r\n")
+        assert await _closed(silent)
+        with contextlib.suppress(OSError):
+            await asyncio.wait_for(rubbish.read(), 20.0)  # an alert of TLS, and the end
+    async with web_server(files, an_address=1, head_s=30.0) as port:
+        _, first = await asyncio.open_connection("127.0.0.1", port)
+        await asyncio.sleep(0.1)
+        second, _ = await asyncio.open_connection("127.0.0.1", port)
+        assert await _closed(second)
+        first.close()
+
+
+async def test_what_is_not_http_is_answered_with_a_problem() -> None:
+    async with web_server() as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"TRIGGER P17\r\n\r\n")
+        answer = await asyncio.wait_for(reader.read(), 20.0)
+        assert answer.startswith(b"HTTP/1.1 400")
+        assert b"application/problem+json" in answer
+        writer.close()
+
+
 async def test_over_tls_it_answers_and_has_the_same_patience(tmp_path: Path) -> None:
     certificate, key = certificates(tmp_path, "service")
 
@@ -436,9 +542,9 @@ def test_a_certificate_that_cannot_be_used_is_told_before_anything_begins(tmp_pa
     ):
         settings = ServiceSettings(folder=tmp_path / "s", tls=TlsSettings(certificate=cert, key=private))
         with pytest.raises(CommandError, match=says):
-            check_tls(settings)
-    check_tls(ServiceSettings(tls=TlsSettings(certificate=certificate, key=key)))
-    check_tls(ServiceSettings())
+            tls_context(settings)
+    assert tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate, key=key))) is not None
+    assert tls_context(ServiceSettings()) is None
 
 
 BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}

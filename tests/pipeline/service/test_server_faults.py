@@ -7,7 +7,9 @@ import errno
 import os
 import shutil
 import signal
+import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -100,15 +102,30 @@ def test_a_disk_that_is_nearly_full_is_not_ready(served: Served, monkeypatch: py
     assert (ready.status_code, "No space left" in ready.json()["detail"]) == (503, True)
 
 
+def test_a_store_that_another_program_holds_is_not_ready_and_says_so_at_once(
+    served: Served, tmp_path: Path
+) -> None:
+    other = sqlite3.connect(tmp_path / "s" / "store.db")
+    other.execute("BEGIN IMMEDIATE")
+    began_s = time.monotonic()
+    ready = served[1].get("/readyz")
+    assert (ready.status_code, "has not answered for 2 s" in ready.json()["detail"]) == (503, True)
+    assert time.monotonic() - began_s < 4.0
+    other.close()
+    wait_until(lambda: served[1].get("/readyz").status_code == 200)
+
+
 @pytest.mark.parametrize(
     ("losses", "status"),
     [
         ([WorkerLostError("killed")], 201),
-        ([WorkerLostError("crashed", crashed=True)] * 2, 503),
-        ([WorkerLostError("too long", timed_out=True)], 503),
+        ([WorkerLostError("crashed", crashed=True)] * 2, 422),
+        ([WorkerLostError("killed")] * 2, 503),
+        ([WorkerLostError("too long", timed_out=True)], 422),
+        ([WorkerLostError("too long", timed_out=True, starved=True)], 503),
     ],
 )
-def test_a_lost_worker_is_no_verdict_on_the_part(
+def test_a_lost_worker_is_a_verdict_on_the_part_only_if_it_would_be_lost_again(
     served: Served, plate: bytes, losses: list[WorkerLostError], status: int
 ) -> None:
     service, client = served
@@ -136,7 +153,7 @@ def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_
 
     def work(*_: object) -> ReadPart:
         if broken.is_set():
-            raise WorkerLostError("the worker took longer than 60 s", timed_out=True)
+            raise WorkerLostError("the worker took longer than 60 s", timed_out=True, starved=True)
         return read_at_once()
 
     service.pool.instead = work  # type: ignore[attr-defined]

@@ -255,7 +255,7 @@ def test_times_keep_their_instant_in_utc(store: Store, clock: Clock) -> None:
 
 def test_a_store_that_has_gone_away(store_url: str) -> None:
     store = Store.open(store_url)
-    store.ping()
+    store.check_writable()
     if store_url.startswith("sqlite"):
         import os
         import sqlite3
@@ -274,7 +274,7 @@ def test_a_store_that_has_gone_away(store_url: str) -> None:
             other.execute(f"DROP DATABASE {name} WITH (FORCE)".encode())
     damaged_or_gone = r"does not answer .*; check (that the database runs|its address, or stop the service)"
     with pytest.raises(StoreError, match=damaged_or_gone):
-        store.ping()
+        store.check_writable()
     store.close()
 
 

@@ -6,8 +6,9 @@ from datetime import timedelta
 
 import pytest
 
+from pipeline.common.names import HiddenCharacterError
 from pipeline.common.people_records import Person
-from pipeline.common.records import PartState
+from pipeline.common.records import PartState, Scope
 from pipeline.common.shares import share
 from pipeline.store.errors import ClaimedError, ConflictError, NotFoundError
 from pipeline.store.review import CLAIM_S
@@ -109,6 +110,27 @@ def test_a_part_is_reviewed_when_two_people_say_the_same(store: Store) -> None:
     )
     told = [dict(e.data) for e in store.story(part.id).events if e.kind == "read_by_person"]
     assert told == [{"who": "Ada"}, {"who": "Ada"}, {"who": "Grace"}], "not what was said"
+
+
+@pytest.mark.parametrize("again", ["ANNA MÜLLER", " Anna  Müller", "Anna Mu\u0308ller", "Anna Müller\u00a0"])
+def test_another_spelling_of_a_name_is_no_second_reader(store: Store, again: str) -> None:
+    part = received(store, PartState.REVIEW)
+    assert said(store, part.id, Person("Anna Müller"), "KX1") is PartState.REVIEW
+    assert store.next_in_queue(person=Person(again)) is None
+    assert said(store, part.id, Person(again), "KX1") is PartState.REVIEW
+    assert list(store.half_reviewed().values()) == [1]
+    assert said(store, part.id, Person("Anna Muller"), "KX1") is PartState.REVIEWED
+
+
+def test_another_spelling_of_a_token_s_name_is_no_other_token(store: Store) -> None:
+    store.add_token("Jörg", [Scope.REVIEW])
+    for again in ("JÖRG", "jo\u0308rg", " Jörg "):
+        with pytest.raises(ConflictError, match="is or was a token 'Jörg'"):
+            store.add_token(again, [Scope.REVIEW])
+    with pytest.raises(HiddenCharacterError):
+        store.add_token("Jörg\u200b", [Scope.REVIEW])
+    store.revoke("jörg")
+    assert store.tokens()[0].revoked_at is not None
 
 
 def test_two_who_cannot_read_it_agree_too_and_a_correction_needs_two_again(store: Store) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import socket
 import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,6 +39,31 @@ def cluster(scheduler: ClusterProcess) -> ClusterProcess:
     return scheduler
 
 
+@pytest.mark.parametrize(
+    "answer",
+    [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", (2**31).to_bytes(8, "little") + b"\xff" * 200, b"\0" * 8],
+)
+def test_what_is_no_scheduler_is_one_message_in_time(
+    answer: bytes, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("pipeline.workers.cluster._CONNECT_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            caller, _ = server.accept()
+            callers.append(caller)
+            caller.sendall(answer)
+
+        callers = list[socket.socket]()
+        threading.Thread(target=serve, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        began_s = time.monotonic()
+        with pytest.raises(ClusterError, match=f"no Dask scheduler answers at {address}"):
+            ClusterExecutor(address).__enter__()
+        assert time.monotonic() - began_s < 10.0
+    assert "Traceback" not in capfd.readouterr().err
+
+
 def test_no_worker_is_told_and_a_late_one_waited_for(scheduler: ClusterProcess) -> None:
     with (
         pytest.raises(ClusterError, match="has no workers; start some with: tactile-marks worker tcp://"),
@@ -46,6 +73,14 @@ def test_no_worker_is_told_and_a_late_one_waited_for(scheduler: ClusterProcess) 
     threading.Timer(0.5, scheduler.add_worker).start()
     with ClusterExecutor(scheduler.address) as executor:
         assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
+
+
+def test_a_worker_is_no_scheduler(cluster: ClusterProcess) -> None:
+    with distributed.Client(cluster.address) as client:
+        wait_until(lambda: bool(client.scheduler_info()["workers"]))
+        worker = next(iter(client.scheduler_info()["workers"]))
+    with pytest.raises(ClusterError, match="it is a Worker"):
+        ClusterExecutor(worker).__enter__()
 
 
 def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, tmp_path: Path) -> None:
@@ -99,6 +134,7 @@ def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
 
 
 def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ClusterExecutor, "_check_scheduler", Mock())
     monkeypatch.setattr(distributed, "Client", Mock(side_effect=AssertionError))
     monkeypatch.setattr("pipeline.workers.cluster._START_S", 0.0)
     with pytest.raises(ClusterError, match="this machine is too busy"), ClusterExecutor("tcp://localhost:1"):

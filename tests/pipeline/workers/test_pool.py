@@ -127,6 +127,7 @@ def test_job_that_takes_too_long_is_stopped(of_all: float, own: float | None) ->
         with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s") as caught:
             pool.submit(time.sleep, PATIENCE_S, timeout_s=own).result(PATIENCE_S)
         assert caught.value.timed_out
+        assert caught.value.starved  # it slept
         assert pool.submit(os.getpid).result(PATIENCE_S)
 
 
@@ -178,6 +179,13 @@ def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
     service.kill()
     service.join()
     wait_until(lambda: not any(is_alive(pid) for pid in pids))
+
+
+def test_a_job_that_computes_for_too_long_is_not_starved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.workers.process._STARVED", 0.05)  # other tests may use the cores
+    with WorkPool(1, timeout_s=PATIENCE_S) as pool, pytest.raises(WorkerLostError) as caught:
+        pool.submit(calls.work_for_ever, timeout_s=4.0).result(PATIENCE_S)
+    assert (caught.value.timed_out, caught.value.starved) == (True, False)
 
 
 @pytest.mark.parametrize(

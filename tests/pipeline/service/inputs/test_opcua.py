@@ -353,18 +353,43 @@ async def test_nobody_may_write_or_be_the_administrator(shared: Shared) -> None:
                 await asker.nodes.objects.add_object(4, "mine")
 
 
-async def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait_for_ever() -> None:
-    async def never(_: str) -> PartRecord:
+async def test_of_more_sessions_than_may_be_one_in_use_stays_and_a_stop_does_not_wait_for_ever() -> None:
+    async def never(_: str, job: str = "") -> PartRecord:
         await asyncio.Event().wait()
         raise AssertionError
 
     port = OpcUaPort(OpcUaSettings(), never, connections=1)
     await port.start()
     url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+    client = Client(url, timeout=LONG_S)
+    await client.connect()
+    scanning = asyncio.create_task(
+        (await client.nodes.objects.get_child(DEVICE)).call_method("3:Scan", settings())
+    )
+    await until(lambda: port._scanning is not None)
+    with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
+        async with Client(url, timeout=2.0) as other:
+            await other.get_namespace_array()
+    assert not scanning.done()
+    await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
+    with contextlib.suppress(Exception):
+        await asyncio.wait_for(scanning, LONG_S)
+    with contextlib.suppress(Exception):
+        await client.disconnect()
+
+
+async def test_idle_sessions_of_one_address_keep_no_controller_out() -> None:
+    port = OpcUaPort(OpcUaSettings(), read_at_once, connections=2)
+    await port.start()
+    url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+    idle = [Client(url, timeout=LONG_S) for _ in range(2)]
+    for client in idle:
+        await client.connect()
     async with asking(url) as (_, device):
-        with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
-            await Client(url, timeout=0.5).connect()
-        assert await device.call_method("3:ScanStart", settings()) == 0
+        assert (await device.call_method("4:TriggerPart", "P1"))[1] == "KX407251"
+    for client in idle:
+        with contextlib.suppress(Exception):
+            await asyncio.wait_for(client.disconnect(), LONG_S)
     await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
 
 

@@ -141,24 +141,38 @@ async def test_silence_and_slowness_end_a_connection() -> None:
         dripping.cancel()
 
 
-async def test_more_connections_than_may_be_are_told_so() -> None:
-    async with listening(limits=TcpLimits(connections=2)) as port:
-        kept = [await asyncio.open_connection(port.host, port.port) for _ in range(2)]
-        for reader, writer in kept:
-            writer.write(b"PING\r\n")
-            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+async def test_more_triggers_than_connections_may_be_are_told_so() -> None:
+    go = asyncio.Event()
+
+    async def trigger(name: str, job: str = "") -> PartRecord:
+        await go.wait()
+        return part(name)
+
+    async with listening(trigger, limits=TcpLimits(connections=2)) as port:
+        busy = [await asyncio.open_connection(port.host, port.port) for _ in range(2)]
+        for _, writer in busy:
+            writer.write(b"TRIGGER P17\r\n")
+        await until(lambda: len(port._reading) == 2)
         assert await said(port, b"") == b"ERROR;too many connections\r\n"
-        kept[0][1].close()
+        go.set()
+        for reader, _ in busy:
+            assert await asyncio.wait_for(reader.readline(), LONG_S) == ANSWER
+        assert await said(port, b"PING\r\n") == b"PONG\r\n"  # an idle one makes room
 
-        async def again() -> bool:
-            return await said(port, b"PING\r\n") == b"PONG\r\n"
 
-        for _ in range(200):
-            if await again():
-                break
-            await asyncio.sleep(0.01)
-        else:
-            raise AssertionError("the place of a caller who has gone is not given away")
+async def test_callers_who_spoke_once_keep_no_controller_out() -> None:
+    async with listening(limits=TcpLimits(connections=4)) as port:
+        controller, writer = await asyncio.open_connection(port.host, port.port, local_addr=("127.0.0.2", 0))
+        others = [await asyncio.open_connection(port.host, port.port) for _ in range(4)]
+        for reader, other in ((controller, writer), *others[1:]):
+            other.write(b"PING\r\n")
+            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+        assert await asyncio.wait_for(others[0][0].read(), LONG_S) == b""  # it had said nothing
+        for _ in range(8):
+            assert await said(port, b"PING\r\n") == b"PONG\r\n"
+        writer.write(b"TRIGGER P17\r\n")  # idle for longest, but of another address
+        assert await asyncio.wait_for(controller.readline(), LONG_S) == ANSWER
+        writer.close()
 
 
 @pytest.mark.skipif(not hasattr(socket, "TCP_KEEPIDLE"), reason="the system has its own limits")

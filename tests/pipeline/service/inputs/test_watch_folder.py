@@ -120,6 +120,12 @@ def test_whether_a_job_can_be_read_is_not_asked_in_the_event_loop(
     assert asked_in == [None]
 
 
+def test_hidden_characters_of_a_file_s_name_are_replaced_and_letters_composed(bench: Bench) -> None:
+    for name in ("tray-7\u202e3-trap.png", "a\u200bb.png", "Gehause\u0308.png"):
+        bench.put(name)
+    assert sorted(bench.look()) == ["Gehausë", "a_b", "tray-7_3-trap"]
+
+
 def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None:
     bench.put("part-3.png")
     assert bench.look(1) == []

@@ -431,8 +431,10 @@ def test_a_job_is_taught_by_a_box_and_a_text(service: Service, sit_down: Sit) ->
 def test_on_a_phone_the_charts_begin_at_the_newest_hour(service: Service, sit_down: Sit) -> None:
     service.put("KX407251")
     page = sit_down("/dashboard", width=390, height=800)
-    shown = page.evaluate(
-        "(({left, right}) => [left, right])(document.querySelector('.chart').getBoundingClientRect())"
+    left, right, axis = page.evaluate(
+        "['.plot', '.axis text'].map((s) => document.querySelector(s).getBoundingClientRect())"
+        ".flatMap((box, k) => k ? [box.left] : [box.left, box.right])"
     )
-    assert shown[0] < 0.0
-    assert 300.0 < shown[1] <= 390.0
+    assert left < 0.0
+    assert 300.0 < right <= 390.0
+    assert axis >= 0.0  # the numbers at the axis stay in sight

@@ -191,7 +191,8 @@ def test_pictures_that_are_gone_missing_or_never_were_are_told_in_words(shop: Sh
     assert "No photograph was sent" in bare
     assert "No edge map was kept" in bare
     unscanned = shop.client.get(f"/review/{shop.add(readings=(reading('KX', source='vision'),))}").text
-    assert "has not been scanned yet" in unscanned
+    assert "has not been scanned yet" not in unscanned  # and nothing waits for that: no room is left for it
+    assert 'data-which="edges"' not in unscanned
 
 
 def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
@@ -382,6 +383,27 @@ def test_agreement_with_the_lines_own_reader(empty_shop: Shop) -> None:
     assert '<mark class="mismatch" title="mismatch">O</mark>' in page
     for address in ("/shadow?span=era", "/shadow?show=all", "/shadow?before=x"):
         assert empty_shop.client.get(address).status_code == 422
+
+
+def test_what_would_be_accepted_with_another_serial_comes_first_and_the_surest_first(
+    empty_shop: Shop,
+) -> None:
+    states = (PartState.ACCEPTED, PartState.REVIEW)
+    shares = {
+        empty_shop.add(
+            state=PartState.SHADOW,
+            readings=(reading("KX407251", confidence=0.1 * k),),
+            expected="KX407257",
+            shadow=ShadowRecord(Agreement.OTHER, states[k % 2]),
+        ): 0.1 * k
+        for k in (3, 6, 9, 4, 8, 1)
+    }
+    accepted = [part_id for part_id in shares if round(10 * shares[part_id]) % 2 == 0]
+    for address, ids in (("/shadow", accepted), ("/shadow?show=other", list(shares))):
+        page = empty_shop.client.get(address).text
+        shown = re.findall(r'<a class="row" href="./parts/([^"]+)"', page)
+        assert shown == sorted(ids, key=lambda part_id: -shares[part_id])
+        assert 'show=accepted">look at these first</a>' in page
 
 
 def test_parts_without_reading_or_characters_have_pages(shop: Shop) -> None:

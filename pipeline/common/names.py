@@ -1,0 +1,42 @@
+"""Names of parts and people: one form and one comparison, whatever input they come from.
+
+Composed and decomposed letters, and full-width and plain ones, are one (NFKC). Two names that differ only in case are
+the same name. Hidden characters are refused, or replaced in names that the sender cannot correct, such as those of
+files.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+
+from glyphs.errors import MarksError
+from glyphs.plain_text import has_hidden, is_hidden
+
+
+class HiddenCharacterError(MarksError):
+    """A name with control characters or other characters that cannot be seen."""
+
+
+def clean_name(name: str) -> str:
+    """The form in which a name is kept: normalised, with single blanks between words.
+
+    Raises:
+        HiddenCharacterError: it has hidden characters.
+    """
+    if has_hidden(name):
+        raise HiddenCharacterError(
+            f"the name {name[:80]!a} has a character that cannot be seen", hint="type it again without it"
+        )
+    return " ".join(unicodedata.normalize("NFKC", name).split())
+
+
+def printable_name(name: str) -> str:
+    """The form of a name that cannot be corrected: each hidden character is replaced by an underscore."""
+    return clean_name("".join("_" if is_hidden(char) else char for char in name))
+
+
+def folded(name: str) -> str:
+    """A key that is the same for all spellings of a name."""
+    visible = "".join(char for char in name if not is_hidden(char))
+    key = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", visible).casefold())
+    return " ".join(key.split())

@@ -1,0 +1,76 @@
+"""Whose connection is closed if there is no room, and what is logged then."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from pipeline.service.connections import (
+    address_block,
+    log_failed_accepts_sparingly,
+    longest_idle_of_busiest,
+)
+
+pytestmark = pytest.mark.anyio
+
+
+@dataclass(frozen=True)
+class Idle:
+    block: str
+    heard_s: float
+
+
+@pytest.mark.parametrize(
+    ("address", "block"),
+    [
+        ("192.168.7.9", "192.168.7.9"),
+        ("::ffff:192.168.7.9", "192.168.7.9"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
+        ("2001:db8:1:2::1", "2001:db8:1:2::/64"),
+        ("2001:db8:1:3::1", "2001:db8:1:3::/64"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("unix", "unix"),
+    ],
+)
+def test_a_network_of_ipv6_is_one_caller(address: str, block: str) -> None:
+    assert address_block(address) == block
+
+
+def test_the_longest_idle_connection_of_the_busiest_caller_goes() -> None:
+    quiet, first, second = Idle("b", 0.0), Idle("a", 2.0), Idle("a", 1.0)
+    assert longest_idle_of_busiest([quiet, first, second]) is second
+    assert longest_idle_of_busiest([quiet, first]) is quiet
+
+
+async def test_accepts_without_descriptors_are_one_line_and_other_faults_as_ever(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    loop = asyncio.get_running_loop()
+    log_failed_accepts_sparingly()
+    context: dict[str, Any] = {"message": "socket.accept() out of system resource", "socket": object()}
+    with caplog.at_level(logging.WARNING):
+        for _ in range(2048):
+            loop.call_exception_handler(
+                {**context, "exception": OSError(errno.EMFILE, "Too many open files")}
+            )
+        assert (caplog.text.count("ulimit -n"), len(caplog.records)) == (1, 1)
+        loop.call_exception_handler({"message": "a fault", "exception": ValueError("wrong")})
+    assert "a fault" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
+def test_the_soft_limit_of_descriptors_is_raised() -> None:
+    code = (
+        "import resource; resource.setrlimit(resource.RLIMIT_NOFILE, (64, 512));"
+        "from pipeline.service.connections import raise_descriptor_limit;"
+        "print(raise_descriptor_limit(), *resource.getrlimit(resource.RLIMIT_NOFILE))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["512", "512", "512"]
