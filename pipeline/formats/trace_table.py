@@ -8,7 +8,7 @@ from array import array
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,9 @@ from whisker_array.scan.read_recording import OVERLOAD
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
 # properties of the clock of a TDMS channel
 _CLOCK = ("wf_increment", "wf_start_offset", "wf_start_time")
-# lead-in of a TDMS segment: tag, contents, version, offsets of the next segment and of the data
-_LEAD_IN = struct.Struct("<4sIIQQ")
+# lead-in of a TDMS segment: tag, contents, version, offsets of the next segment and of the data; by byte order
+_LEAD_IN = {"little": struct.Struct("<4s4xIQQ"), "big": struct.Struct(">4s4xIQQ")}
+_BIG_ENDIAN = 1 << 6
 # limits of the library's work on a TDMS file, which takes some seconds at each
 _MOST_SEGMENTS, _MOST_OBJECTS, _MOST_DESCRIPTION_BYTES, _MOST_PIECES = 100_000, 200_000, 16_000_000, 300_000
 # what instruments write for a signal beyond their range, or for none
@@ -180,13 +181,12 @@ def _check_work(path: Path) -> None:
     """
     place = segments = objects = described = 0
     with path.open("rb") as file:
-        while len(lead_in := file.read(_LEAD_IN.size)) == _LEAD_IN.size:
-            tag, _, _, following, description = _LEAD_IN.unpack(lead_in)
-            if tag != b"TDSm":
-                break  # damage, which the library reports
+        while len(lead_in := file.read(28)) == 28 and lead_in.startswith(b"TDSm"):
+            order: Literal["big", "little"] = "big" if lead_in[4] & _BIG_ENDIAN else "little"
+            _, _, following, description = _LEAD_IN[order].unpack(lead_in)
             segments += 1
             described += min(description, following)
-            objects += int.from_bytes(file.read(4), "little") if description >= 4 else 0
+            objects += int.from_bytes(file.read(4), order) if description >= 4 else 0
             for count, most, what in (
                 (segments, _MOST_SEGMENTS, "segments"),
                 (objects, _MOST_OBJECTS, "described objects"),
@@ -194,7 +194,7 @@ def _check_work(path: Path) -> None:
             ):
                 if count > most:
                     raise DataError(f"has over {most:,} {what}", _DEFRAGMENT)
-            place += _LEAD_IN.size + following
+            place += len(lead_in) + following
             file.seek(min(place, 2**62))
 
 

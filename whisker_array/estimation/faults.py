@@ -338,8 +338,8 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
         )
         for w, number in zip(np.flatnonzero(wrong), numbers[wrong], strict=True)
     ]
-    faults += [_fault(FaultKind.DOUBLED, columns[a], whisker=columns[b]) for a, b in doubled]
-    wrong = reversed_sign | other_unit
+    faults += [_fault(FaultKind.DOUBLED, columns[b], whisker=columns[a]) for a, b in doubled]
+    wrong = reversed_sign | other_unit | np.isin(np.arange(level.size), doubled)
     if not doubled:
         level_of_lines = signals.touching_levels(shares, least=limits.dead_level)
         order = signals.best_order(

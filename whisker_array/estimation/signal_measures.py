@@ -257,7 +257,7 @@ def best_order(
         for ways in backward:
             order = _misfit(borders, ChannelOrder(start, ways))
             candidates.append(order)
-            while movable:
+            while len(movable) > 1:
                 nearer = min(
                     (_misfit(borders, order._replace(channel=c)) for c in _exchanges(order.channel, movable)),
                     key=_change,
@@ -327,7 +327,7 @@ def _misfit(borders: Sequence[_Border], order: ChannelOrder) -> ChannelOrder:
 def doubled_channels(
     shares: Sequence[SweepShares], *, alike: float = 0.999, fewest: int = 64
 ) -> list[tuple[int, int]]:
-    """Pairs of channels with the same noise while the array is lifted: one signal, recorded twice.
+    """Channels, each with another that has the same noise while the array is lifted: one signal, recorded twice.
 
     Args:
         shares: shares of all sweeps.
@@ -342,4 +342,4 @@ def doubled_channels(
     changes -= changes.mean(axis=1, keepdims=True)
     size = np.sqrt((changes**2).sum(axis=1))
     noise = np.divide(changes, size[:, None], out=np.zeros_like(changes), where=size[:, None] > 0.0)
-    return [(int(a), int(b)) for a, b in np.argwhere(np.triu(noise @ noise.T, 1) > alike)]
+    return [(int(a), int(b)) for a, b in np.argwhere(noise @ noise.T > alike) if a != b]

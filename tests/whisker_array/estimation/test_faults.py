@@ -24,7 +24,10 @@ from whisker_array.whisker.touch import Touch, default_touch
 
 TOUCH = default_touch(5.0)
 Found = Callable[[FaultKind], tuple[Scan, tuple[Fault, ...]]]
-OF_ONE = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN)
+OF_ONE = (
+    *(FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN),
+    *(FaultKind.REVERSED, FaultKind.DOUBLED),
+)
 
 
 @pytest.fixture(scope="module")
