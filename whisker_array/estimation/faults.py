@@ -297,9 +297,9 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
         return None
     columns = np.flatnonzero(np.asarray(scan.kind) == 0).tolist()
     scan = only(scan)
-    everywhere = measures.sweep_shares(scan)
+    everywhere = measures.sweep_shares(scan, outside=True)
     beyond = signals.beyond_part(everywhere, least=limits.dead_level)
-    shares = signals.without(everywhere, beyond)
+    shares = signals.without(measures.sweep_shares(scan), beyond)
     level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():
@@ -341,12 +341,8 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     faults += [_fault(FaultKind.DOUBLED, columns[b], whisker=columns[a]) for a, b in doubled]
     wrong = reversed_sign | other_unit | np.isin(np.arange(level.size), doubled)
     if not doubled:
-        level_of_lines = signals.touching_levels(shares, least=limits.dead_level)
         order = signals.best_order(
-            everywhere,
-            beyond,
-            np.where(wrong, np.nan, level_of_lines),
-            line_pitch_mm=scan.line_pitch_mm,
+            everywhere, beyond, wrong, least=limits.dead_level, line_pitch_mm=scan.line_pitch_mm
         )
         if order.misfit_now > limits.misfit and order.misfit < limits.misfit_left * order.misfit_now:
             faults.append(_fault(FaultKind.EXCHANGED, order.describe(columns)))

@@ -39,10 +39,12 @@ def _noise(shares: Sequence[SweepShares]) -> Floats:
     return np.where(np.isfinite(air), air, part)
 
 
-def _whisker_moments(shares: Sequence[SweepShares]) -> Floats:
-    """(whiskers,) moment of each on lines where it touches, of either sign: nine tenths of its lines have less."""
-    lines = np.concatenate([quantile_of_known(np.abs(f.share)) for f in shares])
-    return quantile_of_known(lines.T, 0.9)
+def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[Floats, float]:
+    """(lines, whiskers) median moment of each line, and the usual size of those of whiskers that touch."""
+    lines = np.concatenate([quantile_of_known(f.share) for f in shares])
+    moment = np.fmax.reduce(np.abs(lines), axis=0)
+    usual = moment[moment > 20.0 * _noise(shares)]
+    return lines, float(np.median(usual)) if usual.size else 0.0
 
 
 def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
@@ -55,9 +57,7 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
         shares: shares of all sweeps, in any unit.
         least: share of the moment of the other whiskers below which a tip does not touch.
     """
-    moment = _whisker_moments(shares)
-    usual = moment[moment > 20.0 * _noise(shares)]
-    least *= float(np.median(usual)) if usual.size else 0.0
+    least *= _levels_of_lines(shares)[1]
     silent = [~(np.abs(f.share) >= least) for f in shares]
     alive = ~np.logical_and.reduce([s.all(axis=(0, 2)) for s in silent])
     masks = []
@@ -161,13 +161,6 @@ def varies_more_in_air(shares: Sequence[SweepShares], *, times: float = 3.0) -> 
     return spread[0] > times * spread[1]
 
 
-def touching_levels(shares: Sequence[SweepShares], *, least: float) -> Floats:
-    """(whiskers,) level of the land on lines where a whisker touches, with its sign; NaN if it never does."""
-    lines = np.concatenate([quantile_of_known(f.share) for f in shares])
-    usual = _whisker_moments(shares)
-    return quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)
-
-
 class ChannelOrder(NamedTuple):
     """Order of the channels in which neighbouring lines fit best.
 
@@ -219,8 +212,9 @@ class _Border(NamedTuple):
 def best_order(
     shares: Sequence[SweepShares],
     beyond: Sequence[Mask],
-    level: Floats,
+    wrong: Mask,
     *,
+    least: float,
     line_pitch_mm: float,
     cut: float = 0.2,
     simpler: float = 0.8,
@@ -228,22 +222,30 @@ def best_order(
     """The order of the channels in which lines on both sides of the whiskers' borders differ least.
 
     Exchanges of two channels are tried until none reduces the difference, from the present and from the reverse order,
-    with the lines of each whisker forward and backward.
+    with the lines of each whisker forward and backward. Channels that never touch may be exchanged with others, but
+    their own borders are no reason for it: such a whisker may be dead.
 
     Args:
-        shares: shares of all sweeps.
+        shares: shares of all sweeps, with tips beyond the part.
         beyond: where tips run beyond the part (`beyond_part`).
-        level: (whiskers,) level of the land; NaN for a whisker that is left in its place.
+        wrong: (whiskers,) channels that are left out.
+        least: share of a whisker's moment above which it touches.
         line_pitch_mm: line pitch of the grid; lines more than two pitches apart are not compared.
         cut: greatest difference that counts, share of the land.
         simpler: share of the greatest gain at which an order that moves fewer channels is preferred.
     """
+    lines, usual = _levels_of_lines(shares)
+    level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)
+    quiet = np.isnan(level) & np.isfinite(lines).any(axis=0) & ~wrong
+    level[wrong] = np.nan
     borders = [
         border
         for f, mask in zip(shares, beyond, strict=True)
-        for border in _borders(f, mask, level, line_pitch_mm=line_pitch_mm, cut=cut)
+        for border in _borders(
+            f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut
+        )
     ]
-    movable = np.flatnonzero(np.isfinite(level)).tolist()
+    movable = np.flatnonzero(quiet | np.isfinite(level)).tolist()
     present = tuple(range(level.size))
     turned = list(present)
     for whisker, channel in zip(movable, reversed(movable), strict=True):
@@ -252,25 +254,25 @@ def best_order(
     backward = [
         (x, y) for x in (False, True) for y in (False, True) if x <= (True in axes) and y <= (False in axes)
     ]
-    candidates = [_misfit(borders, ChannelOrder(present))]
+
+    def misfit(order: ChannelOrder) -> ChannelOrder:
+        return _misfit(borders, order, quiet)
+
+    candidates = [misfit(ChannelOrder(present))]
     for start in (present, tuple(turned)):
         for ways in backward:
-            order = _misfit(borders, ChannelOrder(start, ways))
+            order = misfit(ChannelOrder(start, ways))
             candidates.append(order)
             while len(movable) > 1:
-                nearer = min(
-                    (_misfit(borders, order._replace(channel=c)) for c in _exchanges(order.channel, movable)),
-                    key=_change,
-                )
+                exchanged = (misfit(order._replace(channel=c)) for c in _exchanges(order.channel, movable))
+                nearer = min(exchanged, key=_change)
                 if _change(nearer) > _change(order) - 1e-4:
                     break
                 order = nearer
                 candidates.append(order)
     most = min(map(_change, candidates))
-    return min(
-        (c for c in candidates if _change(c) <= simpler * most),
-        key=lambda c: len(c.moved) + 2 * sum(c.backward),
-    )
+    simple = (c for c in candidates if _change(c) <= simpler * most)
+    return min(simple, key=lambda c: len(c.moved) + 2 * sum(c.backward))
 
 
 def _change(order: ChannelOrder) -> float:
@@ -295,7 +297,7 @@ def _borders(
     near = np.diff(line_mm.ravel()[order]) < 2.0 * line_pitch_mm
     at = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
     height = np.where(beyond, -cut, np.clip(f.share / level[:, None] - 1.0, -cut, cut))
-    height[:, ~np.isfinite(level)] = np.nan
+    height[~np.isfinite(f.share)] = np.nan
     found = []
     for pair in sorted({(int(row[k]), int(row[k + 1])) for k in at}):
         here = at[(row[at] == pair[0]) & (row[at + 1] == pair[1])]
@@ -311,7 +313,7 @@ def _mean_square(values: Floats, *, fewest: int = 20) -> Floats:
     return np.where(known >= fewest, np.nansum(values**2, axis=-1) / np.maximum(known, 1), np.nan)
 
 
-def _misfit(borders: Sequence[_Border], order: ChannelOrder) -> ChannelOrder:
+def _misfit(borders: Sequence[_Border], order: ChannelOrder, quiet: Mask) -> ChannelOrder:
     channel, now, then = np.array(order.channel), 0.0, 0.0
     for b in borders:
         backward = order.backward[0 if b.along_x else 1]
@@ -320,7 +322,8 @@ def _misfit(borders: Sequence[_Border], order: ChannelOrder) -> ChannelOrder:
         after = (b.difference_backward if backward else b.difference)[a, c]
         moved = (a != b.whisker) | (c != b.beside) | backward
         moved &= np.isfinite(before) & np.isfinite(after)
-        now, then = now + float(before[moved].sum()), then + float(after[moved].sum())
+        reason = moved & ~(quiet[b.whisker] | quiet[b.beside])
+        now, then = now + float(before[reason].sum()), then + float(after[moved].sum())
     return order._replace(misfit=then, misfit_now=now)
 
 
