@@ -144,8 +144,8 @@ def _doubled(m: Floats, on: Recorded) -> Floats:
 
 def _as_in_air(m: Floats) -> Floats:
     """Samples of the lifted array, as many as those that touch."""
-    again = -(-m.shape[2] // AIR)
-    return np.tile(m[..., :AIR], (1, 1, again))[..., : m.shape[2] - AIR]
+    again: Floats = np.tile(m[..., :AIR], (1, 1, -(-m.shape[2] // AIR)))
+    return again[..., : m.shape[2] - AIR]
 
 
 _BEFORE: dict[FaultKind | None, Change] = {

@@ -84,7 +84,11 @@ class FaultKind(StrEnum):
         "its noise is {:.1f} % of the moment of land",
         "check its plug, solder joints and shield",
     )
-    LOOSE = "loose clamp", "its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"
+    LOOSE = (
+        "loose clamp",
+        "its level on land jumps by {:.1f} % from pass to pass",
+        "tighten its clamp, check its plug",
+    )
     BENT = (
         "bent whisker",
         "gives {:.0f} % of the moment that the others give on the same lines",
@@ -299,7 +303,7 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     scan = only(scan)
     everywhere = measures.sweep_shares(scan, outside=True)
     beyond = signals.beyond_part(everywhere, least=limits.dead_level)
-    shares = signals.without(measures.sweep_shares(scan), beyond)
+    shares = measures.sweep_shares(scan) if signals.knows_part(scan) else signals.without(everywhere, beyond)
     level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():

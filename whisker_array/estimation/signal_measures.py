@@ -76,14 +76,21 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
     return masks
 
 
+def knows_part(scan: Scan) -> bool:
+    """Whether the recording says where tips run beyond the part."""
+    return any(bool((s.flags & np.uint8(SampleFlag.OUTSIDE)).any()) for s in scan.sweeps)
+
+
 def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
-    """Flag samples whose tips run beyond the part; the scan itself if there are none without a flag.
+    """Flag samples whose tips run beyond the part, unless the recording has such flags.
+
+    The scan itself is returned if there are no such samples.
 
     Args:
         scan: the recording, in any unit.
         least: as in `beyond_part`.
     """
-    if all(s.plan.pushed for s in scan.sweeps):
+    if all(s.plan.pushed for s in scan.sweeps) or knows_part(scan):
         return scan
     columns, shares = np.flatnonzero(np.asarray(scan.kind) == 0), sweep_shares(only(scan))
     masks = {
