@@ -83,13 +83,13 @@ def imported(command: Command, folder: Path, file: Path, told: Path) -> Ended:
     return command("import", file, "--traces", told, "--out", folder / "scan.h5")
 
 
-def groove_mm(command: Command, folder: Path) -> Floats:
+def groove_mm(command: Command, folder: Path, *, usable: float = 0.99) -> Floats:
     """Where each pass of the calibrated recording has its groove; nearly all of it must have been felt."""
     assert command("calibrate", folder / "scan.h5", "--in-place").status == 0
     (sweep,) = read_scan(folder / "scan.h5").sweeps
     moment = np.abs(np.where(sweep.flags == 0, sweep.moment_n_mm, 0.0))[:, 0]
     felt = (sweep.flags == 0).mean()
-    assert felt > 0.99, f"{felt:.0%} of the samples are usable"
+    assert felt > usable, f"{felt:.0%} of the samples are usable"
     return np.asarray(sweep.plan.position_mm()[moment.argmax(axis=1)])
 
 
@@ -232,7 +232,7 @@ def test_overloads_are_missing_samples_lifted_or_not(command: Command, tmp_path:
     done = imported(command, tmp_path, *with_signals(tmp_path, table(), lines))
     assert done.status == 0, done.err
     assert "missing samples (empty, or an overload): " in done.out
-    assert np.abs(groove_mm(command, tmp_path) - 10.0).max() <= 0.1
+    assert np.abs(groove_mm(command, tmp_path, usable=0.98) - 10.0).max() <= 0.1
     assert "+0.2000" in command("calibrate", tmp_path / "scan.h5").out  # the offset, V
 
 
