@@ -182,12 +182,13 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
         out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
     from glyphs.errors import FileError
     from pipeline.workers.options import in_a_worker
+    from whisker_array.estimation.signal_measures import flag_beyond_part
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration
     from whisker_array.scan.sensor import SensorError
 
     try:
-        lead_in = calibrate_scan(in_a_worker(load_scan, recording, raw=True))
+        lead_in = calibrate_scan(flag_beyond_part(in_a_worker(load_scan, recording, raw=True)))
         unit = save_calibration(recording, lead_in.calibration, out=out)
     except SensorError as error:
         place = f"{error.where}: " if error.where else ""
@@ -258,12 +259,16 @@ def import_traces(
     out
         Recording to write, .h5.
     """
+    import numpy as np
+
     from glyphs.errors import FileError
     from pipeline.formats.import_traces import import_traces as imported
     from pipeline.formats.traces_file import read_traces_file
     from pipeline.formats.whisker_file import read_whisker_file
+    from whisker_array.estimation.faults import find_signal_faults
     from whisker_array.scan.read_recording import VOLT
     from whisker_array.scan.recording import save_scan
+    from whisker_array.simulation.traces import SampleFlag
 
     check_recording(out)
     if not files:
@@ -280,6 +285,11 @@ def import_traces(
         f"wrote {out}: passes {passes} of {scan.n_whiskers} whiskers, samples {scan.sweeps[0].plan.step_mm:.4f} mm "
         f"apart at {scan.sample_rate_hz:,.0f} Hz"
     )
+    missing = sum(int(np.count_nonzero(s.flags & np.uint8(SampleFlag.OUT_OF_RANGE))) for s in scan.sweeps)
+    if missing:
+        print(f"missing samples (empty, or an overload): {missing:,} of {scan.n_samples:,}")
+    for fault in find_signal_faults(scan, volts=volts):
+        print(f"  {fault.text}")
     if volts:
         print(f"its signals are in volts: run tactile-marks calibrate {out}")
 

@@ -12,7 +12,7 @@ steps:
 time |          ....             ties: several samples to a tick of a coarse clock
      |   ...  ..
      | ..   pause: left out
-     +----------------> sample   back: to midnight, or to 0 at a new pass; anywhere else it is an error
+     +----------------> sample   back: to midnight, or to 0 at a new pass; anywhere else lines are out of order
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from pipeline.errors import DataError, naming, reading
 from pipeline.formats.grid import MM, SECONDS, UNITS
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
-from whisker_array.scan.read_recording import UNIT_N_MM, line_pitch_of
+from whisker_array.scan.read_recording import OVERLOAD, UNIT_N_MM, line_pitch_of
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sweep import Sweep
+from whisker_array.scan.sweep import Sweep, fill_air
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch
@@ -44,6 +44,8 @@ _ASKEW = 0.02
 _GAP_STEPS = 2.5
 # least stretch that all passes of a direction must share, as a share of the longest pass
 _SHORT = 0.5
+# least jump of a position that is no step of the stage, as a share of the other steps of its pass together
+_JUMP = 0.05
 PAUSE_STEPS = 2.5
 """Step of the clock, in usual steps, above which sampling was paused."""
 MOST_MOMENT_N_MM = 1000.0
@@ -86,9 +88,9 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
         with reading(path, kind=path.suffix, most_bytes=_MOST_BYTES):
             table = read_trace_table(path, layout)
         with naming(path):
+            rates.append(_rate_hz(table, layout))
             own = tuple(_passes(path, table, layout))
             passes += own
-            rates.append(_rate_hz(table, layout))
             if layout.columns.time is not None:
                 step_mm = float(np.median([p.step_mm for p in own]))
                 units = layout.time_unit, layout.position_unit
@@ -115,6 +117,7 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     columns = layout.columns
     at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[layout.position_unit]
     signal = np.column_stack([table.columns[c] for c in columns.moment])
+    signal[~(np.abs(signal) < OVERLOAD)] = np.nan
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
     largest = float(np.abs(signal).max(initial=0.0, where=np.isfinite(signal)))
     if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
@@ -137,6 +140,7 @@ def _pass(
 ) -> _Pass:
     if rows.size < 2:
         raise DataError(f"has {rows.size} touching samples in {name}", "check columns.lifted")
+    _check_counter(table, name, rows, at)
     went = at[rows[-1]] - at[rows[0]]
     axis = int(np.argmax(np.abs(went)))
     travel, strayed = abs(float(went[axis])), float(np.ptp(at[rows, 1 - axis]))
@@ -154,9 +158,29 @@ def _pass(
     fall = np.maximum.accumulate(u) - u
     if fall.max() > max(2.0 * step, 1e-6 * travel):
         back = int(rows[int(np.argmax(fall > 2.0 * step))])
-        raise DataError(f"runs back in {name}, {table.at(back)}", "number each travel as a pass of its own")
+        hint = "sort the lines by time, and number each travel as a pass of its own"
+        raise DataError(f"runs back in {name}, {table.at(back)}", hint)
     across = float(np.median(at[rows, 1 - axis]))
     return _Pass(name, path, direction, u[ahead], step, across, signal[rows[ahead]], air)
+
+
+def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], at: Floats) -> None:
+    """Refuse a position that jumps against the travel or across it, as that of a counter that wraps or is reset."""
+    steps = np.diff(at[rows], axis=0)
+    size = np.abs(steps).max(axis=1)
+    usual = float(np.median(size[size > 0.0])) if size.any() else 0.0
+    jumps = np.flatnonzero(size > max(20.0 * usual, _JUMP * float((size * (size <= 20.0 * usual)).sum())))
+    if not 0 < jumps.size <= 2:
+        return  # more of them: several travels in one pass
+    travel = np.delete(steps, jumps, axis=0).sum(axis=0)
+    axis = int(np.argmax(np.abs(travel)))
+    for k in jumps:
+        if (steps[k] * travel)[axis] <= 0.0 or abs(steps[k, 1 - axis]) > abs(steps[k, axis]):
+            far = steps[k, int(np.argmax(np.abs(steps[k])))]
+            raise DataError(
+                f"has a position that jumps by {far:+.3f} mm in {name}, {table.at(int(rows[k + 1]))}",
+                "the encoder's counter wraps or was reset, or lines are missing; correct the positions",
+            )
 
 
 def between_polls(u: Floats) -> Floats:
@@ -196,7 +220,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
             short.path,
             f"runs from {short.u[0]:.3f} to {short.u[-1]:.3f} mm in {short.name}; the passes at {int(direction)}° have "
             f"{max(0.0, high - low):.3f} mm in common of {longest:.3f}",
-            "leave out incomplete passes, or import them separately",
+            "leave out incomplete passes, or import them separately; correct positions after a reset of the encoder",
         )
     if layout.part_mm is not None:
         # run-in and run-out must lie on the part's land: off the part no whisker touches
@@ -242,7 +266,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
         n_lead=n_lead,
         offset_mm=tuple(float(v) for v in late) if late.any() else (),
     )
-    air = np.nan_to_num(np.stack([p.air[p.air.shape[0] - n_air :].T for p in passes])).astype(np.float32)
+    air = fill_air(np.stack([p.air[p.air.shape[0] - n_air :].T for p in passes]))
     return Sweep(plan=plan, moment_n_mm=moment, flags=flags, air_n_mm=air)
 
 
@@ -259,17 +283,35 @@ def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
     table.require(time_s, "time", "fill it in, or take that row out")
     steps = np.diff(time_s)
     steps = np.where(np.abs(steps + SECONDS["d"]) < 0.5 * SECONDS["d"], steps + SECONDS["d"], steps)
-    back = np.flatnonzero((steps < 0.0) & (np.diff(table.column(columns.number)) == 0.0))
-    if back.size:
+    if (row := _first_out_of_order(time_s, table.column(columns.number), steps)) is not None:
         raise DataError(
-            f"has a time that runs back {table.at(int(back[0]) + 1)}",
-            "give the rows in the order in which they were sampled, or sampling_rate_hz in place of columns.time",
+            f"has times that run back {table.at(row)}",
+            "sort the lines by time, or give sampling_rate_hz in place of columns.time",
         )
     grows = steps[steps > 0.0]
     if not grows.size:
         raise DataError("has times that are all the same", "give sampling_rate_hz in place of columns.time")
     run = steps[(steps >= 0.0) & (steps <= PAUSE_STEPS * float(np.median(grows)))]
     return run.size / float(run.sum())
+
+
+def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restart: float = 0.2) -> int | None:
+    """The first row whose time is before that of the row ahead, other than with a clock that restarts at a new pass.
+
+    Args:
+        time_s: (rows,) times.
+        number: (rows,) pass of each row.
+        steps: (rows - 1,) steps of the times; a step over midnight is positive.
+        restart: a clock restarts in less than this share of the time since its last start.
+    """
+    start = 0
+    for k in np.flatnonzero(steps < 0.0):
+        row = int(k) + 1
+        since_start = time_s[[row, k]] - time_s[start]
+        if number[row] == number[k] or since_start[0] > restart * since_start[1]:
+            return row
+        start = row
+    return None
 
 
 def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> None:

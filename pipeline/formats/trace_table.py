@@ -8,7 +8,7 @@ from array import array
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,23 @@ from glyphs.surface.display import one_line
 from pipeline.errors import DataError
 from pipeline.formats.table_file import CP1252, TableLine, table_lines
 from pipeline.formats.traces_file import Column, Columns, Csv, TracesFile
+from whisker_array.scan.read_recording import OVERLOAD
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
 # properties of the clock of a TDMS channel
 _CLOCK = ("wf_increment", "wf_start_offset", "wf_start_time")
-# start of a TDMS segment: tag, contents, version, length, length of its metadata, and their number of channels
-_TDMS_SEGMENT, _TDMS_METADATA, _TDMS_NEW_LIST = struct.Struct("<4sIIQQI"), 2, 4
-# segments or chunks times channels; each takes nptdms some microseconds
-_MOST_TDMS_PIECES = 2_000_000
-_FRAGMENTED = ("has its samples in millions of small pieces", "defragment it, or export it as CSV")
+# lead-in of a TDMS segment: tag, contents, version, offsets of the next segment and of the data; by byte order
+_LEAD_IN = {"little": struct.Struct("<4s4xIQQ"), "big": struct.Struct(">4s4xIQQ")}
+_BIG_ENDIAN = 1 << 6
+# limits of the library's work on a TDMS file, which takes some seconds at each
+_MOST_SEGMENTS, _MOST_OBJECTS, _MOST_DESCRIPTION_BYTES, _MOST_PIECES = 100_000, 200_000, 16_000_000, 300_000
+# what instruments write for a signal beyond their range, or for none
+_NO_READING = re.compile(
+    r"[+-]?(o\.?l\.?|ov(er|f|l).*|inf(inity)?|nan|#?n/?a|1\.?#\w+|-+|\*+)", re.IGNORECASE
+)
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)\s*([AaPp])?")
+
+_DEFRAGMENT = "defragment it in LabVIEW, or record more samples at a time"
 
 Floats = NDArray[np.float64]
 
@@ -64,14 +71,17 @@ class TraceTable:
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
-        """Check that no row (rows, ...) lacks a value.
+        """Check that no row (rows, ...) lacks a value or has an overload in its place.
 
         Raises:
             DataError: one does; names the first.
         """
-        lost = np.flatnonzero(~np.isfinite(values.reshape(self.n_rows, -1)).all(axis=1))
+        rows = values.reshape(self.n_rows, -1)
+        lost = np.flatnonzero(~(np.abs(rows) < OVERLOAD).all(axis=1))
         if lost.size:
-            raise DataError(f"has no {what} {self.at(int(lost[0]))}", hint)
+            value = rows[lost[0]][~(np.abs(rows[lost[0]]) < OVERLOAD)][0]
+            said = f"no {what}" if np.isnan(value) else f"the {what} {value:g}, an overload,"
+            raise DataError(f"has {said} {self.at(int(lost[0]))}", hint)
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
@@ -114,7 +124,7 @@ def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
         for place, name in zip(places, wanted, strict=True):
             stamp = second_of_day(line.cell(place)) if name == asked.time else None
             stamped.update(() if stamp is None else (name,))
-            values.append(_number(line, place, name, how.decimal) if stamp is None else stamp)
+            values.append(_number(line, place, name, asked, how.decimal) if stamp is None else stamp)
     if not values:
         raise DataError("has no values below its header", "export it again")
     columns = dict(zip(wanted, np.asarray(values).reshape(-1, n).T.copy(), strict=True))
@@ -149,16 +159,61 @@ def _place(column: Column, header: Sequence[str]) -> int:
     raise DataError(f"has no column {column!r} (it has {held})", hint)
 
 
-def _number(line: TableLine, place: int, name: Column, decimal: str) -> float:
+def _number(line: TableLine, place: int, name: Column, asked: Columns, decimal: str) -> float:
     if place >= len(line.cells):
         what = f"has {len(line.cells)} values in line {line.number}, none for column {name!r}"
         raise DataError(what, "correct that line, or csv.delimiter")
     written = line.cells[place]
+    if not written or (name in asked.moment and _NO_READING.fullmatch(written)):
+        return float("nan")
     try:
-        return float(written.replace(",", ".") if decimal == "," else written) if written else float("nan")
+        return float(written.replace(",", ".") if decimal == "," else written)
     except ValueError:
         what = f"says {written[:40]!r} in line {line.number}, column {name!r}"
         raise DataError(what, "write a number there, or correct csv.decimal") from None
+
+
+def _check_work(path: Path) -> None:
+    """Count segments and described objects of a TDMS file before the library reads them.
+
+    Raises:
+        DataError: there are too many.
+    """
+    place = segments = objects = described = 0
+    with path.open("rb") as file:
+        while len(lead_in := file.read(28)) == 28 and lead_in.startswith(b"TDSm"):
+            order: Literal["big", "little"] = "big" if lead_in[4] & _BIG_ENDIAN else "little"
+            _, _, following, description = _LEAD_IN[order].unpack(lead_in)
+            segments += 1
+            described += min(description, following)
+            objects += int.from_bytes(file.read(4), order) if description >= 4 else 0
+            for count, most, what in (
+                (segments, _MOST_SEGMENTS, "segments"),
+                (objects, _MOST_OBJECTS, "described objects"),
+                (described, _MOST_DESCRIPTION_BYTES, "bytes of descriptions"),
+            ):
+                if count > most:
+                    raise DataError(f"has over {most:,} {what}", _DEFRAGMENT)
+            place += len(lead_in) + following
+            file.seek(min(place, 2**62))
+
+
+def _tdms_values(file: Any, channels: Mapping[Column, Any]) -> dict[Column, NDArray[Any]]:
+    """Values of the channels, read piece by piece.
+
+    Raises:
+        DataError: there are too many pieces.
+    """
+    n_channels = sum(len(group) for group in file.groups())
+    pieces: dict[Column, list[NDArray[Any]]] = {name: [] for name in channels}
+    for k, chunk in enumerate(file.data_chunks(), start=1):
+        if k * n_channels > _MOST_PIECES:
+            raise DataError(f"has over {_MOST_PIECES:,} pieces of data", _DEFRAGMENT)
+        for name, channel in channels.items():
+            piece = chunk[channel.group_name][channel.name]
+            if len(piece):
+                pieces[name].append(np.asarray(piece[:]))
+    return {name: np.concatenate(held) if held else np.empty(0) for name, held in pieces.items()}
 
 
 def _tdms(path: Path, asked: Columns) -> TraceTable:
@@ -166,20 +221,17 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
         from nptdms import TdmsFile
     except ModuleNotFoundError as error:
         raise MissingExtraError("TDMS", "npTDMS", "tdms") from error
-    _check_tdms_segments(path)
-    # the library tells the number of chunks nowhere else
-    segments = TdmsFile.read_metadata(path)._reader._segments
-    if sum(segment.num_chunks * len(segment.ordered_objects) for segment in segments) > _MOST_TDMS_PIECES:
-        raise DataError(*_FRAGMENTED)
-    file = TdmsFile.read(path)
-    held = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
-    if len(file.groups()) == 1:
-        held |= {c.name: c for c in held.values()}
-    if absent := [name for name in asked.named() if name not in held]:
-        has = ", ".join(held)[:150] or "nothing"
-        raise DataError(f"has no channel {absent[0]!r} (it has {has})", "correct [columns]")
-    channels = {name: held[str(name)] for name in asked.named()}
-    columns = {name: np.asarray(channel[:]) for name, channel in channels.items()}
+    _check_work(path)
+    # an open file: beside a name, the library would take an index that may not belong to it
+    with path.open("rb") as stream, TdmsFile.open(stream) as file:
+        held = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
+        if len(file.groups()) == 1:
+            held |= {c.name: c for c in held.values()}
+        if absent := [name for name in asked.named() if name not in held]:
+            has = ", ".join(held)[:150] or "nothing"
+            raise DataError(f"has no channel {absent[0]!r} (it has {has})", "correct [columns]")
+        channels = {name: held[str(name)] for name in asked.named()}
+        columns = _tdms_values(file, channels)
     stamped = frozenset(name for name, values in columns.items() if values.dtype.kind == "M")
     for name, values in columns.items():
         seconds = (values - values[:1]) / np.timedelta64(1, "s") if name in stamped else values
@@ -203,23 +255,6 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
         raise DataError(what, "record all channels together, as waveforms (wf_increment, wf_start_time)")
     rate_hz = next((1.0 / step_s for step_s in steps_s.values() if step_s), 0.0)
     return TraceTable(columns, rate_hz=rate_hz, stamped=stamped)
-
-
-def _check_tdms_segments(path: Path) -> None:
-    """Refuse a TDMS file of far too many segments and channels, for each of which its library does some work."""
-    channels = pieces = place = 0
-    with path.open("rb") as stream:
-        while len(head := stream.read(_TDMS_SEGMENT.size)) == _TDMS_SEGMENT.size:
-            tag, contents, _, length, _, listed = _TDMS_SEGMENT.unpack(head)
-            if tag != b"TDSm":
-                break
-            if contents & _TDMS_METADATA:
-                channels = listed if contents & _TDMS_NEW_LIST else channels + listed
-            pieces += 1 + channels
-            if pieces > _MOST_TDMS_PIECES:
-                raise DataError(*_FRAGMENTED)
-            place += _TDMS_SEGMENT.size - 4 + length
-            stream.seek(place)
 
 
 def _on_first_clock(

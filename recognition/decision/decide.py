@@ -139,6 +139,7 @@ class ReadingFlag(Flag):
         "something is wrong with the stage, the plate's seat or the wiring (inspect them)",
     )
     STAGE_FAILED = Kind.STAGE, "the stage failed between passes (inspect it)"
+    CHANNELS_MIXED = Kind.BENCH, "channels are exchanged or recorded twice (check plugs and their order)"
 
     @classmethod
     def of(cls, *kinds: Kind) -> ReadingFlag:
@@ -146,7 +147,7 @@ class ReadingFlag(Flag):
         return reduce(or_, (flag for flag in cls if flag.kind in kinds))
 
 
-BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE)
+BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE) | ReadingFlag.CHANNELS_MIXED
 """Flags that send a reading to review whatever its score."""
 MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
 """Flags of broken rules for the mark; findings give places and numbers."""

@@ -46,7 +46,7 @@ from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.faults import Fault, find_faults, flag_faults
+from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
 from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import SampleFlag
@@ -281,10 +281,14 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
 
 def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:
     """Return faults of whiskers and bench as findings of a reading."""
-    return tuple(
-        Finding(ReadingFlag.BENCH_FAULTY if f.whisker is None else ReadingFlag.WHISKER_FAULTY, f.text)
-        for f in faults
-    )
+    return tuple(Finding(_flag_of(f), f.text) for f in faults)
+
+
+def _flag_of(fault: Fault) -> ReadingFlag:
+    # marks at wrong places may read as another serial
+    if fault.kind in (FaultKind.EXCHANGED, FaultKind.DOUBLED):
+        return ReadingFlag.CHANNELS_MIXED
+    return ReadingFlag.BENCH_FAULTY if fault.whisker is None else ReadingFlag.WHISKER_FAULTY
 
 
 def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE, **trace: Any) -> Reading:

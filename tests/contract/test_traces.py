@@ -1,8 +1,10 @@
-"""Traces of other benches: slow polls, coarse clocks, time stamps and channels that begin at other times."""
+"""Traces of other benches: clocks, polls, channels that begin at other times, overloads, encoders and wiring."""
 
 from __future__ import annotations
 
 import re
+import struct
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,13 +83,13 @@ def imported(command: Command, folder: Path, file: Path, told: Path) -> Ended:
     return command("import", file, "--traces", told, "--out", folder / "scan.h5")
 
 
-def groove_mm(command: Command, folder: Path) -> Floats:
+def groove_mm(command: Command, folder: Path, *, usable: float = 0.99) -> Floats:
     """Where each pass of the calibrated recording has its groove; nearly all of it must have been felt."""
     assert command("calibrate", folder / "scan.h5", "--in-place").status == 0
     (sweep,) = read_scan(folder / "scan.h5").sweeps
     moment = np.abs(np.where(sweep.flags == 0, sweep.moment_n_mm, 0.0))[:, 0]
     felt = (sweep.flags == 0).mean()
-    assert felt > 0.99, f"{felt:.0%} of the samples are usable"
+    assert felt > usable, f"{felt:.0%} of the samples are usable"
     return np.asarray(sweep.plan.position_mm()[moment.argmax(axis=1)])
 
 
@@ -207,3 +209,163 @@ def test_calibrate_names_the_whisker_that_feels_nothing(command: Command, tmp_pa
     done = command("calibrate", tmp_path / "scan.h5")
     assert done.status == 1
     assert "scan.h5: cannot be calibrated: whisker 0: " in done.err
+
+
+def with_signals(folder: Path, columns: dict[str, Floats], written: dict[int, str]) -> tuple[Path, Path]:
+    """Write the table with other text as the signal in some lines of the file, counted from 1."""
+    file, told = write(folder, columns)
+    lines = file.read_text().splitlines()
+    for number, text in written.items():
+        lines[number - 1] = ",".join([*lines[number - 1].split(",")[:-1], text])
+    file.write_text("\n".join(lines) + "\n")
+    return file, told
+
+
+OVERLOADS = (
+    *("9.9e37", "-9.9E+37", "9.91e37", "9.99999999e+37", "-1e30", "1e39", "3.4028235e38"),
+    *("OVLD", "OL", "-OL", "O.L", "Overrange", "Inf", "-inf", "NaN", "#N/A", "1.#INF", "--"),
+)
+
+
+def test_overloads_are_missing_samples_lifted_or_not(command: Command, tmp_path: Path) -> None:
+    lines = {40 * k + 5: text for k, text in enumerate(OVERLOADS)}  # that of line 5 is in the air
+    done = imported(command, tmp_path, *with_signals(tmp_path, table(), lines))
+    assert done.status == 0, done.err
+    assert "missing samples (empty, or an overload): " in done.out
+    assert np.abs(groove_mm(command, tmp_path, usable=0.98) - 10.0).max() <= 0.1
+    assert "+0.2000" in command("calibrate", tmp_path / "scan.h5").out  # the offset, V
+
+
+@pytest.mark.parametrize("column", ["x", "t"])
+def test_an_overload_in_place_of_a_position_or_time_is_named_with_its_line(
+    command: Command, tmp_path: Path, column: str
+) -> None:
+    columns = table()
+    columns[column][498] = 9.9e37
+    done = imported(command, tmp_path, *write(tmp_path, columns))
+    assert done.status == 1
+    assert re.search(r"9\.9e\+37.*in line 500", done.err)
+
+
+def test_lines_out_of_order_are_named_before_the_positions(command: Command, tmp_path: Path) -> None:
+    columns = table()
+    n = columns["t"].size
+    for late in (np.r_[0:600, 700:800, 600:700, 800:n], np.r_[0:900, 1000:1100, 900:1000, 1100:n]):
+        done = imported(command, tmp_path, *write(tmp_path, {k: v[late] for k, v in columns.items()}))
+        assert done.status == 1
+        first = int(np.flatnonzero(np.diff(columns["t"][late]) < 0.0)[0])
+        assert f"has times that run back in line {first + 3}; sort the lines" in done.err
+
+
+@pytest.mark.parametrize(
+    ("at_mm", "by_mm"),
+    [(9.0, -65.536), (9.0, 65.536), (0.5, -4.096)],
+    ids=["wraps", "wraps as it counts down", "is reset"],
+)
+def test_a_position_that_jumps_is_named_with_its_line(
+    command: Command, tmp_path: Path, at_mm: float, by_mm: float
+) -> None:
+    columns = table()
+    x, touching = columns["x"], np.flatnonzero((columns["run"] == 2.0) & (columns["up"] == 0.0))
+    first = touching[np.searchsorted(x[touching], at_mm)]
+    if by_mm > 0.0:
+        x *= -1.0
+    x[first : touching[-1] + 1] += by_mm
+    told = TRACES.replace("part_mm = [0.0, 0.0, 20.0, 20.0]\n", "")
+    done = imported(command, tmp_path, *write(tmp_path, columns, told=told))
+    assert done.status == 1
+    jump = re.search(r"a position that jumps by (\S+) mm in pass 2, in line (\d+)", done.err)
+    assert jump is not None, done.err
+    assert float(jump[1]) == pytest.approx(by_mm, abs=0.1)
+    assert int(jump[2]) == first + 2
+
+
+def test_a_counter_reset_between_passes_is_asked_about(command: Command, tmp_path: Path) -> None:
+    columns = table()
+    columns["x"][columns["run"] >= 2.0] -= 65.536
+    done = imported(command, tmp_path, *write(tmp_path, columns))
+    assert done.status == 1
+    assert "reset of the encoder" in done.err
+
+
+def two_whiskers(**more: Floats) -> tuple[dict[str, Floats], str]:
+    columns = table()
+    columns |= {"v": columns["w"].copy(), **more}
+    told = TRACES.replace('moment = ["w"]', 'moment = ["w", "v"]')
+    return columns, "across_mm = [0.0, 4.0]\n" + told
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda v: 0.4 - v, "whisker 1, reversed signal"),
+        (lambda v: 1000.0 * v, "whisker 1, other unit"),
+        (lambda v: 0.001 * v, "whisker 1, other unit"),
+    ],
+)
+def test_a_channel_unlike_the_others_is_named_at_import(
+    command: Command, tmp_path: Path, change: Callable[[Floats], Floats], says: str
+) -> None:
+    columns, told = two_whiskers()
+    noise = np.random.default_rng(5).normal(0.0, 1e-4, columns["v"].size)
+    columns["v"] = change(columns["v"] + noise)
+    third, told = (
+        {**columns, "u": columns["w"] - noise},
+        told.replace('"v"]', '"v", "u"]').replace("4.0]", "4.0, 8.0]"),
+    )
+    done = imported(command, tmp_path, *write(tmp_path, third, told=told))
+    assert done.status == 0, done.err
+    assert says in done.out
+
+
+def test_one_signal_recorded_twice_is_named_at_import(command: Command, tmp_path: Path) -> None:
+    columns, told = two_whiskers()
+    done = imported(command, tmp_path, *write(tmp_path, columns, told=told))
+    assert "whisker 1, doubled channel" in done.out
+
+
+def tdms_segment(description: bytes, data: bytes, contents: int) -> bytes:
+    """Lead-in, description and data of a TDMS segment."""
+    lead_in = b"TDSm" + struct.pack("<IIQQ", contents, 4713, len(description) + len(data), len(description))
+    return lead_in + description + data
+
+
+def tdms_description(*paths: str) -> bytes:
+    """A description of channels of one byte a piece."""
+    objects = (struct.pack("<I", len(p)) + p.encode() + struct.pack("<IIIQI", 20, 1, 1, 1, 0) for p in paths)
+    return struct.pack("<I", len(paths)) + b"".join(objects)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (
+            lambda: tdms_segment(
+                tdms_description("/'daq'/'w'", "/'daq'/'x'", "/'daq'/'y'"), bytes(3_000_000), 14
+            ),
+            "300,000 pieces",
+        ),
+        (
+            lambda: (
+                tdms_segment(tdms_description("/'daq'/'w'"), b"0", 14) + 110_000 * tdms_segment(b"", b"0", 8)
+            ),
+            "100,000 segments",
+        ),
+        (lambda: tdms_segment(struct.pack("<I", 250_000), b"", 6), "200,000 described objects"),
+        (lambda: tdms_segment(bytes(17_000_000), b"", 6), "16,000,000 bytes of descriptions"),
+    ],
+    ids=["pieces", "segments", "objects", "descriptions"],
+)
+def test_tdms_work_is_counted_before_it_is_done(
+    command: Command, tmp_path: Path, spoil: Callable[[], bytes], says: str
+) -> None:
+    pytest.importorskip("nptdms")
+    (tmp_path / "whisker.toml").write_text(WHISKER)
+    columns = '[columns]\nmoment = ["w"]\nx = "x"\ny = "y"\n'
+    (tmp_path / "traces.toml").write_text(f'whisker = "whisker.toml"\nsampling_rate_hz = 500.0\n{columns}')
+    (tmp_path / "traces.tdms").write_bytes(spoil())
+    started = time.process_time()
+    done = imported(command, tmp_path, tmp_path / "traces.tdms", tmp_path / "traces.toml")
+    assert done.status == 1
+    assert says in done.err
+    assert time.process_time() - started < 10.0

@@ -130,6 +130,24 @@ def _spiked(m: Floats, on: Recorded) -> Floats:
     return m + hit * sign * size * on.size * abs(on.land)
 
 
+def _exchanged(m: Floats, on: Recorded) -> Floats:
+    order = list(range(m.shape[1]))
+    order[on.whisker], order[on.whisker - 1] = order[on.whisker - 1], order[on.whisker]
+    return m[:, order]
+
+
+def _doubled(m: Floats, on: Recorded) -> Floats:
+    order = list(range(m.shape[1]))
+    order[on.whisker] = on.whisker - 1
+    return m[:, order]
+
+
+def _as_in_air(m: Floats) -> Floats:
+    """Samples of the lifted array, as many as those that touch."""
+    again: Floats = np.tile(m[..., :AIR], (1, 1, -(-m.shape[2] // AIR)))
+    return again[..., : m.shape[2] - AIR]
+
+
 _BEFORE: dict[FaultKind | None, Change] = {
     FaultKind.DEAD: _of_one(lambda m, on: 0.0 * m),
     FaultKind.BENT: _of_one(lambda m, on: m - 0.3 * on.size * on.land),
@@ -148,4 +166,10 @@ _AFTER: dict[FaultKind | None, Change] = {
         lambda m, on: m + 0.05 * on.size * abs(on.land) * on.rng.standard_normal(m.shape)
     ),
     FaultKind.SPIKES: _spiked,
+    FaultKind.NO_SIGNAL: lambda m, on: np.concatenate([m[..., :AIR], _as_in_air(m)], axis=2),
+    FaultKind.REVERSED: _of_one(lambda m, on: -m),
+    FaultKind.LIFTED: lambda m, on: np.concatenate([m[..., 2 * AIR : 3 * AIR], _as_in_air(m)], axis=2),
+    FaultKind.UNIT: lambda m, on: 1000.0 * on.size * m,
+    FaultKind.EXCHANGED: _exchanged,
+    FaultKind.DOUBLED: _doubled,
 }

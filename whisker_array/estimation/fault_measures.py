@@ -22,6 +22,7 @@ from glyphs.surface.display import OneLine
 from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
 from whisker_array.scan.scan import Scan
+from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 
 Floats = NDArray[np.float64]
@@ -63,11 +64,18 @@ class SweepShares(OneLine):
         return replace(self, share=share, air=air)
 
 
-def sweep_shares(scan: Scan) -> list[SweepShares]:
-    """The dragged sweeps of a scan of one kind of whisker."""
+def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
+    """The dragged sweeps of a scan of one kind of whisker.
+
+    Args:
+        scan: the scan.
+        outside: whether samples flagged as beyond the part are used.
+    """
     land, found = scan.touch.land_moment_n_mm(), []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):
         across = np.argsort(sweep.plan.line_mm[:, 0], kind="stable")
+        if outside:
+            sweep = replace(sweep, flags=sweep.flags & np.uint8(~SampleFlag.OUTSIDE & 0xFF))
         share = usable_moments(scan, sweep)[across]
         share /= land
         air = sweep.air_n_mm[across].astype(np.float64) / land

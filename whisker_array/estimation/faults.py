@@ -1,8 +1,9 @@
-"""Find faulty whiskers and faults of the bench in a recording: names, sizes and remedies.
+"""Find faulty signals, whiskers and benches in a recording: names, sizes and remedies.
 
-fault_measures --limits, and the other whiskers--> faults --flag_faults--> the recording without unusable samples
+signal_measures, fault_measures --limits, and the other whiskers--> faults --flag_faults--> usable samples
 
 A whisker is compared with the others of its array, which trace the same part. Faults common to all are the bench's.
+Signals come first: with a reversed sign or another unit, a stage at the right height would seem to be far off.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from operator import itemgetter
 import numpy as np
 
 from glyphs.surface.display import OneLine
+from glyphs.surface.maps import TraceDirection
 from whisker_array.estimation import fault_measures as measures
+from whisker_array.estimation import signal_measures as signals
 from whisker_array.estimation.estimate import moment_per_lift
-from whisker_array.estimation.fault_measures import Floats, SweepShares
+from whisker_array.estimation.fault_measures import Floats, Mask, SweepShares
 from whisker_array.scan.scan import Scan, only
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.touch import Touch
@@ -40,6 +43,37 @@ class FaultKind(StrEnum):
         member._value_, member.measure, member.hint = name, measure, hint
         return member
 
+    NO_SIGNAL = (
+        "no signal",
+        "the signals do not change when the array is lowered",
+        "check plugs, supply and amplifier of the bridges first, then whether the tips reach the part",
+    )
+    REVERSED = (
+        "reversed signal",
+        "the sign of the signal is reversed, land gives {:.0f} % of the expected moment",
+        "exchange the signal wires or turn the sign of scale_factor; leave the stage where it is",
+    )
+    LIFTED = (
+        "lifted samples",
+        "the array touches where samples are marked as lifted",
+        "exchange them in /stage/phase (columns.lifted of imported traces); leave the stage where it is",
+    )
+    UNIT = (
+        "other unit",
+        "land gives {:,.4g} times the expected moment",
+        "are the signals in another unit, such as mV for V or uN*m for N*mm? Check units, scale_factor and "
+        "amplifier; leave the stage where it is",
+    )
+    EXCHANGED = (
+        "exchanged channels",
+        "lines of neighbouring whiskers do not fit each other; they fit {}",
+        "check plugs and the order of the channels, and the sign of the positions across the passes",
+    )
+    DOUBLED = (
+        "doubled channel",
+        "it has the same signal as whisker {:.0f}",
+        "check the list of channels and the plugs",
+    )
     DEAD = (
         "dead whisker",
         "gives {:.0f} % of the moment of land",
@@ -50,7 +84,11 @@ class FaultKind(StrEnum):
         "its noise is {:.1f} % of the moment of land",
         "check its plug, solder joints and shield",
     )
-    LOOSE = "loose clamp", "its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"
+    LOOSE = (
+        "loose clamp",
+        "its level on land jumps by {:.1f} % from pass to pass",
+        "tighten its clamp, check its plug",
+    )
     BENT = (
         "bent whisker",
         "gives {:.0f} % of the moment that the others give on the same lines",
@@ -63,8 +101,8 @@ class FaultKind(StrEnum):
     )
     HEIGHT = (
         "wrong height",
-        "land gives {:.0f} % of the expected moment, the stage is about {:.2f} mm too {}",
-        "set the stage to the height in the whisker file, then calibrate",
+        "land gives {:.0f} % of the expected moment, as if the stage were about {:.2f} mm too {}",
+        "check unit, gain and supply of the bridges, then set the stage to the height in the whisker file, calibrate",
     )
     TILTED = (
         "tilted plate",
@@ -95,6 +133,10 @@ class FaultLimits(OneLine):
     The limit of a worn tip was set on the recordings on which its false alarms are counted.
 
     Attributes:
+        unit: ratio of moments above which the unit is in doubt and not the height of the stage.
+        clear: least level of a signal over its noise that shows another unit rather than a broken whisker.
+        misfit: least mean squared difference of neighbouring lines, share of the land, with exchanged channels.
+        misfit_left: greatest share of it that is left in another order of the channels.
         dead_level: least share of the land's moment that a working whisker gives.
         noise_air: noise of a sample with the array lifted, share of the land's moment.
         noise_land: the same on land.
@@ -116,6 +158,10 @@ class FaultLimits(OneLine):
         few_spikes: least number of spikes on bare land and in the air that is reported.
     """
 
+    unit: float = 5.0
+    clear: float = 20.0
+    misfit: float = 0.005
+    misfit_left: float = 0.4
     dead_level: float = 0.2
     noise_air: float = 0.01
     noise_land: float = 0.03
@@ -158,26 +204,24 @@ def _fault(kind: FaultKind, *numbers: object, whisker: int | None = None, messag
 
 
 def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault, ...]:
-    """Find faults of whiskers and bench; empty for a sound recording.
+    """Find faults of signals, whiskers and bench; empty for a sound recording.
 
-    In a mixed array only the first kind of whisker is checked. Wear common to all tips is not found. Gains calibrated
-    on the same land hide faults: in a recording in volts, `calibrate` hides a wrong height and bent whiskers.
+    Faults of the bench are only sought if all signals are sound. In a mixed array only the first kind of whisker is
+    checked. Wear common to all tips is not found. Gains calibrated on the same land hide faults: in a recording in
+    volts, `calibrate` hides a wrong height and bent whiskers.
 
     Args:
         scan: a raw or calibrated scan.
         limits: limits of sound recordings.
     """
-    columns = np.flatnonzero(np.asarray(scan.kind) == 0)
-    if all(s.plan.pushed for s in scan.sweeps):
+    if (checked := _check_signals(scan, limits)) is None:
         return ()
-    scan = only(scan)
-    shares = measures.sweep_shares(scan)
-    level = measures.levels(shares)
-    touching = np.isfinite(level)
-    if not touching.any():
-        return ()
+    if any(f.whisker is None for f in checked.faults):
+        return checked.faults
+    scan, shares, level = only(scan), checked.shares, checked.level
+    touching = np.isfinite(level) & ~checked.wrong
     dead = touching & (np.abs(level) < limits.dead_level)
-    if dead.sum() > 0.5 * touching.sum():
+    if dead.sum() > 0.5 * touching.sum() and not (level[touching] > 0.5).any() and not checked.faults:
         percent = 100.0 * float(np.median(level[touching]))
         what = "the whiskers hardly touch: {:.0f} % of the moment of land"
         return (_fault(FaultKind.HEIGHT, percent, message=what),)
@@ -187,7 +231,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         ([f.air for f in shares], limits.noise_air),
         ([f.share for f in shares], limits.noise_land),
     ):
-        rms = np.where(dead, np.nan, measures.noises(stacks))
+        rms = np.where(dead | checked.wrong, np.nan, measures.noises(stacks))
         noisy = np.fmax(noisy, _above_others(rms, least, limits))
     found = {FaultKind.DEAD: np.where(dead, level, np.nan), FaultKind.NOISY: noisy}
     bench: list[Fault] = []
@@ -206,15 +250,107 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         straight = [f.only(firm & np.isnan(bent)) for f in sound]
         kept = measures.sharpness(straight, line_pitch_mm=scan.line_pitch_mm)
         found |= {FaultKind.LOOSE: loose, FaultKind.BENT: bent, FaultKind.WORN: _blunt(kept, limits)}
-        bench = list(_bench_faults(scan, sound, level[good], limits))
+        if not checked.faults:
+            bench = list(_bench_faults(scan, sound, level[good], limits))
         if n_spikes >= limits.few_spikes:
             bench.append(_fault(FaultKind.SPIKES, n_spikes))
     of_whiskers = (
-        _fault(kind, 100.0 * values[w], whisker=int(columns[w]))
+        _fault(kind, 100.0 * values[w], whisker=checked.columns[w])
         for kind, values in found.items()
         for w in np.flatnonzero(np.isfinite(values))
     )
-    return (*of_whiskers, *bench)
+    return (*checked.faults, *of_whiskers, *bench)
+
+
+def find_signal_faults(
+    scan: Scan, limits: FaultLimits = FaultLimits(), *, volts: bool = False
+) -> tuple[Fault, ...]:
+    """Find faults of signals alone, before whiskers and bench can be judged.
+
+    Args:
+        scan: the recording.
+        limits: limits of sound recordings.
+        volts: whether its moments are volts, which can only be compared with each other.
+    """
+    checked = _check_signals(scan, limits, volts=volts)
+    return () if checked is None else checked.faults
+
+
+@dataclass(frozen=True)
+class _CheckedSignals:
+    """Signals of the first kind of whisker.
+
+    Attributes:
+        columns: number of each whisker in the array.
+        shares: shares of all sweeps, NaN where tips run beyond the part.
+        level: (whiskers,) level of the land; NaN for a whisker that has too few samples on the part.
+        wrong: (whiskers,) whether a whisker has a fault.
+        faults: faults of the signals.
+    """
+
+    columns: list[int]
+    shares: list[SweepShares]
+    level: Floats
+    wrong: Mask
+    faults: tuple[Fault, ...]
+
+
+def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _CheckedSignals | None:
+    """Check the signals; None without a whisker on the part."""
+    if all(s.plan.pushed for s in scan.sweeps):
+        return None
+    columns = np.flatnonzero(np.asarray(scan.kind) == 0).tolist()
+    scan = only(scan)
+    everywhere = measures.sweep_shares(scan, outside=True)
+    beyond = signals.beyond_part(everywhere, least=limits.dead_level)
+    shares = measures.sweep_shares(scan) if signals.knows_part(scan) else signals.without(everywhere, beyond)
+    level = measures.levels(shares)
+    touching = np.isfinite(level)
+    if not touching.any():
+        return None
+    present = touching & signals.above_noise(shares, level)
+    clear = present & signals.is_clear(shares, level, least=limits.clear)
+    usual = float(np.median(np.abs(level[present]))) if present.any() else 0.0
+    if volts and usual > 0.0:
+        level, usual = level / (usual * np.sign(np.median(level[present]))), 1.0
+    reversed_sign = touching & (level < 0.0) & (clear | (level < -limits.dead_level))
+    upright = touching & (level > 0.0) & (clear | (level > limits.dead_level))
+    faults: list[Fault] = []
+    if not present.any():
+        faults.append(_fault(FaultKind.NO_SIGNAL))
+    elif reversed_sign.any() and not upright.any():
+        lifted = signals.varies_more_in_air(shares)
+        percent = 100.0 * float(np.median(level[reversed_sign]))
+        what = (
+            "the sign of the signals is reversed (wiring, bridge), land gives {:.0f} % of the expected moment"
+        )
+        faults.append(
+            _fault(FaultKind.LIFTED) if lifted else _fault(FaultKind.REVERSED, percent, message=what)
+        )
+    if usual > limits.unit or (usual < limits.dead_level and 2 * clear.sum() > present.sum() > 0):
+        faults.append(_fault(FaultKind.UNIT, usual))
+    if faults:
+        return _CheckedSignals(columns, shares, level, touching, tuple(faults))
+    ratio = np.abs(level) / usual
+    other_unit = touching & ((ratio > limits.unit) | (clear & (ratio < limits.dead_level)))
+    doubled = signals.doubled_channels(shares)
+    faults += [
+        _fault(kind, number, whisker=columns[w])
+        for kind, wrong, numbers in (
+            (FaultKind.REVERSED, reversed_sign, 100.0 * level),
+            (FaultKind.UNIT, other_unit, level),
+        )
+        for w, number in zip(np.flatnonzero(wrong), numbers[wrong], strict=True)
+    ]
+    faults += [_fault(FaultKind.DOUBLED, columns[b], whisker=columns[a]) for a, b in doubled]
+    wrong = reversed_sign | other_unit | np.isin(np.arange(level.size), doubled)
+    if not doubled:
+        order = signals.best_order(
+            everywhere, beyond, wrong, least=limits.dead_level, line_pitch_mm=scan.line_pitch_mm
+        )
+        if order.misfit_now > limits.misfit and order.misfit < limits.misfit_left * order.misfit_now:
+            faults.append(_fault(FaultKind.EXCHANGED, order.describe(columns)))
+    return _CheckedSignals(columns, shares, level, wrong, tuple(faults))
 
 
 def _others(values: Floats) -> Iterator[Floats]:
@@ -272,7 +408,7 @@ def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, fl
 
 
 def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:
-    """Flag unusable samples as `SampleFlag.FAULTY`: dead and noisy whiskers, and spikes.
+    """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part.
 
     Args:
         scan: the recording.
@@ -282,15 +418,15 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
     Returns:
         The scan with the flags, or the scan itself if there is nothing to flag.
     """
-    useless = (FaultKind.DEAD, FaultKind.NOISY)
+    useless = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.REVERSED, FaultKind.DOUBLED)
     whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})
-    spiked = {}
+    spiked: dict[TraceDirection, Mask] = {}
     if any(f.kind is FaultKind.SPIKES for f in faults):
-        shares = measures.sweep_shares(only(scan))
         spiked = {
-            one.plan.direction: measures.spikes(one, least=limits.spike)[np.argsort(one.across)]
-            for one in shares
+            f.plan.direction: measures.spikes(f, least=limits.spike)[np.argsort(f.across)]
+            for f in measures.sweep_shares(only(scan))
         }
+    scan = signals.flag_beyond_part(scan, least=limits.dead_level)
     if not whiskers and not spiked:
         return scan
     bad, columns = np.uint8(SampleFlag.FAULTY), np.flatnonzero(np.asarray(scan.kind) == 0)

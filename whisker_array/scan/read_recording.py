@@ -21,7 +21,7 @@ from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor_memory import SensorMemory
 from whisker_array.scan.session import gather_sweeps
 from whisker_array.scan.stagger import to_places
-from whisker_array.scan.sweep import Sweep
+from whisker_array.scan.sweep import Sweep, fill_air
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 from whisker_array.whisker.passes import SweepPlan
@@ -32,6 +32,8 @@ FORMAT = "tactile-marks-scan"
 FORMAT_VERSION = 1
 VOLT = "V"
 UNIT_N_MM = {"N*mm": 1.0, "mN*m": 1.0, "N*m": 1000.0}
+OVERLOAD = 1e29
+"""Least value that is no reading: SCPI instruments write 9.9e37 for an overload and 9.91e37 for none, others 1e30."""
 _LARGEST_TABLE = 10_000_000
 _DIRECTIONS = tuple(int(d) for d in TraceDirection)
 
@@ -187,18 +189,19 @@ class RecordingReader(CheckedFile):
         return [(rows[phase[rows] == 0], rows[phase[rows] == 1]) for rows in passes]
 
     def _moments(self, unit_n_mm: float) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """(rows, whiskers) moment and flags; a moment that is not finite is 0 and flagged."""
+        """(rows, whiskers) moment and flags; a moment that is no reading is 0 and flagged."""
         signal = self.dataset("scan/signal", (None, None))
         columns = self._columns(signal.shape[1])
         scale = self.attribute("scale_factor", 1.0) * unit_n_mm
         shift = self.attribute("add_offset", 0.0) * unit_n_mm
         moment = signal[()].astype(np.float32, copy=False)[:, columns]
+        bad = ~(np.abs(moment) < OVERLOAD)
         if scale != 1.0 or shift != 0.0:
             moment = (moment * np.float64(scale) + shift).astype(np.float32)
         flags = np.zeros(moment.shape, np.uint8)
         if "scan/flags" in self.file:
             flags = self.dataset("scan/flags", signal.shape)[()].astype(np.uint8)[:, columns]
-        bad = ~np.isfinite(moment)
+        bad |= ~np.isfinite(moment)
         moment[bad] = 0.0
         flags[bad] |= np.uint8(SampleFlag.OUT_OF_RANGE)
         return moment, flags
@@ -243,7 +246,11 @@ class RecordingReader(CheckedFile):
             plan=plan,
             moment_n_mm=np.ascontiguousarray(to_places(self._moment[touching].transpose(0, 2, 1), behind)),
             flags=np.ascontiguousarray(to_places(self._flags[touching].transpose(0, 2, 1), behind)),
-            air_n_mm=np.ascontiguousarray(self._moment[air].transpose(0, 2, 1)),
+            air_n_mm=fill_air(
+                np.where(self._flags[air] & SampleFlag.OUT_OF_RANGE, np.nan, self._moment[air]).transpose(
+                    0, 2, 1
+                )
+            ),
         )
 
     def _along(self, direction: TraceDirection, members: Rows, touching: Rows) -> tuple[float, float]:

@@ -41,3 +41,13 @@ class Sweep(OneLine):
         """Select some of the whiskers."""
         moment, air = self.moment_n_mm[:, whiskers], self.air_n_mm[:, whiskers]
         return Sweep(self.plan.of(whiskers), moment, self.flags[:, whiskers], air)
+
+
+def fill_air(air_n_mm: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Replace missing air samples (passes, whiskers, samples) by the median of their pass, which leaves its offset."""
+    air = np.ascontiguousarray(air_n_mm, dtype=np.float32)
+    missing = np.isnan(air)
+    some = missing.any(axis=-1) & ~missing.all(axis=-1)
+    middle = np.zeros(some.shape, dtype=np.float32)
+    middle[some] = np.nanmedian(air[some], axis=-1)
+    return np.where(missing, middle[..., None], air)

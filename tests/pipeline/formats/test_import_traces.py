@@ -216,10 +216,10 @@ def _swapped(text: str, one: int, other: int) -> str:
         (lambda s: _line(s, 9, "", "").replace("\n", "\n\n", 9), r"has an empty line 2 before further values"),
         (lambda s: s.splitlines()[0] + "\n", "has no values below its header"),
         (lambda s: _line(s, 7, s.splitlines()[6].split(",")[0], ""), "has no position in line 7"),
-        (lambda s: _line(s, 8, s.splitlines()[7].split(",")[-1], "0"), "has a time that runs back in line 8"),
+        (lambda s: _line(s, 8, s.splitlines()[7].split(",")[-1], "0"), "has times that run back in line 8; sort"),
         (lambda s: re.sub(r"(,[01]),\d+,", r"\1,0,", s), "moves .* in x and .* in y in pass 0"),
         (lambda s: "\n".join(s.splitlines()[:100]) + "\n", r"runs from .* to .* mm in pass 1; the passes at 0° have"),
-        (lambda s: _swapped(s, 40, 60), "runs back in pass 0, in line 41"),
+        (lambda s: _swapped(s, 40, 60), "has times that run back in line 41; sort the lines"),
         (lambda s: "\x00\xff" + s, "has no column|is no text"),
     ],
 )  # fmt: skip

@@ -24,7 +24,9 @@ from whisker_array.whisker.touch import Touch, default_touch
 
 TOUCH = default_touch(5.0)
 Found = Callable[[FaultKind], tuple[Scan, tuple[Fault, ...]]]
-OF_ONE = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN)
+OF_ONE = (
+    *(FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN, FaultKind.REVERSED),
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +55,12 @@ def found(ideal: Scan) -> Found:
 
 @pytest.mark.parametrize("kind", [k for k in FaultKind if k is not FaultKind.WORN])
 def test_each_fault_is_named_with_its_whisker_and_nothing_else_is(found: Found, kind: FaultKind) -> None:
-    (fault,) = found(kind)[1]
-    assert (fault.kind, fault.whisker) == (kind, 1 if kind in OF_ONE else None)
-    assert kind.value in fault.text
-    assert fault.text.endswith(f"({kind.hint})")
+    faults = found(kind)[1]
+    whiskers = [0, 1] if kind is FaultKind.DOUBLED else [1 if kind in OF_ONE else None]
+    assert [(f.kind, f.whisker) for f in faults] == [(kind, whisker) for whisker in whiskers]
+    for fault in faults:
+        assert kind.value in fault.text
+        assert fault.text.endswith(f"({kind.hint})")
 
 
 def on_grooves(touch: Touch) -> Scan:

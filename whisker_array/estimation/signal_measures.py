@@ -1,0 +1,355 @@
+r"""Measures of signals: tips beyond the part, polarity, channels in another order, channels recorded twice.
+
+    place |  whisker 1, last line   ~~~\_/~~\_/~~     neighbouring lines of two whiskers cross the same marks,
+      |   |  whisker 2, first line  ~~~\_/~~\_/~~     but not if their channels are exchanged
+      v   |  ...
+          |  whisker 3              _______________   beyond the part: no moment from here to the last line
+
+All values are shares of the land's moment, as in `fault_measures`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.estimation.fault_measures import (
+    MAD,
+    Floats,
+    Mask,
+    SweepShares,
+    noises,
+    quantile_of_known,
+    sweep_shares,
+)
+from whisker_array.scan.scan import Scan, only
+from whisker_array.simulation.traces import SampleFlag
+
+Order = tuple[int, ...]
+
+
+def _noise(shares: Sequence[SweepShares]) -> Floats:
+    """(whiskers,) noise of a sample in the air, or on the part if there is no air."""
+    air, part = (noises([getattr(f, name) for f in shares]) for name in ("air", "share"))
+    return np.where(np.isfinite(air), air, part)
+
+
+def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[Floats, float]:
+    """(lines, whiskers) median moment of each line, and the usual size of those of whiskers that touch."""
+    lines = np.concatenate([quantile_of_known(f.share) for f in shares])
+    moment = np.fmax.reduce(np.abs(lines), axis=0)
+    usual = moment[moment > 20.0 * _noise(shares)]
+    return lines, float(np.median(usual)) if usual.size else 0.0
+
+
+def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
+    """Samples (passes, whiskers, samples) of each sweep whose tips run beyond the part, where no land carries them.
+
+    They reach to the end of a line, or are whole lines up to the last one of the field. The lines of a single whisker
+    that touches nowhere do not count: at the end of the comb it is dead rather than beyond the part.
+
+    Args:
+        shares: shares of all sweeps, in any unit.
+        least: share of the moment of the other whiskers below which a tip does not touch.
+    """
+    least *= _levels_of_lines(shares)[1]
+    silent = [~(np.abs(f.share) >= least) for f in shares]
+    alive = ~np.logical_and.reduce([s.all(axis=(0, 2)) for s in silent])
+    masks = []
+    for f, quiet in zip(shares, silent, strict=True):
+        whole = quiet.all(axis=2)
+        ends = np.logical_and.accumulate(quiet, axis=2)
+        ends |= np.logical_and.accumulate(quiet[..., ::-1], axis=2)[..., ::-1]
+        order = np.argsort(f.plan.line_mm, axis=None, kind="stable")
+        outer = np.zeros(whole.size, dtype=np.bool_)
+        for lines in (order, order[::-1]):
+            run = lines[np.logical_and.accumulate(whole.ravel()[lines])]
+            whiskers = np.unique(run % whole.shape[1])
+            if alive[whiskers].any() or (whiskers.size > 1 and alive.any()):
+                outer[run] = True
+        masks.append(ends & (outer.reshape(whole.shape) | ~whole)[..., None])
+    return masks
+
+
+def knows_part(scan: Scan) -> bool:
+    """Whether the recording says where tips run beyond the part."""
+    return any(bool((s.flags & np.uint8(SampleFlag.OUTSIDE)).any()) for s in scan.sweeps)
+
+
+def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
+    """Flag samples whose tips run beyond the part, unless the recording has such flags.
+
+    The scan itself is returned if there are no such samples.
+
+    Args:
+        scan: the recording, in any unit.
+        least: as in `beyond_part`.
+    """
+    if all(s.plan.pushed for s in scan.sweeps) or knows_part(scan):
+        return scan
+    columns, shares = np.flatnonzero(np.asarray(scan.kind) == 0), sweep_shares(only(scan))
+    masks = {
+        f.plan.direction: (mask & np.isfinite(f.share))[np.argsort(f.across)]
+        for f, mask in zip(shares, beyond_part(shares, least=least), strict=True)
+    }
+    if not any(mask.any() for mask in masks.values()):
+        return scan
+    sweeps = []
+    for sweep in scan.sweeps:
+        flags = sweep.flags.copy()
+        if not sweep.plan.pushed:
+            flags[:, columns] |= np.where(
+                masks[sweep.plan.direction], np.uint8(SampleFlag.OUTSIDE), np.uint8(0)
+            )
+        sweeps.append(replace(sweep, flags=flags))
+    return replace(scan, sweeps=tuple(sweeps))
+
+
+def without(shares: Sequence[SweepShares], masks: Sequence[Mask]) -> list[SweepShares]:
+    """The shares, NaN at some samples."""
+    return [
+        replace(f, share=np.where(mask, np.nan, f.share)) if mask.any() else f
+        for f, mask in zip(shares, masks, strict=True)
+    ]
+
+
+def above_noise(shares: Sequence[SweepShares], level: Floats, *, times: float = 5.0) -> Mask:
+    """(whiskers,) whether a signal changes when the array is lowered, by more than its noise.
+
+    Args:
+        shares: shares of all sweeps.
+        level: (whiskers,) level of the land; NaN if unknown.
+        times: least level of a signal, in rms values of the noise.
+    """
+    return np.abs(level) > times * _noise(shares)
+
+
+def is_clear(
+    shares: Sequence[SweepShares],
+    level: Floats,
+    *,
+    least: float,
+    lost: float = 0.2,
+    few: float = 0.01,
+    even: float = 0.1,
+) -> Mask:
+    """(whiskers,) whether a signal is that of a tip on the land, however small: even, and nowhere lost.
+
+    A tip that hardly touches loses contact in marks and shows every unevenness of the plate.
+
+    Args:
+        shares: shares of all sweeps.
+        level: (whiskers,) level of the land.
+        least: least level over the noise.
+        lost: share of the level below which contact is lost.
+        few: greatest share of samples without contact.
+        even: greatest spread of the lines' levels, share of the level.
+    """
+    size = np.abs(level)
+    clear = size > least * _noise(shares)
+    for w in np.flatnonzero(clear):
+        values = np.concatenate([f.share[:, w].ravel() for f in shares]) / level[w]
+        lines = np.concatenate([quantile_of_known(f.share[:, w]) for f in shares]) / level[w]
+        spread = MAD * float(np.nanmedian(np.abs(lines - 1.0)))
+        clear[w] = (values[np.isfinite(values)] < lost).mean() < few and spread < even
+    return clear
+
+
+def varies_more_in_air(shares: Sequence[SweepShares], *, times: float = 3.0) -> bool:
+    """Whether samples of the lifted array vary more than those on the part: the two are exchanged."""
+    air = np.concatenate([f.air.ravel() for f in shares])
+    on_part = np.concatenate([(f.share - quantile_of_known(f.share)[..., None]).ravel() for f in shares])
+    spread = [float(quantile_of_known(np.abs(values), 0.9)) for values in (air, on_part)]
+    return spread[0] > times * spread[1]
+
+
+class ChannelOrder(NamedTuple):
+    """Order of the channels in which neighbouring lines fit best.
+
+    Attributes:
+        channel: channel that fits at each whisker.
+        backward: whether the lines of passes along (x, y) fit in reverse order within each whisker.
+        misfit: mean squared difference of neighbouring lines in this order, at the borders that it changes.
+        misfit_now: the same in the present order.
+    """
+
+    channel: Order
+    backward: tuple[bool, bool] = (False, False)
+    misfit: float = 0.0
+    misfit_now: float = 0.0
+
+    @property
+    def moved(self) -> list[int]:
+        """Whiskers that have another channel."""
+        return [whisker for whisker, channel in enumerate(self.channel) if channel != whisker]
+
+    def describe(self, columns: Sequence[int]) -> str:
+        """Describe the order.
+
+        Args:
+            columns: number of each whisker in the array.
+        """
+        axes = " and ".join(axis for axis, backward in zip("xy", self.backward, strict=True) if backward)
+        across = f"with positions across the passes along {axes} in reverse order" if axes else ""
+        channels = [columns[channel] for channel in self.channel]
+        if not self.moved:
+            order = ""
+        elif len(self.moved) == 2:
+            order = f"with channels {columns[self.moved[0]]} and {columns[self.moved[1]]} exchanged"
+        else:
+            order = f"with channels in the order {', '.join(map(str, channels))}"
+        return " and ".join(filter(None, (order, across)))
+
+
+class _Border(NamedTuple):
+    """Lines on both sides of the borders between whiskers, one pass each: differences of all pairs of channels."""
+
+    along_x: bool
+    whisker: NDArray[np.intp]
+    beside: NDArray[np.intp]
+    difference: Floats
+    difference_backward: Floats
+
+
+def best_order(
+    shares: Sequence[SweepShares],
+    beyond: Sequence[Mask],
+    wrong: Mask,
+    *,
+    least: float,
+    line_pitch_mm: float,
+    cut: float = 0.2,
+    simpler: float = 0.8,
+) -> ChannelOrder:
+    """The order of the channels in which lines on both sides of the whiskers' borders differ least.
+
+    Exchanges of two channels are tried until none reduces the difference, from the present and from the reverse order,
+    with the lines of each whisker forward and backward. Channels that never touch may be exchanged with others, but
+    their own borders are no reason for it: such a whisker may be dead.
+
+    Args:
+        shares: shares of all sweeps, with tips beyond the part.
+        beyond: where tips run beyond the part (`beyond_part`).
+        wrong: (whiskers,) channels that are left out.
+        least: share of a whisker's moment above which it touches.
+        line_pitch_mm: line pitch of the grid; lines more than two pitches apart are not compared.
+        cut: greatest difference that counts, share of the land.
+        simpler: share of the greatest gain at which an order that moves fewer channels is preferred.
+    """
+    lines, usual = _levels_of_lines(shares)
+    level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)
+    quiet = np.isnan(level) & np.isfinite(lines).any(axis=0) & ~wrong
+    level[wrong] = np.nan
+    borders = [
+        border
+        for f, mask in zip(shares, beyond, strict=True)
+        for border in _borders(
+            f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut
+        )
+    ]
+    movable = np.flatnonzero(quiet | np.isfinite(level)).tolist()
+    present = tuple(range(level.size))
+    turned = list(present)
+    for whisker, channel in zip(movable, reversed(movable), strict=True):
+        turned[whisker] = channel
+    axes = {border.along_x for border in borders}
+    backward = [
+        (x, y) for x in (False, True) for y in (False, True) if x <= (True in axes) and y <= (False in axes)
+    ]
+
+    def misfit(order: ChannelOrder) -> ChannelOrder:
+        return _misfit(borders, order, quiet)
+
+    candidates = [misfit(ChannelOrder(present))]
+    for start in (present, tuple(turned)):
+        for ways in backward:
+            order = misfit(ChannelOrder(start, ways))
+            candidates.append(order)
+            while len(movable) > 1:
+                exchanged = (misfit(order._replace(channel=c)) for c in _exchanges(order.channel, movable))
+                nearer = min(exchanged, key=_change)
+                if _change(nearer) > _change(order) - 1e-4:
+                    break
+                order = nearer
+                candidates.append(order)
+    most = min(map(_change, candidates))
+    simple = (c for c in candidates if _change(c) <= simpler * most)
+    return min(simple, key=lambda c: len(c.moved) + 2 * sum(c.backward))
+
+
+def _change(order: ChannelOrder) -> float:
+    return order.misfit - order.misfit_now
+
+
+def _exchanges(order: Order, movable: Sequence[int]) -> list[Order]:
+    exchanged = []
+    for a, b in combinations(movable, 2):
+        channels = list(order)
+        channels[a], channels[b] = channels[b], channels[a]
+        exchanged.append(tuple(channels))
+    return exchanged
+
+
+def _borders(
+    f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: float, cut: float
+) -> list[_Border]:
+    line_mm = f.plan.line_mm
+    order = np.argsort(line_mm, axis=None, kind="stable")
+    row, whisker = np.divmod(order, line_mm.shape[1])
+    near = np.diff(line_mm.ravel()[order]) < 2.0 * line_pitch_mm
+    at = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
+    height = np.where(beyond, -cut, np.clip(f.share / level[:, None] - 1.0, -cut, cut))
+    height[~np.isfinite(f.share)] = np.nan
+    found = []
+    for pair in sorted({(int(row[k]), int(row[k + 1])) for k in at}):
+        here = at[(row[at] == pair[0]) & (row[at + 1] == pair[1])]
+        differences = (
+            _mean_square(lines[pair[0]][:, None] - lines[pair[1]][None]) for lines in (height, height[::-1])
+        )
+        found.append(_Border(f.plan.direction.along_x, whisker[here], whisker[here + 1], *differences))
+    return found
+
+
+def _mean_square(values: Floats, *, fewest: int = 20) -> Floats:
+    known = np.isfinite(values).sum(axis=-1)
+    return np.where(known >= fewest, np.nansum(values**2, axis=-1) / np.maximum(known, 1), np.nan)
+
+
+def _misfit(borders: Sequence[_Border], order: ChannelOrder, quiet: Mask) -> ChannelOrder:
+    channel, now, then = np.array(order.channel), 0.0, 0.0
+    for b in borders:
+        backward = order.backward[0 if b.along_x else 1]
+        a, c = channel[b.whisker], channel[b.beside]
+        before = b.difference[b.whisker, b.beside]
+        after = (b.difference_backward if backward else b.difference)[a, c]
+        moved = (a != b.whisker) | (c != b.beside) | backward
+        moved &= np.isfinite(before) & np.isfinite(after)
+        reason = moved & ~(quiet[b.whisker] | quiet[b.beside])
+        now, then = now + float(before[reason].sum()), then + float(after[moved].sum())
+    return order._replace(misfit=then, misfit_now=now)
+
+
+def doubled_channels(
+    shares: Sequence[SweepShares], *, alike: float = 0.999, fewest: int = 64
+) -> list[tuple[int, int]]:
+    """Channels, each with another that has the same noise while the array is lifted: one signal, recorded twice.
+
+    Args:
+        shares: shares of all sweeps.
+        alike: least correlation of the changes from sample to sample.
+        fewest: least number of changes.
+    """
+    changes = np.concatenate(
+        [np.diff(f.air, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
+    )
+    if changes.shape[1] < fewest:
+        return []
+    changes -= changes.mean(axis=1, keepdims=True)
+    size = np.sqrt((changes**2).sum(axis=1))
+    noise = np.divide(changes, size[:, None], out=np.zeros_like(changes), where=size[:, None] > 0.0)
+    return [(int(a), int(b)) for a, b in np.argwhere(noise @ noise.T > alike) if a != b]
