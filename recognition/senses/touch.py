@@ -33,16 +33,16 @@ from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_te
 from recognition.glyph_match.prototypes import felt_prototypes, match_fonts
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
-from recognition.marks.depth import mark_depths
-from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, has_strokes_of_font
+from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of
 from recognition.marks.laid_text import laid_text
 from recognition.marks.strokes import reject_false_lines, strokes_of
+from recognition.marks.unknown_font import NoDepth, line_depths
 from recognition.search.correlation_search import CorrelationSearch
 from recognition.search.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.search.line_reader import LineReader
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
-from recognition.views.levelling import level
+from recognition.views.levelling import level, square_to_plate
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
@@ -94,6 +94,7 @@ class TactileReader:
         """
         timer = StepTimer()
         with timer.step("mount"):
+            height_map, soil = square_to_plate(height_map, soil)
             levelled = level(height_map)
         with timer.step("first pass"):
             heights = felt_heights_mm(
@@ -235,28 +236,40 @@ class TactileReader:
         return sized.with_trace(laid=laid, strokes=strokes)
 
     def _with_depths(self, reading: Reading, main: ReadLine, relief: Relief) -> Reading:
-        """Add depths and grades, measured along the strokes of the best-fitting font."""
-        laid = reading.trace.laid
-        if laid is not None and laid.font not in self.fonts:
-            laid = laid_text(laid.felt, laid.text, self.fonts)
-        if laid is None:
+        """Add depths and grades, along the strokes of the named font, or of the font that fits each character."""
+        best = reading.trace.laid
+        laid = best
+        if best is not None and best.font not in self.fonts:
+            laid = laid_text(best.felt, best.text, self.fonts)
+        if best is None or laid is None:
             return reading
+        others = [laid.in_font(font) for font in self.strokes_of if font is not laid.font]
+        line = line_depths(relief, laid, others, named=self.named, better=best is not laid)
+        measured = tuple(
+            replace(c, no_depth=depth) if isinstance(depth, NoDepth) else replace(c, depth=depth)
+            for c, depth in zip(reading.characters, line.depths, strict=True)
+        )
+        reading = replace(reading, characters=measured)
+        if not line.font_fits:
+            what = f"the font {laid.font.name} does not fit the marks (name the right font, or none)"
+            foreign = [Finding(ReadingFlag.FOREIGN_SHAPES, what)] if self.named else []
+            return reading.with_findings(*foreign)
         templates = self._template_set(
             laid.font, laid.felt.view, laid.height_mm, raised=laid.felt.raised, face=laid.face
         )
         edges = edges_of(laid, templates)
-        known = self.named or edge_fit(edges) >= OWN_FIT
-        grades, depths = grades_of(edges), mark_depths(relief, laid)
-        # no grade from a stand-in font: a stroke that only it has is not missing from the mark
-        characters = tuple(
-            replace(c, grade=g if known else None, depth=d if known or has_strokes_of_font(g) else None)
-            for c, g, d in zip(reading.characters, grades, depths, strict=True)
-        )
-        reading = replace(reading, characters=characters)
-        if not known:
+        if not self.named and edge_fit(edges) < OWN_FIT:
             return reading
+        graded = tuple(
+            replace(c, grade=grade) if same else c
+            for c, grade, same in zip(reading.characters, grades_of(edges), line.same_strokes, strict=True)
+        )
         settled = replace(
-            reading, font=laid.font.name, height_mm=laid.height_mm, rotation_deg=laid.rotation_deg
+            reading,
+            characters=graded,
+            font=laid.font.name,
+            height_mm=laid.height_mm,
+            rotation_deg=laid.rotation_deg,
         )
         # the network judges each character by itself; templates only compare characters that were felt
         alone = "network" not in main.by_expert
