@@ -37,8 +37,8 @@ def plate_normal(
         inlier = np.abs(far - middle) <= 3.0 * 1.4826 * np.median(np.abs(far - middle)) + 1e-12
         if inlier.sum() < 4:
             return None
-    if np.std(offset @ normal) > thin * math.sqrt(max(float(spread[1]), 0.0)):
-        return None
+    if not 1e-6 < np.std(offset @ normal) / math.sqrt(max(float(spread[1]), 1e-300)) <= thin:
+        return None  # a body, or a profile: points without any thickness
     facing = normal[2] if abs(normal[2]) > upright else normal[np.argmax(np.abs(normal))]
     return np.asarray(normal if facing > 0.0 else -normal)
 

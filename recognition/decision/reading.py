@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from recognition.marks.depth import MarkDepth
     from recognition.marks.grade import Action, MarkGrade
     from recognition.marks.laid_text import LaidText
+    from recognition.marks.no_depth import NoDepth
     from recognition.marks.strokes import PlaceStrokes
-    from recognition.marks.unknown_font import NoDepth
     from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief

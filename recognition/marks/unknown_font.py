@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glyphs.surface.display import WordedEnum
 from recognition.marks.depth import MarkDepth, mark_depths
 from recognition.marks.laid_text import LEAST_FIT_OF_BETTER_HALF, LaidText
+from recognition.marks.no_depth import NoDepth
 from whisker_array.estimation.relief import Relief
 
 LEAST_STROKE_FIT = 0.8
@@ -23,13 +23,6 @@ LEAST_STROKE_FIT = 0.8
 
 The right font reaches 0.87 on clean parts, the nearest stand-in for another one 0.4 to 0.96.
 """
-
-
-class NoDepth(WordedEnum):
-    """Reasons why a depth was not measured, and what to do."""
-
-    FONT = "font", "name the font"
-    NOT_FELT = "not felt", "scan it again"
 
 
 @dataclass(frozen=True)

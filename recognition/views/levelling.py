@@ -60,6 +60,22 @@ def fill_gaps(
     return HeightMap(wide[1:-1, 1:-1], height_map.pitch_mm)
 
 
+def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float = 1e-3) -> tuple[str, ...]:
+    """Say how many samples of a map were filled; empty if hardly any.
+
+    Args:
+        measured: the map as it was measured.
+        mounted: the same map, after `level`.
+        least_share: least share of filled samples that is worth a note.
+    """
+    missing, left = (float(np.isnan(one.z_mm).mean()) for one in (measured, mounted))
+    if missing - left < least_share:
+        return ()
+    return (
+        f"{missing - left:.1%} of the samples are missing here and there, and were filled from their neighbours",
+    )
+
+
 def square_to_plate(
     height_map: HeightMap, soil: Soil | None = None, *, level_deg: float = 2.0, most_deg: float = 60.0
 ) -> tuple[HeightMap, Soil | None]:
@@ -78,11 +94,11 @@ def square_to_plate(
     """
     if soil is not None:
         check_soil(soil, height_map.shape)
-    pitch, slope = height_map.pitch_mm, _median_slope(height_map)
+    pitch, slope = height_map.pitch_mm, _plate_slope(height_map)
     if not level_deg < math.degrees(math.atan(math.hypot(*slope))) < most_deg:
         return height_map, soil
     z = fill_gaps(height_map).z_mm
-    turn = rotation_to_z(np.array([-slope[0], -slope[1], 1.0]))
+    turn = rotation_to_z(np.append(-slope, 1.0))
     row, col = np.indices(z.shape)
     places = np.stack([pitch * col, pitch * row, z], axis=-1) @ turn.T
     corner = np.nanmin(places[..., :2], axis=(0, 1))
@@ -99,27 +115,36 @@ def square_to_plate(
         block = block.reshape(-1, 3)
         draw_triangles(out, block, faces[np.isfinite(block[faces, 2]).all(axis=1)])
     if soil is not None:
-        row, col = np.indices(out.shape)
-        back = (
-            np.stack([pitch * col + corner[0], pitch * row + corner[1], np.nan_to_num(out)], axis=-1) @ turn
-        )
-        col, row = (
-            np.clip(np.rint(back[..., k] / pitch).astype(np.intp), 0, z.shape[1 - k] - 1) for k in (0, 1)
-        )
-        soil = Soil(soil.thickness_mm[row, col], soil.hardness_mpa[row, col], soil.friction[row, col])
+        v, u = np.indices(out.shape)
+        back = np.stack([pitch * u + corner[0], pitch * v + corner[1], np.nan_to_num(out)], axis=-1) @ turn
+        source = np.clip(np.rint(back[..., 1::-1] / pitch), 0, np.array(z.shape) - 1).astype(np.intp)
+        at = source[..., 0], source[..., 1]
+        soil = Soil(soil.thickness_mm[at], soil.hardness_mpa[at], soil.friction[at])
     return HeightMap(out - np.nanmedian(out), pitch), soil
 
 
-def _median_slope(height_map: HeightMap) -> tuple[float, float]:
-    """Median slope along x and y, which is that of the land: marks and steps rise as often as they fall."""
+def _plate_slope(height_map: HeightMap, *, fewest: int = 100, differ: float = 0.3) -> Floats:
+    """(2,) slope of the plate along x and y; 0 if the map is not a plane with marks.
+
+    The median slope is that of the land, because marks rise as often as they fall. On saw teeth and on steps it differs
+    from the mean slope.
+
+    Args:
+        height_map: surface of the part.
+        fewest: least number of slopes.
+        differ: greatest difference of the mean slope from the median one, as a share of it.
+    """
     z = height_map.z_mm
     lag, step = max(1, min(z.shape) // 50), max(1, int(np.sqrt(z.size / 40_000)))
     rises = (z[::step, lag::step] - z[::step, :-lag:step], z[lag::step, ::step] - z[:-lag:step, ::step])
-    known = (rise[np.isfinite(rise)] for rise in rises)
-    along_x, along_y = (
-        float(np.median(rise)) / (lag * height_map.pitch_mm) if rise.size else 0.0 for rise in known
+    known = [rise[np.isfinite(rise)] for rise in rises]
+    if min(rise.size for rise in known) < fewest:
+        return np.zeros(2)
+    median, mean = (
+        np.array([measure(rise) for rise in known], dtype=np.float64) / (lag * height_map.pitch_mm)
+        for measure in (np.median, np.mean)
     )
-    return along_x, along_y
+    return median if np.linalg.norm(mean - median) <= differ * np.linalg.norm(median) else np.zeros(2)
 
 
 def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> HeightMap:

@@ -148,4 +148,6 @@ _AFTER: dict[FaultKind | None, Change] = {
         lambda m, on: m + 0.05 * on.size * abs(on.land) * on.rng.standard_normal(m.shape)
     ),
     FaultKind.SPIKES: _spiked,
+    # the range ends above the land: steep walls are cut off
+    FaultKind.SATURATED: lambda m, on: np.clip(m, -1.06 * abs(on.land), 1.06 * abs(on.land)),
 }

@@ -86,6 +86,11 @@ class FaultKind(StrEnum):
         "{} single samples stand out where there are no marks",
         "keep the signal wires away from motors and relays; shield and earth them",
     )
+    SATURATED = (
+        "saturated signal",
+        "{:.1f} % of the samples of {} of {} whiskers stand still at an end of the range; depths there are wrong",
+        "lower the gain, or the preload",
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -170,17 +175,17 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     columns = np.flatnonzero(np.asarray(scan.kind) == 0)
     if all(s.plan.pushed for s in scan.sweeps):
         return ()
-    scan = only(scan)
+    scan, saturated = _flag_saturated(only(scan))
     shares = measures.sweep_shares(scan)
     level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():
-        return ()
+        return saturated
     dead = touching & (np.abs(level) < limits.dead_level)
     if dead.sum() > 0.5 * touching.sum():
         percent = 100.0 * float(np.median(level[touching]))
         what = "the whiskers hardly touch: {:.0f} % of the moment of land"
-        return (_fault(FaultKind.HEIGHT, percent, message=what),)
+        return (*saturated, _fault(FaultKind.HEIGHT, percent, message=what))
     # size of each whisker's fault, NaN without a fault
     noisy = np.full(level.size, np.nan)
     for stacks, least in (
@@ -214,7 +219,24 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         for kind, values in found.items()
         for w in np.flatnonzero(np.isfinite(values))
     )
-    return (*of_whiskers, *bench)
+    return (*saturated, *of_whiskers, *bench)
+
+
+def _flag_saturated(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
+    """Flag the clipped samples of a scan of one kind of whisker; return it and the fault, if any."""
+    masks = measures.saturated(scan)
+    clipped = np.sum([mask.sum(axis=(0, 2)) for mask in masks], axis=0)
+    if not clipped.any():
+        return scan, ()
+    bit = np.uint8(SampleFlag.SATURATED)
+    sweeps = tuple(
+        replace(sweep, flags=sweep.flags | np.where(mask, bit, np.uint8(0)))
+        for sweep, mask in zip(scan.sweeps, masks, strict=True)
+    )
+    hit = int(np.count_nonzero(clipped))
+    percent = 100.0 * float(clipped.sum()) * clipped.size / (hit * scan.n_samples)
+    fault = _fault(FaultKind.SATURATED, percent, hit, clipped.size)
+    return replace(scan, sweeps=sweeps), (fault,)
 
 
 def _others(values: Floats) -> Iterator[Floats]:
@@ -272,7 +294,7 @@ def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, fl
 
 
 def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:
-    """Flag unusable samples as `SampleFlag.FAULTY`: dead and noisy whiskers, and spikes.
+    """Flag samples of dead and noisy whiskers, and spikes, as `SampleFlag.FAULTY`, and clipped ones as saturated.
 
     Args:
         scan: the recording.
@@ -291,13 +313,18 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
             one.plan.direction: measures.spikes(one, least=limits.spike)[np.argsort(one.across)]
             for one in shares
         }
-    if not whiskers and not spiked:
+    clipped = {}
+    if any(f.kind is FaultKind.SATURATED for f in faults):
+        clipped = {s.plan.direction: s.flags for s in _flag_saturated(only(scan))[0].sweeps}
+    if not whiskers and not spiked and not clipped:
         return scan
     bad, columns = np.uint8(SampleFlag.FAULTY), np.flatnonzero(np.asarray(scan.kind) == 0)
     sweeps = []
     for sweep in scan.sweeps:
         flags = sweep.flags.copy()
         flags[:, whiskers] |= bad
+        if not sweep.plan.pushed and sweep.plan.direction in clipped:
+            flags[:, columns] |= clipped[sweep.plan.direction] & np.uint8(SampleFlag.SATURATED)
         if not sweep.plan.pushed and sweep.plan.direction in spiked:
             flags[:, columns] |= np.where(spiked[sweep.plan.direction], bad, np.uint8(0))
         sweeps.append(replace(sweep, flags=flags))
