@@ -1,7 +1,7 @@
 """How true depths are if the font is not known: measured depth less that of the clean mark, by font and dirt.
 
-Run `python tests/benchmarks/depth_unnamed.py [--parts N] [--named]`. The fonts are the built-in ones and those of
-DejaVu, if the machine has them. The truth is measured on the surface as it was stamped, before any dirt, along the
+Run `python tests/benchmarks/depth_unnamed.py [--parts N] [--named]`. The fonts are the built-in ones, and those of
+DejaVu that come with matplotlib. The truth is measured on the surface as it was stamped, before any dirt, along the
 strokes of the font that was stamped, at the places where it was stamped: neither touch nor reading has a part in it.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 
 from glyphs.fonts.glyph import Font
@@ -30,9 +31,9 @@ MOST_OFF_MM = 0.02
 
 
 def fonts() -> list[Font]:
-    """The built-in fonts, and text faces of DejaVu."""
-    files = sorted(Path("/usr/share/fonts/truetype/dejavu").glob("DejaVuS*.ttf"))
-    return [load_font(font) for font in (*BUILTIN_FONTS, *files)]
+    """The built-in fonts, and the faces of DejaVu."""
+    faces = sorted(Path(matplotlib.get_data_path(), "fonts", "ttf").glob("DejaVu*.ttf"))
+    return [load_font(font) for font in (*BUILTIN_FONTS, *faces)]
 
 
 def true_depths(part: Part, font: Font) -> tuple[MarkDepth | None, ...]:

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial.transform import Rotation
 
-from glyphs.soiling.soil import Soil
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
 from recognition.views.levelling import fill_gaps, level, square_to_plate
+from tests.support.tilted import tilted
 
 Make = Callable[..., StampedPart]
 
@@ -72,22 +70,7 @@ def grooved(*, pitch_mm: float = 0.1, depth_mm: float = 0.16) -> HeightMap:
     return HeightMap(-np.clip(-reach, 0.0, depth_mm), pitch_mm)
 
 
-def tilted(flat: HeightMap, deg: float, azimuth_deg: float) -> tuple[HeightMap, Soil]:
-    """What an instrument measures from above of a tilted plate; the soil is as thick as the plate's x."""
-    row, col = np.indices(flat.shape)
-    at = np.stack([flat.pitch_mm * col, flat.pitch_mm * row, flat.z_mm], axis=-1).reshape(-1, 3)
-    azimuth = np.radians(azimuth_deg)
-    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    seen = Rotation.from_rotvec(np.radians(deg) * axis).apply(at)
-    low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
-    x, y = (np.arange(a, b, flat.pitch_mm) for a, b in zip(low, high, strict=True))
-    grid = LinearNDInterpolator(seen[:, :2], np.column_stack([seen[:, 2], at[:, 0]]))(*np.meshgrid(x, y))
-    return HeightMap(grid[..., 0], flat.pitch_mm), Soil(
-        np.nan_to_num(np.maximum(grid[..., 1], 0.0)), 1.0, 0.2
-    )
-
-
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(deg=st.floats(0.0, 45.0), azimuth_deg=st.floats(0.0, 360.0))
 def test_depths_are_square_to_the_plate_at_any_tilt(deg: float, azimuth_deg: float) -> None:
     flat = grooved()
@@ -129,7 +112,7 @@ def small_clusters(shape: tuple[int, int], share: float, rng: np.random.Generato
     return seeds | np.roll(seeds, 1, axis=0) | np.roll(seeds, 1, axis=1)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(
     gaps=st.sampled_from([random_gaps, missing_rows, small_clusters]),
     share=st.floats(0.01, 0.4),
