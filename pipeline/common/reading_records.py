@@ -48,6 +48,7 @@ class CharacterRecord:
         depth_mean_mm: mean depth, likewise.
         depth_sd_mm: standard deviation of the mean depth.
         burr_mm: height of the rim beside its strokes above the land; None if unknown.
+        no_depth: why touch measured no depth: "font" (name it), "not felt" or "saturated"; else empty.
     """
 
     candidates: tuple[CandidateRecord, ...]
@@ -61,6 +62,7 @@ class CharacterRecord:
     depth_mean_mm: float | None = None
     depth_sd_mm: float | None = None
     burr_mm: float | None = None
+    no_depth: str = ""
 
     @property
     def char(self) -> str:

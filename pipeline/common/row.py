@@ -52,7 +52,7 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
             from 1.
         depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
         depth_mean_mm: mean depth of the characters; None if unknown.
-        depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where unknown.
+        depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where not measured.
         expected: the text that the part should read; empty if none is known.
         verdict: confirmed, refuted or undecided; empty if no text was expected.
         verify_probability: probability that the part has the expected text; None if no text was expected.

@@ -17,6 +17,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import PROFILE, RawMap, check_size, without_bad_points
+from recognition.views.levelling import square_to_plate
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
@@ -24,7 +25,7 @@ MOST_PLATE_MM = 1000.0
 LEAST_PLATE_MM, LEAST_STATED_MM = 0.1, 0.02
 # mm, height range: an instrument with a larger range does not resolve a mark of 0.1 mm
 MOST_RELIEF_MM = 100.0
-# height range over the shorter side: no plate lies more than 45 degrees askew under an instrument
+# height range over the longer side: no plate lies more than 45 degrees askew under an instrument
 MOST_RELIEF_SHARE = 1.0
 # mm, height range of a map that is not flat: a twentieth of the shallowest mark
 LEAST_RELIEF_MM = 1e-3
@@ -193,9 +194,10 @@ class _Shape:
         if odd := self.odd_size(xy_mm):
             return odd
         pitch, relief, depth = self.pitch * xy_mm, self.relief * z_mm, self.depth * z_mm
-        shorter, size = min(self.raw.z.shape) * pitch, self._size(pitch)
+        shorter, longer = (n * pitch for n in sorted(self.raw.z.shape))
+        size = self._size(pitch)
         least = LEAST_RELIEF_MM if self.raw.z_mm is None else LEAST_RELIEF_SHARE * shorter
-        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < least:
+        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * longer) or 0.0 < relief < least:
             return f"heights span {_length(relief)} on a map of {size}"
         if self.raw.one_unit:  # a mesh may show the part's base, too
             return ""
@@ -283,8 +285,8 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
             what = f"has samples {pitch:.4g} mm apart"
             raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
     z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
-    found = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
-    return PartMap(found, soil, raw.rows_stated or settings.rows is not None)
+    height_map, soil = square_to_plate(HeightMap(np.asarray(z, dtype=np.float32), pitch_mm), soil)
+    return PartMap(height_map, soil, raw.rows_stated or settings.rows is not None)
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:

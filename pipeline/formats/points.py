@@ -2,7 +2,8 @@
 
 x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a
 grid keep their heights; others are joined by triangles, of which the highest at a place counts, so that the underside
-of a closed body is not read. The files state no unit.
+of a closed body is not read. A plate that is tilted, or lies in x and z because y is up, is first turned to face z. The
+files state no unit.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.compiled import kernel
 from glyphs.surface.maps import MAX_PIXELS
+from glyphs.surface.orientation import draw_triangles, plate_normal, rotation_to_z
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import CUT_SHORT, PROFILE, RawMap, check_size, without_bad_points
 
@@ -41,6 +42,8 @@ _LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
 """Samples along the longer side of a map of triangles; their own size may mean nothing: a flat land has two."""
 _GAP = 6.0
 """Longest side of a triangle between points, in mean distances, from which it spans a dropout."""
+# z of the unit normal of a plate that counts as level: 2 degrees
+_LEVEL = 0.9994
 # a grid: least rows and columns, least share of them with a point, and pitches by which a point may miss its place
 _LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
 
@@ -184,7 +187,13 @@ def map_of_points(
         if _is_profile(at[known]):
             raise DataError(*PROFILE)
         faces = np.empty((0, 3), dtype=np.int64)
-    z, x_pitch, y_pitch = _on_grid(at[known]) or _grid_of_triangles(at, faces, known, most)
+    gridded = _on_grid(at[known])
+    if gridded is None:
+        normal = plate_normal(at[known])
+        if normal is not None and normal[2] < _LEVEL:
+            at = at @ rotation_to_z(normal).T
+        gridded = _grid_of_triangles(at, faces, known, most)
+    z, x_pitch, y_pitch = gridded
     return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
 
 
@@ -255,7 +264,7 @@ def _grid_of_triangles(
         what = f"holds {len(faces):,} triangles that lie over each other, too many to look for the uppermost"
         raise DataError(what, "export the marked surface alone")
     z = np.full((rows, cols), np.nan)
-    _draw(z, places, faces)
+    draw_triangles(z, places, faces)
     return z, pitch, pitch
 
 
@@ -266,40 +275,8 @@ def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
 
 
 def _drawn_samples(places: Points, faces: Faces) -> float:
-    """Approximate number of samples that `_draw` visits: those in each triangle, and the ends of its rows."""
+    """Approximate number of samples that `draw_triangles` visits: those in each triangle, and the ends of its rows."""
     a, b, c = (places[faces[:, k], :2] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     rows = np.ptp(places[:, 1][faces], axis=1)
     return float((0.5 * np.abs(ux * vy - vx * uy) + 4.0 * (rows + 1.0)).sum())
-
-
-@kernel()
-def _draw(z, places, faces):  # type: ignore[no-untyped-def]
-    """Raise z (rows, cols), NaN if empty, to the triangles of points (n, 3): column, row, height."""
-    for i in range(faces.shape[0]):
-        a, b, c = places[faces[i, 0]], places[faces[i, 1]], places[faces[i, 2]]
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
-        if abs(area) < 1e-12:  # a wall
-            continue
-        # slopes of its plane, and limits of its heights: the slopes of a thin triangle are inaccurate
-        across = ((b[2] - a[2]) * (c[1] - a[1]) - (c[2] - a[2]) * (b[1] - a[1])) / area
-        down = ((c[2] - a[2]) * (b[0] - a[0]) - (b[2] - a[2]) * (c[0] - a[0])) / area
-        low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
-        first, last = math.ceil(min(a[1], b[1], c[1]) - 1e-6), math.floor(max(a[1], b[1], c[1]) + 1e-6)
-        for v in range(max(0, first), min(z.shape[0] - 1, last) + 1):
-            left, right = np.inf, -np.inf
-            for p, q in ((a, b), (b, c), (c, a)):
-                if abs(q[1] - p[1]) < 1e-9:
-                    at = p[0], q[0]
-                else:
-                    share = (v - p[1]) / (q[1] - p[1])
-                    x = p[0] + min(max(share, 0.0), 1.0) * (q[0] - p[0])
-                    at = x, x
-                if min(p[1], q[1]) - 1e-6 <= v <= max(p[1], q[1]) + 1e-6:
-                    left, right = min(left, at[0], at[1]), max(right, at[0], at[1])
-            if left > right:
-                continue
-            for u in range(max(0, math.ceil(left - 1e-6)), min(z.shape[1] - 1, math.floor(right + 1e-6)) + 1):
-                height = min(max(a[2] + across * (u - a[0]) + down * (v - a[1]), low), high)
-                if not z[v, u] >= height:
-                    z[v, u] = height

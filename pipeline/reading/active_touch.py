@@ -9,7 +9,7 @@ from pipeline.reading.framed_session import FramedSession
 from recognition.active.replay import read_kept
 from recognition.decision.score import serial_is_sure
 from recognition.search.first_pass import felt_heights_mm
-from recognition.views.levelling import level
+from recognition.views.levelling import filled_note, level
 from whisker_array.simulation.traces import Fidelity
 
 if TYPE_CHECKING:
@@ -69,4 +69,5 @@ def read_actively(
     if found is None:
         return reader.read_height_map(surface, soil=soil, part_id=part_id)
     note = f"felt in {len(found.passes)} passes, {spent_s:.1f} s of stage time: {found.stop.message}"
-    return replace(found.reading, notes=(*found.reading.notes, note)).with_trace(height_map=levelled)
+    notes = (*found.reading.notes, *filled_note(surface, levelled), note)
+    return replace(found.reading, notes=notes).with_trace(height_map=levelled)

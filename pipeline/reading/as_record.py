@@ -144,6 +144,7 @@ def _character(character: CharacterReading, action: Action, scaled: bool) -> Cha
         depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
         depth_sd_mm=None if depth is None or depth.sd_mm is None else _finite(depth.sd_mm),
         burr_mm=None if depth is None or depth.burr_mm is None else _finite(depth.burr_mm),
+        no_depth="" if character.no_depth is None else character.no_depth.value,
     )
 
 

@@ -20,6 +20,7 @@ from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.reading import Reading
+from recognition.marks.no_depth import NoDepth
 
 INCH_MM = 25.4
 
@@ -206,15 +207,20 @@ def _violations(reading: Reading, rule: DepthRule) -> Iterator[Finding]:
     shallow = {k: f" {depth.min_mm:.3f} mm" for k, depth in felt if depth.min_mm < least}
     deep = {k: f" {depth.max_mm:.3f} mm" for k, depth in felt if depth.max_mm > most}
     high = {k: f" {mm:.3f} mm" for k, mm in burrs.items() if mm > rim}
-    lacking = {k: "" for k, depth in marks if depth is None and window is not None}
-    if math.isfinite(rim):
-        lacking = {k: "" for k, _ in marks if k not in burrs}
-    todo = "scan it again" if reading.font else "name the font"
+    lacking: dict[str, dict[int, str]] = {}
+    unsized = rule.least_height_mm > 0.0 and not felt
+    for k, c in enumerate(reading.characters, start=1):
+        without = c.depth is None and (window is not None or unsized)
+        if without or (math.isfinite(rim) and k not in burrs):
+            lacking.setdefault((c.no_depth or NoDepth.NOT_FELT).message, {})[k] = ""
     for flag, what, places, hint in (
         (ReadingFlag.TOO_SHALLOW, "too shallow", shallow, f"at least {least:g}"),
         (ReadingFlag.TOO_DEEP, "too deep", deep, f"at most {most:g}"),
         (ReadingFlag.BURR_TOO_HIGH, "burr too high", high, f"at most {rim:g}"),
-        (ReadingFlag.DEPTH_UNKNOWN, "depth not measured", lacking, todo),
+        *(
+            (ReadingFlag.DEPTH_UNKNOWN, "depth not measured", places, todo)
+            for todo, places in lacking.items()
+        ),
     ):
         if places:
             where = [f"{reading.characters[k - 1].char} at place {k}{mm}" for k, mm in places.items()]

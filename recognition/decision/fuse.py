@@ -141,7 +141,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     others, other_contradictions = _joined_lines(tactile, vision)
     # a place keeps its depth and grade if its character is the same
     characters = tuple(
-        replace(new, depth=old.depth, grade=old.grade) if old.char == new.char else new
+        replace(new, depth=old.depth, grade=old.grade, no_depth=old.no_depth) if old.char == new.char else new
         for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True)
     )
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)

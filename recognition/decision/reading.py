@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from recognition.marks.depth import MarkDepth
     from recognition.marks.grade import Action, MarkGrade
     from recognition.marks.laid_text import LaidText
+    from recognition.marks.no_depth import NoDepth
     from recognition.marks.strokes import PlaceStrokes
     from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
@@ -48,9 +49,10 @@ class CharacterReading:
     Attributes:
         candidates: best first, at least one.
         box: position (axis-parallel hull of the possibly rotated cell), mm.
-        depth: depth of the mark; None where it could not be felt.
+        depth: depth of the mark; None where it was not measured.
         state: read, confused, not read or mismatch; None where it was not determined.
         grade: quality of the mark; None where it was not graded.
+        no_depth: why touch measured no depth; None with a depth, and without touch.
     """
 
     candidates: tuple[Candidate, ...]
@@ -58,6 +60,7 @@ class CharacterReading:
     depth: MarkDepth | None = None
     state: PlaceState | None = None
     grade: MarkGrade | None = None
+    no_depth: NoDepth | None = None
 
     def __repr__(self) -> str:
         return f"CharacterReading({' '.join(f'{c.char} {c.probability:.3f}' for c in self.candidates)})"

@@ -16,6 +16,7 @@ from recognition.decision.reading import Reading
 from recognition.decision.reasons import places_text
 from recognition.language.confusions import CharacterState
 from recognition.marks.grade import Action
+from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import LIVE, PlaceStrokes, RivalStrokes
 
 _REMEDIES = {
@@ -84,7 +85,8 @@ def only_whole(reading: Reading) -> Reading:
     """Remove the grade and depth of characters that were not felt from edge to edge."""
     cut = {k for k, place in enumerate(reading.trace.strokes) if not place.whole}
     characters = (
-        replace(c, grade=None, depth=None) if k in cut else c for k, c in enumerate(reading.characters)
+        replace(c, grade=None, depth=None, no_depth=NoDepth.NOT_FELT) if k in cut else c
+        for k, c in enumerate(reading.characters)
     )
     return replace(reading, characters=tuple(characters))
 

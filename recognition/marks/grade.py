@@ -159,11 +159,6 @@ def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
     return np.asarray(cv2.GaussianBlur(edges, (0, 0), SMOOTH), dtype=np.float32)
 
 
-def has_strokes_of_font(grade: MarkGrade | None) -> bool:
-    """Whether a mark has the strokes of the font with which it was graded: hardly any are missing."""
-    return grade is not None and (grade.value("completeness") or 0.0) >= LIMITS["completeness"][1]
-
-
 def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(2, rows, columns) half differences of opposite felt directions, which respond to steps of the surface."""
     known = np.moveaxis(layers * felt, 2, 0)

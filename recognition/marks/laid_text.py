@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,10 @@ from recognition.views.text_line import TextLine
 
 STRUCK_FIT = 0.7
 """Mean correlation with a flat or sharp die below which a dotted one is tried as well."""
+
+LEAST_FIT_OF_BETTER_HALF = 0.88
+"""Least `LaidText.fit_of_better_half` of the part's font. Of 65 lines in 5 fonts, the right one has at least 0.92 on
+clean parts and 0.88 at dirt 0.3; at 0.6 half of the lines have less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +47,23 @@ class LaidText:
         )
 
     @property
+    def fits(self) -> tuple[float, ...]:
+        """Correlation of each character; 0 for one that the font lacks."""
+        return tuple(0.0 if mark is None else mark.fit for mark in self.laid)
+
+    @property
     def fit(self) -> float:
-        """Mean correlation; a character that the font lacks counts as 0."""
-        return sum(one.fit for one in self.laid if one is not None) / len(self.text)
+        """Mean correlation."""
+        return sum(self.fits) / len(self.text)
+
+    @property
+    def fit_of_better_half(self) -> float:
+        """Mean correlation of the better half of the characters: dirt spoils a few, a wrong font most of them."""
+        return float(np.mean(sorted(self.fits, reverse=True)[: (len(self.text) + 1) // 2]))
+
+    def in_font(self, font: Font) -> LaidText:
+        """The text laid in another font, with the same face if the font can have it."""
+        return replace(self, font=font, face=self.face if font.stroke_ratio > 0.0 else Face.FLAT)
 
     @property
     def height_mm(self) -> float:

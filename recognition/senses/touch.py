@@ -7,7 +7,7 @@ scan --edge_map, relief--> felt view --LineReader--> line and posteriors --templ
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -29,26 +29,28 @@ from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, weigh_orientation
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.laid_line import with_depths
+from recognition.glyph_match.pose import Floats
 from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_templates, template_key
 from recognition.glyph_match.prototypes import felt_prototypes, match_fonts
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
-from recognition.marks.depth import mark_depths
-from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, has_strokes_of_font
+from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of
 from recognition.marks.laid_text import laid_text
+from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import reject_false_lines, strokes_of
+from recognition.marks.unknown_font import line_depths
 from recognition.search.correlation_search import CorrelationSearch
 from recognition.search.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.search.line_reader import LineReader
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
-from recognition.views.levelling import level
+from recognition.views.levelling import filled_note, level, square_to_plate
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
 from whisker_array.estimation.relief import Relief
-from whisker_array.scan.scan import Scan
+from whisker_array.scan.scan import Scan, positions_mm
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.touch import Touch
 
@@ -94,17 +96,19 @@ class TactileReader:
         """
         timer = StepTimer()
         with timer.step("mount"):
+            height_map, soil = square_to_plate(height_map, soil)
             levelled = level(height_map)
         with timer.step("first pass"):
             heights = felt_heights_mm(
                 self.lines.search, levelled, fidelity=self.settings.fidelity, soil=soil, feel=feel
             )
+        notes = filled_note(height_map, levelled)
         feel = feel or virtual_feel(fidelity=self.settings.fidelity, soil=soil, part_id=part_id)
         best: Reading | None = None
         for height in heights:
             with timer.step("scan"):
                 scan = feel(levelled, height)
-            tried = self._read(scan, timer).with_trace(height_map=levelled)
+            tried = replace(self._read(scan, timer), notes=notes).with_trace(height_map=levelled)
             if best is None or tried.nats_read > best.nats_read:
                 best = tried
             if serial_is_sure(best):
@@ -127,7 +131,14 @@ class TactileReader:
                 return _nothing(timer, _scan_flags(scan), scan=scan)
         with timer.step("relief"):
             relief = relief_of(scan, edges)
-        found = self.read_edge_map(edges, scan.touch, relief=relief, timer=timer, flags=_scan_flags(scan))
+        found = self.read_edge_map(
+            edges,
+            scan.touch,
+            relief=relief,
+            timer=timer,
+            flags=_scan_flags(scan),
+            saturated_mm=positions_mm(scan, SampleFlag.SATURATED),
+        )
         return found.with_trace(scan=scan)
 
     def read_edge_map(
@@ -139,6 +150,7 @@ class TactileReader:
         timer: StepTimer | None = None,
         flags: ReadingFlag = ReadingFlag.NONE,
         about: TextLine | None = None,
+        saturated_mm: Floats | None = None,
     ) -> Reading:
         """Read an edge map that was felt with a known touch.
 
@@ -149,6 +161,7 @@ class TactileReader:
             timer: records the time of each step.
             flags: flags of the scan.
             about: position of the line, if known; no other line is searched for.
+            saturated_mm: (n, 2) x, y of clipped samples: characters there have no depth.
         """
         timer = timer if timer is not None else StepTimer()
         view, felt = felt_view(edges, relief, touch), None
@@ -167,6 +180,8 @@ class TactileReader:
                 reading = self._with_strokes(reading, part.main, felt)
             with timer.step("measure"):
                 reading = only_whole(self._with_depths(reading, part.main, relief))
+            if saturated_mm is not None and len(saturated_mm):
+                reading = _without_clipped_depths(reading, saturated_mm, int(edges.valid.sum()))
         reading = add_stroke_findings(reading)
         reading = judged_by(reading, self.settings.depth_rules).with_trace(edge_map=edges, relief=relief)
         reading = with_score(reading)
@@ -235,28 +250,40 @@ class TactileReader:
         return sized.with_trace(laid=laid, strokes=strokes)
 
     def _with_depths(self, reading: Reading, main: ReadLine, relief: Relief) -> Reading:
-        """Add depths and grades, measured along the strokes of the best-fitting font."""
-        laid = reading.trace.laid
-        if laid is not None and laid.font not in self.fonts:
-            laid = laid_text(laid.felt, laid.text, self.fonts)
-        if laid is None:
+        """Add depths and grades, along the strokes of the named font, or of the font that fits each character."""
+        best = reading.trace.laid
+        laid = best
+        if best is not None and best.font not in self.fonts:
+            laid = laid_text(best.felt, best.text, self.fonts)
+        if best is None or laid is None:
             return reading
+        others = [laid.in_font(font) for font in self.strokes_of if font is not laid.font]
+        line = line_depths(relief, laid, others, named=self.named, better=best is not laid)
+        measured = tuple(
+            replace(c, no_depth=depth) if isinstance(depth, NoDepth) else replace(c, depth=depth)
+            for c, depth in zip(reading.characters, line.depths, strict=True)
+        )
+        reading = replace(reading, characters=measured)
+        if not line.font_fits:
+            what = f"the font {laid.font.name} does not fit the marks (name the right font, or none)"
+            foreign = [Finding(ReadingFlag.FOREIGN_SHAPES, what)] if self.named else []
+            return reading.with_findings(*foreign)
         templates = self._template_set(
             laid.font, laid.felt.view, laid.height_mm, raised=laid.felt.raised, face=laid.face
         )
         edges = edges_of(laid, templates)
-        known = self.named or edge_fit(edges) >= OWN_FIT
-        grades, depths = grades_of(edges), mark_depths(relief, laid)
-        # no grade from a stand-in font: a stroke that only it has is not missing from the mark
-        characters = tuple(
-            replace(c, grade=g if known else None, depth=d if known or has_strokes_of_font(g) else None)
-            for c, g, d in zip(reading.characters, grades, depths, strict=True)
-        )
-        reading = replace(reading, characters=characters)
-        if not known:
+        if not self.named and edge_fit(edges) < OWN_FIT:
             return reading
+        graded = tuple(
+            replace(c, grade=grade) if same else c
+            for c, grade, same in zip(reading.characters, grades_of(edges), line.same_strokes, strict=True)
+        )
         settled = replace(
-            reading, font=laid.font.name, height_mm=laid.height_mm, rotation_deg=laid.rotation_deg
+            reading,
+            characters=graded,
+            font=laid.font.name,
+            height_mm=laid.height_mm,
+            rotation_deg=laid.rotation_deg,
         )
         # the network judges each character by itself; templates only compare characters that were felt
         alone = "network" not in main.by_expert
@@ -277,6 +304,31 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
         if bad > 0.005 * scan.n_samples:
             flags |= reading
     return flags
+
+
+def _without_clipped_depths(
+    reading: Reading, saturated_mm: Floats, samples: int, *, few: int = 3, land_share: float = 0.01
+) -> Reading:
+    """Remove the depths of characters in which samples are clipped; of all, if the land is clipped as well.
+
+    Args:
+        reading: with depths.
+        saturated_mm: (n, 2) x, y of clipped samples.
+        samples: samples of the edge map.
+        few: number of clipped samples from which the depth of a character is not trusted.
+        land_share: clipped samples outside of the characters, as a share of those of the map, from which the level of
+            the land, and so every depth, is not trusted.
+    """
+    low, high = np.array([astuple(c.box) for c in reading.characters]).reshape(-1, 2, 2).transpose(1, 0, 2)
+    points = saturated_mm[:, None]
+    inside = np.asarray(np.logical_and.reduce((points >= low) & (points <= high), axis=2))
+    clipped = inside.sum(axis=0) >= few
+    clipped |= np.count_nonzero(~inside.any(axis=1)) > land_share * samples
+    characters = (
+        replace(c, depth=None, no_depth=NoDepth.SATURATED) if bad else c
+        for c, bad in zip(reading.characters, clipped, strict=True)
+    )
+    return replace(reading, characters=tuple(characters))
 
 
 def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:

@@ -1,13 +1,18 @@
-"""Level a height map, as mounting on a stage would."""
+"""Mount a height map as on a stage: small gaps filled, square to the whiskers, level."""
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
+from glyphs.surface.orientation import draw_triangles, rotation_to_z
+from whisker_array.simulation.surface import check_soil
 
 Floats: TypeAlias = NDArray[np.float64]
 # fewer heights show no character; share of known samples from which they cannot lie on one line
@@ -16,8 +21,140 @@ _LEAST_HEIGHTS, _SURFACE_SHARE = 16, 0.1
 _LEAST_SPREAD = 0.49
 
 
+def fill_gaps(
+    height_map: HeightMap,
+    *,
+    reach_mm: float = 0.1,
+    least_reach_px: float = 1.5,
+    least_share: float = 0.4,
+    rounds: int = 30,
+) -> HeightMap:
+    """Fill gaps narrower than a stroke from the samples around them; larger holes stay NaN.
+
+    Optical instruments leave single samples of bright metal, and whole lines, without a height. The fill is harmonic:
+    each filled sample is the mean of its neighbours, so planes and level walls are continued exactly. A stroke in a gap
+    that is filled has measured samples on both sides and along it.
+
+    Args:
+        height_map: surface of the part.
+        reach_mm: greatest distance of a filled sample from a measured one; strokes are at least 0.2 mm wide.
+        least_reach_px: the same in samples, for coarse maps: single samples, lines, and pairs of them.
+        least_share: least share of measured samples within three samples of a filled one; where fewer are known, a
+            stroke would be mostly invented.
+        rounds: passes of the mean over the neighbours.
+    """
+    z = height_map.z_mm
+    missing = np.isnan(z)
+    if not missing.any():
+        return height_map
+    reach = max(reach_mm / height_map.pitch_mm, least_reach_px)
+    far, (row, col) = ndimage.distance_transform_edt(missing, return_indices=True)
+    measured = ndimage.uniform_filter((~missing).astype(np.float32), 7, mode="nearest")
+    fill = missing & (far <= reach) & (measured >= least_share)
+    if not fill.any():
+        return height_map
+    wide = np.pad(np.where(fill, z[row, col], z), 1, constant_values=np.nan)
+    at = np.flatnonzero(np.pad(fill, 1))
+    flat, step = wide.ravel(), wide.shape[1]
+    around = at + np.array([[-step], [-1], [1], [step]])
+    known = np.isfinite(flat[around])
+    around, count = np.where(known, around, at), known.sum(axis=0)
+    for _ in range(rounds):
+        flat[at] = np.where(known, flat[around], 0.0).sum(axis=0) / np.maximum(count, 1)
+    return HeightMap(wide[1:-1, 1:-1], height_map.pitch_mm)
+
+
+def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float = 1e-3) -> tuple[str, ...]:
+    """Say how many samples of a map were filled; empty if hardly any.
+
+    Args:
+        measured: the map as it was measured.
+        mounted: the same map, after `level`.
+        least_share: least share of filled samples that is worth a note.
+    """
+    missing, left = (float(np.isnan(one.z_mm).mean()) for one in (measured, mounted))
+    if missing - left < least_share:
+        return ()
+    return (
+        f"{missing - left:.1%} of the samples are missing here and there, and were filled from their neighbours",
+    )
+
+
+def square_to_plate(
+    height_map: HeightMap, soil: Soil | None = None, *, level_deg: float = 2.0, most_deg: float = 60.0
+) -> tuple[HeightMap, Soil | None]:
+    """Resample a tilted map in the frame of its plate: depths are then square to it, characters as wide as they are.
+
+    At 30 degrees, depths along z are 15 % too large, and characters 13 % too narrow along the slope.
+
+    Args:
+        height_map: surface of the part.
+        soil: dirt on it, on the same grid.
+        level_deg: tilt up to which the map stays as it is: its depths are at most 0.06 % too large.
+        most_deg: tilt from which it stays as it is, too: no instrument sees a plate from so far aside.
+
+    Raises:
+        MapError: a soil on another grid, or a map that is too large in the plate's frame.
+    """
+    if soil is not None:
+        check_soil(soil, height_map.shape)
+    pitch, slope = height_map.pitch_mm, _plate_slope(height_map)
+    if not level_deg < math.degrees(math.atan(math.hypot(*slope))) < most_deg:
+        return height_map, soil
+    z = fill_gaps(height_map).z_mm
+    turn = rotation_to_z(np.append(-slope, 1.0))
+    row, col = np.indices(z.shape)
+    places = np.stack([pitch * col, pitch * row, z], axis=-1) @ turn.T
+    corner = np.nanmin(places[..., :2], axis=(0, 1))
+    places[..., :2] = (places[..., :2] - corner) / pitch
+    cols, rows = np.nanmax(places[..., :2], axis=(0, 1)).astype(int) + 1
+    out = np.full((rows, cols), np.nan)
+    for first in range(0, len(z) - 1, 64):
+        block = places[first : first + 65]
+        k = np.arange(block[..., 0].size).reshape(block.shape[:2])
+        a, b, c, d = k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:]
+        faces = np.concatenate(
+            [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, c, b), (b, c, d))]
+        )
+        block = block.reshape(-1, 3)
+        draw_triangles(out, block, faces[np.isfinite(block[faces, 2]).all(axis=1)])
+    if soil is not None:
+        v, u = np.indices(out.shape)
+        back = np.stack([pitch * u + corner[0], pitch * v + corner[1], np.nan_to_num(out)], axis=-1) @ turn
+        source = np.clip(np.rint(back[..., 1::-1] / pitch), 0, np.array(z.shape) - 1).astype(np.intp)
+        at = source[..., 0], source[..., 1]
+        soil = Soil(soil.thickness_mm[at], soil.hardness_mpa[at], soil.friction[at])
+    return HeightMap(out - np.nanmedian(out), pitch), soil
+
+
+def _plate_slope(height_map: HeightMap, *, fewest: int = 100, differ: float = 0.3) -> Floats:
+    """(2,) slope of the plate along x and y; 0 if the map is not a plane with marks.
+
+    The median slope is that of the land, because marks rise as often as they fall. On saw teeth and on steps it differs
+    from the mean slope.
+
+    Args:
+        height_map: surface of the part.
+        fewest: least number of slopes.
+        differ: greatest difference of the mean slope from the median one, as a share of it.
+    """
+    z = height_map.z_mm
+    lag, step = max(1, min(z.shape) // 50), max(1, int(np.sqrt(z.size / 40_000)))
+    rises = (z[::step, lag::step] - z[::step, :-lag:step], z[lag::step, ::step] - z[:-lag:step, ::step])
+    known = [rise[np.isfinite(rise)] for rise in rises]
+    if min(rise.size for rise in known) < fewest:
+        return np.zeros(2)
+    median, mean = (
+        np.array([measure(rise) for rise in known], dtype=np.float64) / (lag * height_map.pitch_mm)
+        for measure in (np.median, np.mean)
+    )
+    return median if np.linalg.norm(mean - median) <= differ * np.linalg.norm(median) else np.zeros(2)
+
+
 def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> HeightMap:
-    """Remove tilt and slight dome: a robust polynomial through the land; dropouts stay NaN.
+    """Fill small gaps, and remove the rest of a tilt and a slight dome: a robust polynomial through the land.
+
+    Larger holes stay NaN.
 
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
     grid. Only the mounting is imitated; edges are not filtered.
@@ -30,7 +167,7 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> Height
     Raises:
         MapError: the heights are few, or lie on one line.
     """
-    z = height_map.z_mm
+    z = fill_gaps(height_map).z_mm
     _check_spread(np.isfinite(z))
     rows, cols = z.shape
     step = max(1, int(np.sqrt(z.size / 40_000)))

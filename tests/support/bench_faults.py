@@ -172,4 +172,6 @@ _AFTER: dict[FaultKind | None, Change] = {
     FaultKind.UNIT: lambda m, on: 1000.0 * on.size * m,
     FaultKind.EXCHANGED: _exchanged,
     FaultKind.DOUBLED: _doubled,
+    # the range ends above the land: steep walls are cut off
+    FaultKind.SATURATED: lambda m, on: np.clip(m, -1.06 * abs(on.land), 1.06 * abs(on.land)),
 }

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
 from whisker_array.estimation.edges import usable_moments
+from whisker_array.estimation.estimate import is_profiler
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import SampleFlag
@@ -65,7 +66,7 @@ class SweepShares(OneLine):
 
 
 def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
-    """The dragged sweeps of a scan of one kind of whisker.
+    """The dragged sweeps of a scan of one kind of whisker, without saturated samples.
 
     Args:
         scan: the scan.
@@ -77,6 +78,7 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         if outside:
             sweep = replace(sweep, flags=sweep.flags & np.uint8(~SampleFlag.OUTSIDE & 0xFF))
         share = usable_moments(scan, sweep)[across]
+        share[(sweep.flags[across] & np.uint8(SampleFlag.SATURATED)) != 0] = np.nan
         share /= land
         air = sweep.air_n_mm[across].astype(np.float64) / land
         if scan.calibration is not None:
@@ -84,6 +86,45 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
         found.append(SweepShares(plan, share, air - quantile_of_known(air)[..., None], across))
     return found
+
+
+def saturated(
+    scan: Scan, *, run: int = 4, least_share: float = 2e-3, least_span: float = 0.05, still: float = 0.1
+) -> list[Mask]:
+    """Masks (passes, whiskers, samples) of clipped samples in each sweep: runs at an end of a whisker's range.
+
+    Marks and noise reach the ends of the range for a sample or two, a clipped signal stands still there.
+
+    Args:
+        scan: scan of one kind of whisker.
+        run: least number of equal samples in a row.
+        least_share: least share of a whisker's samples in such runs.
+        least_span: least range of a whisker's signal, share of the land's moment: a bare plate is level.
+        still: share of a whisker's other samples in runs from which its signal has no noise. Then the floors of marks
+            stand still, too, and for a profiler they are the end of the range.
+    """
+    bad, shape = [s.flags != 0 for s in scan.sweeps], (1, scan.n_whiskers, 1)
+    values = [np.where(b, np.nan, s.moment_n_mm) for b, s in zip(bad, scan.sweeps, strict=True)]
+    low = np.fmin.reduce([np.fmin.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
+    high = np.fmax.reduce([np.fmax.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
+    runs, ends = [], []
+    for v in values:
+        same = np.diff(v, axis=2) == 0.0
+        begin = np.logical_and.reduce([same[..., k : same.shape[2] - run + 2 + k] for k in range(run - 1)])
+        runs.append(np.zeros(v.shape, dtype=np.bool_))
+        for k in range(run):
+            runs[-1][..., k : k + begin.shape[2]] |= begin
+        ends.append((v == low) | (v == high))
+    clipped = [r & e for r, e in zip(runs, ends, strict=True)]
+
+    def count(masks: list[Mask]) -> Floats:
+        return np.asarray(np.sum([m.sum(axis=(0, 2)) for m in masks], axis=0), dtype=np.float64)
+
+    total, at_end = np.maximum(count([~b for b in bad]), 1.0), count(clipped)
+    noisy = count(runs) - at_end < still * np.maximum(total - at_end, 1.0)
+    wide = (high - low).ravel() > least_span * abs(scan.touch.land_moment_n_mm())
+    found = (at_end > least_share * total) & wide & (noisy | (not is_profiler(scan.touch.tip)))
+    return [c & found.reshape(shape) for c in clipped]
 
 
 def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:

@@ -124,6 +124,11 @@ class FaultKind(StrEnum):
         "{} single samples stand out where there are no marks",
         "keep the signal wires away from motors and relays; shield and earth them",
     )
+    SATURATED = (
+        "saturated signal",
+        "{:.1f} % of the samples of {} of {} whiskers stand still at an end of the range; depths there are wrong",
+        "lower the gain, or the preload",
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -217,14 +222,14 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     if (checked := _check_signals(scan, limits)) is None:
         return ()
     if any(f.whisker is None for f in checked.faults):
-        return checked.faults
-    scan, shares, level = only(scan), checked.shares, checked.level
+        return (*checked.faults, *checked.saturated)
+    scan, shares, level, saturated = checked.scan, checked.shares, checked.level, checked.saturated
     touching = np.isfinite(level) & ~checked.wrong
     dead = touching & (np.abs(level) < limits.dead_level)
     if dead.sum() > 0.5 * touching.sum() and not (level[touching] > 0.5).any() and not checked.faults:
         percent = 100.0 * float(np.median(level[touching]))
         what = "the whiskers hardly touch: {:.0f} % of the moment of land"
-        return (_fault(FaultKind.HEIGHT, percent, message=what),)
+        return (*saturated, _fault(FaultKind.HEIGHT, percent, message=what))
     # size of each whisker's fault, NaN without a fault
     noisy = np.full(level.size, np.nan)
     for stacks, least in (
@@ -259,7 +264,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         for kind, values in found.items()
         for w in np.flatnonzero(np.isfinite(values))
     )
-    return (*checked.faults, *of_whiskers, *bench)
+    return (*checked.faults, *saturated, *of_whiskers, *bench)
 
 
 def find_signal_faults(
@@ -281,33 +286,37 @@ class _CheckedSignals:
     """Signals of the first kind of whisker.
 
     Attributes:
+        scan: the first kind of whisker, with clipped samples flagged.
         columns: number of each whisker in the array.
         shares: shares of all sweeps, NaN where tips run beyond the part.
         level: (whiskers,) level of the land; NaN for a whisker that has too few samples on the part.
         wrong: (whiskers,) whether a whisker has a fault.
         faults: faults of the signals.
+        saturated: the fault that signals are clipped, if they are.
     """
 
+    scan: Scan
     columns: list[int]
     shares: list[SweepShares]
     level: Floats
     wrong: Mask
     faults: tuple[Fault, ...]
+    saturated: tuple[Fault, ...]
 
 
 def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _CheckedSignals | None:
-    """Check the signals; None without a whisker on the part."""
+    """Check the signals; None without a dragged sweep."""
     if all(s.plan.pushed for s in scan.sweeps):
         return None
     columns = np.flatnonzero(np.asarray(scan.kind) == 0).tolist()
-    scan = only(scan)
+    scan, saturated = _flag_saturated(only(scan))
     everywhere = measures.sweep_shares(scan, outside=True)
     beyond = signals.beyond_part(everywhere, least=limits.dead_level)
     shares = measures.sweep_shares(scan) if signals.knows_part(scan) else signals.without(everywhere, beyond)
     level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():
-        return None
+        return _CheckedSignals(scan, columns, shares, level, touching, (), saturated)
     present = touching & signals.above_noise(shares, level)
     clear = present & signals.is_clear(shares, level, least=limits.clear)
     usual = float(np.median(np.abs(level[present]))) if present.any() else 0.0
@@ -330,7 +339,7 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     if usual > limits.unit or (usual < limits.dead_level and 2 * clear.sum() > present.sum() > 0):
         faults.append(_fault(FaultKind.UNIT, usual))
     if faults:
-        return _CheckedSignals(columns, shares, level, touching, tuple(faults))
+        return _CheckedSignals(scan, columns, shares, level, touching, tuple(faults), saturated)
     ratio = np.abs(level) / usual
     other_unit = touching & ((ratio > limits.unit) | (clear & (ratio < limits.dead_level)))
     doubled = signals.doubled_channels(shares)
@@ -350,7 +359,24 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
         )
         if order.misfit_now > limits.misfit and order.misfit < limits.misfit_left * order.misfit_now:
             faults.append(_fault(FaultKind.EXCHANGED, order.describe(columns)))
-    return _CheckedSignals(columns, shares, level, wrong, tuple(faults))
+    return _CheckedSignals(scan, columns, shares, level, wrong, tuple(faults), saturated)
+
+
+def _flag_saturated(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
+    """Flag the clipped samples of a scan of one kind of whisker; return it and the fault, if any."""
+    masks = measures.saturated(scan)
+    clipped = np.sum([mask.sum(axis=(0, 2)) for mask in masks], axis=0)
+    if not clipped.any():
+        return scan, ()
+    bit = np.uint8(SampleFlag.SATURATED)
+    sweeps = tuple(
+        replace(sweep, flags=sweep.flags | np.where(mask, bit, np.uint8(0)))
+        for sweep, mask in zip(scan.sweeps, masks, strict=True)
+    )
+    hit = int(np.count_nonzero(clipped))
+    percent = 100.0 * float(clipped.sum()) * clipped.size / (hit * scan.n_samples)
+    fault = _fault(FaultKind.SATURATED, percent, hit, clipped.size)
+    return replace(scan, sweeps=sweeps), (fault,)
 
 
 def _others(values: Floats) -> Iterator[Floats]:
@@ -408,7 +434,7 @@ def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, fl
 
 
 def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:
-    """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part.
+    """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part; clipped ones as saturated.
 
     Args:
         scan: the recording.
@@ -427,13 +453,18 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
             for f in measures.sweep_shares(only(scan))
         }
     scan = signals.flag_beyond_part(scan, least=limits.dead_level)
-    if not whiskers and not spiked:
+    clipped = {}
+    if any(f.kind is FaultKind.SATURATED for f in faults):
+        clipped = {s.plan.direction: s.flags for s in _flag_saturated(only(scan))[0].sweeps}
+    if not whiskers and not spiked and not clipped:
         return scan
     bad, columns = np.uint8(SampleFlag.FAULTY), np.flatnonzero(np.asarray(scan.kind) == 0)
     sweeps = []
     for sweep in scan.sweeps:
         flags = sweep.flags.copy()
         flags[:, whiskers] |= bad
+        if not sweep.plan.pushed and sweep.plan.direction in clipped:
+            flags[:, columns] |= clipped[sweep.plan.direction] & np.uint8(SampleFlag.SATURATED)
         if not sweep.plan.pushed and sweep.plan.direction in spiked:
             flags[:, columns] |= np.where(spiked[sweep.plan.direction], bad, np.uint8(0))
         sweeps.append(replace(sweep, flags=flags))

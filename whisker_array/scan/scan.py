@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
 from glyphs.surface.display import OneLine
@@ -14,6 +15,7 @@ from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.mounting import VirtualBench, mount
 from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.sweep import Sweep
+from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import Touch
 
@@ -169,3 +171,13 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         kind=(),
         log=None,
     )
+
+
+def positions_mm(scan: Scan, flag: SampleFlag) -> NDArray[np.float64]:
+    """(n, 2) plate x, y of the samples with a flag."""
+    found = [np.empty((0, 2))]
+    for sweep in scan.sweeps:
+        run, whisker, sample = np.nonzero(sweep.flags & np.uint8(flag))
+        pair = (sweep.plan.position_mm()[sample], sweep.plan.line_mm[run, whisker])
+        found.append(np.column_stack(pair if sweep.plan.direction.along_x else pair[::-1]))
+    return np.concatenate(found)

@@ -19,7 +19,7 @@ class Fidelity(StrEnum):
 
 
 class SampleFlag(IntFlag):
-    """Faults of one sample; 0 is a good sample. Flagged moments are never used as measurements."""
+    """Faults of one sample; 0 is a good sample. Only saturated moments are used in spite of their flag."""
 
     CONTACT_LOST = 1
     JAMMED = 2
@@ -28,6 +28,7 @@ class SampleFlag(IntFlag):
     DROPOUT = 16
     NOT_CONVERGED = 32
     FAULTY = 64
+    SATURATED = 128
 
     def describe(self) -> str:
         """Describe the flags that are set."""
@@ -42,6 +43,7 @@ _MESSAGES = {
     SampleFlag.DROPOUT: "the height there is a dropout, filled from its surroundings",
     SampleFlag.NOT_CONVERGED: "the contact solver did not converge",
     SampleFlag.FAULTY: "the whisker or its wiring is faulty there (see its fault)",
+    SampleFlag.SATURATED: "the signal stands still at the end of its range (lower the gain or the preload)",
 }
 
 

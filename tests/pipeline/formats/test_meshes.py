@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
 
 from glyphs import stamp
 from glyphs.errors import FileError
@@ -71,6 +73,47 @@ def test_off_a_grid_triangles_are_resampled(joined: bool, tmp_path: Path) -> Non
     # half a sample aside on a wall of 45 degrees makes 0.035 mm, twice that for one corner of a triangle
     assert np.percentile(np.abs(found.z_mm[v, u] - nearest), 99.9) < 2.0 * 0.7 * PART.pitch_mm
     assert len(v) == pytest.approx(ROWS * COLS * (PART.pitch_mm / found.pitch_mm) ** 2, rel=0.02)
+
+
+def turned_by(deg: float, axis: tuple[float, float, float]) -> NDArray[np.float64]:
+    """(3, 3) rotation about an axis."""
+    return Rotation.from_rotvec(np.radians(deg) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [
+        turned_by(45.0, (1.0, 0.0, 0.0)),
+        turned_by(-60.0, (0.3, 1.0, 0.0)),
+        # y up, as 3D programs export it
+        turned_by(-90.0, (1.0, 0.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("name", ["a.stl", "a.ply"])
+def test_a_tilted_plate_is_seen_along_its_normal(
+    turn: NDArray[np.float64], name: str, tmp_path: Path
+) -> None:
+    at = points() @ turn.T
+    (mesh(at) if name == "a.stl" else trimesh.PointCloud(at)).export(tmp_path / name)
+    found = read_height_map(tmp_path / name)
+    # neither mirrored nor turned over: the marks are where they were, and as deep
+    row, col = np.indices(found.shape) * found.pitch_mm / PART.pitch_mm
+    there = ndimage.map_coordinates(PART.z_mm, (row, col), order=1, mode="nearest")
+    known = np.isfinite(found.z_mm)
+    assert known.mean() > 0.97
+    plane = np.stack([np.ones(row.shape), row, col], axis=-1)[known]
+    off = (found.z_mm - there)[known]
+    off -= plane @ np.linalg.lstsq(plane, off, rcond=None)[0]
+    # a third of a sample aside on the walls
+    assert np.sqrt(np.mean(off**2)) < 0.02
+    assert abs(np.median(off[there[known] < np.percentile(there, 3)])) < 2e-3
+
+
+def test_a_block_keeps_its_axes(tmp_path: Path) -> None:
+    """A body as thick as it is wide has no plate to turn: z is up, as the file has it."""
+    body = trimesh.creation.box((30.0, 12.0, 20.0))
+    body.export(tmp_path / "block.stl")
+    assert read_height_map(tmp_path / "block.stl").size_mm == pytest.approx((30.0, 12.0), abs=0.2)
 
 
 def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:

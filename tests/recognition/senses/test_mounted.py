@@ -1,0 +1,87 @@
+"""Parts that were measured askew, with gaps, or with a signal that is clipped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.maps import HeightMap
+from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decision.depth_rules import least_depth
+from recognition.decision.reading import Reading
+from recognition.marks.no_depth import NoDepth
+from recognition.reader import Reader
+from tests.support.bench_faults import recorded
+from tests.support.felt import felt
+from tests.support.tilted import tilted
+from whisker_array.scan.scan import Scan
+from whisker_array.simulation.traces import Fidelity
+
+Make = Callable[..., StampedPart]
+READER = Reader(fonts=["gothic"], format="A9A99", depth_rules=(least_depth(0.1),))
+
+
+@pytest.fixture(scope="module")
+def part(make_part: Make) -> StampedPart:
+    return make_part("K7B29", calm=True, pitch_mm=0.1)
+
+
+def depths(reading: Reading) -> list[float]:
+    return [c.depth.mean_mm for c in reading.characters if c.depth is not None]
+
+
+@pytest.mark.parametrize(("deg", "azimuth_deg"), [(30.0, 0.0), (45.0, 60.0)])
+def test_depths_of_a_tilted_part_are_those_of_a_level_one(
+    part: StampedPart, deg: float, azimuth_deg: float
+) -> None:
+    level = READER.read(part.height_map)
+    seen, _ = tilted(part.height_map, deg, azimuth_deg)
+    reading = READER.read(seen)
+    assert (reading.text, reading.decision) == ("K7B29", Decision.ACCEPT)
+    assert reading.height_mm == pytest.approx(level.height_mm, rel=0.02)
+    assert depths(reading) == pytest.approx(depths(level), abs=0.006)
+
+
+@pytest.mark.parametrize("pitch_mm", [0.05, 0.125])
+def test_a_part_with_single_samples_missing_is_read(make_part: Make, pitch_mm: float) -> None:
+    whole = make_part("K7B29", calm=True, pitch_mm=pitch_mm).height_map
+    gone = np.random.default_rng(0).random(whole.shape) < 0.25
+    reading = READER.read(HeightMap(np.where(gone, np.nan, whole.z_mm), pitch_mm))
+    assert (reading.text, reading.decision) == ("K7B29", Decision.ACCEPT)
+    assert not reading.flags & ReadingFlag.DROPOUTS
+    (note,) = reading.notes
+    assert note.startswith(("24.", "25."))
+    assert "filled from their neighbours" in note
+    assert depths(reading) == pytest.approx(depths(READER.read(whole)), abs=0.01)
+    assert READER.read(whole).notes == ()
+
+
+def clipped(scan: Scan, most: float) -> Scan:
+    """A recording of a converter whose range ends at a share of the land's moment."""
+    end = most * abs(scan.touch.land_moment_n_mm())
+    sweeps = (
+        replace(s, moment_n_mm=np.clip(s.moment_n_mm, -end, end), air_n_mm=np.clip(s.air_n_mm, -end, end))
+        for s in scan.sweeps
+    )
+    return replace(scan, sweeps=tuple(sweeps))
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_clipped_recording_is_named_and_has_no_depth(part: StampedPart, noisy: bool) -> None:
+    scan = felt(part.height_map, fidelity=Fidelity.POINTWISE)
+    scan = recorded(scan, rng=np.random.default_rng(0)) if noisy else scan
+    sound = READER.read(scan)
+    assert len(depths(sound)) == 5
+    assert not sound.flags & ReadingFlag.BENCH_FAULTY
+    # between the land and the floors of the marks
+    reading = READER.read(clipped(scan, 0.92))
+    assert reading.text == "K7B29"
+    assert [c.no_depth for c in reading.characters] == [NoDepth.SATURATED] * 5
+    assert reading.decision is Decision.REVIEW
+    assert any(text.startswith("saturated signal: ") for text in reading.messages())
+    assert any("(lower the gain, scan it again)" in text for text in reading.messages())
+    assert not reading.flags & ReadingFlag.TOO_SHALLOW

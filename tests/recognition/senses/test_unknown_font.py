@@ -1,0 +1,83 @@
+"""Depths and grades if no font is named, or a wrong one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+from glyphs.fonts.outlines import load_font
+from glyphs.part import stamp
+from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decision.depth_rules import depth_rule
+from recognition.marks.no_depth import NoDepth
+from recognition.reader import Reader
+from tests.benchmarks.depth_unnamed import true_depths
+
+DEJAVU = Path(matplotlib.get_data_path(), "fonts", "ttf")
+PART = {"height_mm": 5.0, "depth_mm": 0.16, "pitch_mm": 0.06}
+FIREARMS = depth_rule("27CFR478.92")
+
+
+@pytest.fixture(scope="module")
+def reader() -> Reader:
+    return Reader(format="AA9999", depth_rules=(FIREARMS,))
+
+
+@pytest.mark.parametrize("dirt", [0.0, 0.5])
+@pytest.mark.parametrize(
+    "font", ["gothic", "timesrb", DEJAVU / "DejaVuSans-Bold.ttf", DEJAVU / "DejaVuSerif.ttf"]
+)
+def test_without_a_named_font_a_depth_is_true_or_not_measured(
+    font: str | Path, dirt: float, reader: Reader
+) -> None:
+    loaded = load_font(font)
+    for seed in range(2):
+        part = stamp(format="AA9999", font=loaded, dirt=dirt, seed=(71, seed), **PART)
+        reading = reader.read(part.height_map, soil=part.soil)
+        assert reading.text == part.text
+        for c, truth in zip(reading.characters, true_depths(part, loaded), strict=True):
+            assert truth is not None
+            assert (c.depth is None) == (c.no_depth is not None)
+            if c.depth is not None:
+                assert c.depth.mean_mm == pytest.approx(truth.mean_mm, abs=0.02)
+                assert c.depth.min_mm == pytest.approx(truth.min_mm, abs=0.02)
+        # nothing is too shallow for the rule; what was not measured is said
+        assert not reading.flags & ReadingFlag.TOO_SHALLOW
+        unknown = any(c.depth is None for c in reading.characters)
+        assert bool(reading.flags & ReadingFlag.DEPTH_UNKNOWN) is unknown
+        assert any("(name the font)" in text for text in reading.messages()) is unknown
+
+
+def test_most_depths_of_a_stand_in_are_measured_without_a_name(reader: Reader) -> None:
+    part = stamp(format="AA9999", font="gothic", seed=(72, 0), **PART)
+    reading = reader.read(part.height_map)
+    assert sum(c.depth is not None for c in reading.characters) >= 5
+    assert reading.font == "gothic"
+
+
+@pytest.mark.parametrize(("named", "font"), [("timesr", "gothic"), ("gothic", "timesr")])
+def test_a_wrong_font_is_said_and_measured_along_the_strokes_that_are_there(named: str, font: str) -> None:
+    part = stamp(format="AA9999", font=font, seed=(9, 0), **PART)
+    reading = Reader(fonts=[named], format="AA9999").read(part.height_map)
+    assert reading.text == part.text
+    assert (reading.decision, reading.font) == (Decision.REVIEW, "")
+    assert f"the font {named} does not fit the marks (name the right font, or none)" in reading.messages()
+    # no grade, and no depth, from strokes that are not there
+    assert all(c.grade is None for c in reading.characters)
+    for c, truth in zip(reading.characters, true_depths(part, load_font(font)), strict=True):
+        assert truth is not None
+        assert c.no_depth is NoDepth.FONT or (
+            c.depth is not None and c.depth.min_mm == pytest.approx(truth.min_mm, abs=0.02)
+        )
+
+
+@pytest.mark.parametrize("font", ["gothic", "timesr"])
+@pytest.mark.parametrize("dirt", [0.0, 0.5])
+def test_the_right_font_fits(font: str, dirt: float) -> None:
+    part = stamp(format="AA9999", font=font, dirt=dirt, seed=(73, 0), **PART)
+    reading = Reader(fonts=[font], format="AA9999").read(part.height_map, soil=part.soil)
+    assert not reading.flags & ReadingFlag.FOREIGN_SHAPES
+    assert reading.font == font
+    assert all(c.grade is not None and c.depth is not None for c in reading.characters)
