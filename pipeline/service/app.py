@@ -56,9 +56,10 @@ KEYS_KEPT_DAYS = 7.0
 
 
 class Input(Protocol):
-    """Bring parts to the intake; `title` is its name in the log."""
+    """Bring parts to the intake; `title` is its name in the log, `trouble` says why it brings none."""
 
     title: str
+    trouble: str
 
     async def start(self) -> dict[str, object]:
         """Start; return its address or folder for the log. Raise OSError for an address that is not available."""
@@ -108,6 +109,11 @@ class Ports:
             self._inputs["watch"] = WatchedFolder(
                 settings.watch, intake, most_bytes=settings.limits.upload_bytes, at_once=settings.jobs
             )
+
+    @property
+    def trouble(self) -> str:
+        """Why an input brings no parts, in words; empty without a fault."""
+        return "; ".join(one.trouble for one in self._inputs.values() if one.trouble)
 
     def connections(self) -> tuple[Connection, ...]:
         """The present connections.
@@ -237,7 +243,7 @@ class Service:
             self.evidence.check_room()
         except FileError as error:
             return f"a file {error.what}; {error.hint}"
-        trouble = intake.stage.thread.trouble or intake.camera.thread.trouble
+        trouble = intake.stage.thread.trouble or intake.camera.thread.trouble or self.ports.trouble
         trouble = trouble or intake.calls.trouble("") or intake.calls.trouble(self.settings.watch.job)
         return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
 
@@ -304,6 +310,10 @@ class Service:
         if not self.settings.shadow:  # in shadow mode nothing is decided, so there are no rates
             look = partial(asyncio.to_thread, self.look_for_alerts)
             works.append(repeat("look for alerts", look, every_s=LOOK_FOR_ALERTS_S))
+        try:  # before any call begins
+            await self.intake.touching.begin()
+        except StoreError as error:  # their own time limits end their wait
+            log.error("store", why=str(error))
         beside = [asyncio.create_task(work) for work in works]
         try:
             async with self.ports.opened():

@@ -20,7 +20,7 @@ from pipeline.errors import FaultError, OwnFileError
 from pipeline.reading.part_orders import PartOrder, check_settings, read_on_stage, read_order
 from pipeline.reading.triage import ReadPart
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.web.problem import OwnProblem, Problem, busy
+from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, busy
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
@@ -177,7 +177,7 @@ class WorkerCalls:
             self._lost.clear()
             if isinstance(error, OwnFileError):
                 raise OwnProblem(str(error)) from error
-            raise Problem(500 if isinstance(error, FaultError) else 422, str(error)) from error
+            raise UnreadableProblem(500 if isinstance(error, FaultError) else 422, str(error)) from error
         self._lost.clear()
         return done
 
@@ -200,8 +200,8 @@ def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
     """The answer after lost workers; it does not blame the part, because a limit or this program may be the cause."""
     later = {"Retry-After": "60"}
     if error.timed_out:
-        return Problem(503, f"{error}; send it again later, or a smaller file", headers=later)
-    if error.crashed and lost > 1:
+        return UnreadableProblem(503, f"{error}; send it again later, or a smaller file", headers=later)
+    if lost > 1:
         detail = f"it has ended {lost} workers, the last so: {error}; if it happens again, report it"
-        return Problem(503, detail, headers=later)
+        return UnreadableProblem(503, detail, headers=later)
     return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})

@@ -72,7 +72,6 @@ class Store(Database):
 
     # parts that wait for touch
     waiting_for_touch = _reads(_parts.waiting_for_touch)
-    ask_for_touch = _writes(_parts.ask_for_touch)
     give_up_touch = _writes(_parts.give_up_touch)
 
     # requests that are sent again

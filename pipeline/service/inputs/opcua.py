@@ -73,6 +73,7 @@ class OpcUaPort:
     """
 
     title = "OPC UA server"
+    trouble = ""
 
     def __init__(self, settings: OpcUaSettings, trigger: Trigger, *, connections: int = 16) -> None:
         """Make the server; nothing is opened yet.

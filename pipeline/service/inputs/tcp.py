@@ -169,6 +169,7 @@ class TcpPort:
     """
 
     title = "TCP trigger port"
+    trouble = ""
 
     def __init__(self, settings: TcpSettings, trigger: Trigger, *, limits: TcpLimits | None = None) -> None:
         """Make the port; nothing is opened yet.

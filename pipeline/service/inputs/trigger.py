@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from enum import StrEnum
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from glyphs.plain_text import is_hidden, visible
 from pipeline.common.reading_records import ReadingRecord
@@ -22,8 +22,17 @@ _MOST_KINDS = 1000
 """Maximum number of kinds that are remembered: callers may invent addresses."""
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
-Trigger = Callable[[str, str], Awaitable[PartRecord]]
-"""Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
+ANSWER_S = 120.0
+"""Time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt."""
+
+
+class Trigger(Protocol):
+    """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
+
+    def __call__(
+        self, name: str, job: str, *, expected: str = "", within_s: float = ANSWER_S
+    ) -> Awaitable[PartRecord]:
+        """Trigger; `expected` is the text that it should read, `within_s` the time that the caller waits, s."""
 
 
 class SparingLog(logging.Handler):
