@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -36,6 +36,7 @@ from pipeline.store.store import Store
 from pipeline.workers.pool import WorkPool
 
 if TYPE_CHECKING:
+    from pipeline.common.records import PartRecord
     from pipeline.common.settings import ReadSettings
     from pipeline.service.settings import ServiceSettings
 
@@ -93,16 +94,17 @@ class Ports:
         intake.targets = () if settings.shadow else tuple(senders)
         self._dispatcher = Dispatcher(intake.store, senders)
         self._inputs: dict[str, Input] = {}
+        self._on_review: Callable[[PartRecord], Coroutine[None, None, None]] | None = None
         self._open: list[Connection] = []
         if settings.tcp.port is not None:
             from pipeline.service.inputs.tcp import TcpPort
 
-            self._inputs["tcp"] = TcpPort(settings.tcp, intake.trigger)
+            self._inputs["tcp"] = TcpPort(settings.tcp, intake)
         if settings.opcua.port is not None:
             from pipeline.service.inputs.opcua import OpcUaPort
 
-            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake.trigger)
-            intake.on_part = opcua.show
+            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake)
+            intake.on_part, self._on_review = opcua.show, opcua.tell
         if settings.watch.folder is not None:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
@@ -135,9 +137,11 @@ class Ports:
         """
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
-            # threads add results as well
-            wake = partial(asyncio.get_running_loop().call_soon_threadsafe, self._dispatcher.wake)
-            self._intake.on_result = wake
+            # threads add results and reviews as well
+            loop, on_review = asyncio.get_running_loop(), self._on_review
+            self._intake.on_result = partial(loop.call_soon_threadsafe, self._dispatcher.wake)
+            if on_review is not None:
+                self._intake.on_review = lambda part: asyncio.run_coroutine_threadsafe(on_review(part), loop)
             stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
             for key, one in self._inputs.items():
                 place = await one.start()

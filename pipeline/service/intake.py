@@ -32,7 +32,7 @@ from weakref import WeakValueDictionary
 
 import structlog
 
-from pipeline.common.part_id import new_part_id
+from pipeline.common.part_id import is_part_id, new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.common.records import (
@@ -118,6 +118,7 @@ class Intake:
     Attributes:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
+        on_review: called with every part that a person has decided, in any thread.
         draining: the service is stopping and accepts no more parts.
         policy: rules for review by people.
         targets: targets of results: webhook, mqtt; none in shadow mode.
@@ -156,6 +157,7 @@ class Intake:
         self._announcing: set[asyncio.Future[None]] = set()
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
+        self.on_review: Callable[[PartRecord], object] = lambda _: None
         self.draining = False
 
     # ---------------------------------------------------------------------------------------------------- receive
@@ -288,7 +290,7 @@ class Intake:
         new = NewPart(name=name, expected=expected, job=job, touch=Touch.STAGE)
         with self.work_folder() as folder:
             try:
-                taken = await self.camera.take(name, folder, known=self.store.known_keys)
+                taken = await self.camera.take(new.name, folder, known=self.store.known_keys)
             except OSError as error:
                 raise OwnProblem(
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
@@ -301,6 +303,25 @@ class Intake:
                 keep_unreadable=True,
             )
         return received.part
+
+    async def release(self, part: str, *, within_s: float = math.inf) -> PartRecord:
+        """Have a part felt that lies under the whiskers, as in `touch`.
+
+        Args:
+            part: its id, or the name of the latest one.
+            within_s: seconds that the caller waits.
+        """
+        until_s = time.monotonic() + within_s
+        return await self.touch((await self.look_up(part)).id, until_s=until_s)
+
+    async def look_up(self, part: str) -> PartRecord:
+        """The part with an id, or the latest one with a name.
+
+        Raises:
+            NotFoundError: there is none.
+        """
+        find = self.store.part if is_part_id(part) else self.store.latest_named
+        return await asyncio.to_thread(find, part)
 
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
@@ -501,6 +522,7 @@ class Intake:
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
+            self.on_review(part)
         return part
 
     def undo_review(self, part_id: str, person: Person) -> PartRecord:

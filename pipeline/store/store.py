@@ -90,6 +90,7 @@ class Store(Database):
 
     # lists of parts, and numbers about them
     parts = _reads(lists.find_parts)
+    latest_named = _reads(lists.latest_named)
     queue = _reads(lists.queue)
     queue_length = _reads(lists.queue_length)
     next_in_queue = _reads(lists.next_in_queue)

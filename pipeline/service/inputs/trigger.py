@@ -26,13 +26,22 @@ ANSWER_S = 120.0
 """Time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt."""
 
 
-class Trigger(Protocol):
-    """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
+class LineCalls(Protocol):
+    """Calls of controllers; each raises what `problem_of` turns into an answer."""
 
-    def __call__(
-        self, name: str, job: str, *, expected: str = "", within_s: float = ANSWER_S
+    def trigger(
+        self, name: str, job: str = "", *, expected: str = "", within_s: float = ANSWER_S
     ) -> Awaitable[PartRecord]:
-        """Trigger; `expected` is the text that it should read, `within_s` the time that the caller waits, s."""
+        """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored.
+
+        `expected` is the text that it should read, `within_s` the time that the caller waits, s.
+        """
+
+    def release(self, part: str, *, within_s: float = ANSWER_S) -> Awaitable[PartRecord]:
+        """Have a part felt that lies under the whiskers, by its id or name."""
+
+    def look_up(self, part: str) -> Awaitable[PartRecord]:
+        """The part with an id, or the latest of a name, as it stands."""
 
 
 class SparingLog(logging.Handler):

@@ -324,8 +324,10 @@ def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_u
         assert nest.felt == []
         page = served[1].get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
         assert "the air pressure is low" in page
+        assert f'action="../parts/{part["id"]}/touch"' in page
         # a person has put it back, and says so
-        released = served[1].post(f"/v1/parts/{part['id']}/touch").json()
+        assert served[1].post(f"/parts/{part['id']}/touch", follow_redirects=True).status_code == 200
+        released = served[1].get(f"/v1/parts/{part['id']}").json()
         assert (released["state"], released["text"], released["not_felt"]) == ("accepted", "KX407251", "")
         assert nest.felt == ["P17"]
         assert served[1].post(f"/v1/parts/{part['id']}/touch").status_code == 409
