@@ -90,7 +90,7 @@ class Ports:
         if settings.mqtt.url:
             from pipeline.service.outputs.mqtt import MqttSender
 
-            senders["mqtt"] = MqttSender(settings.mqtt)
+            senders["mqtt"] = MqttSender(settings.mqtt, intake)
         intake.targets = () if settings.shadow else tuple(senders)
         self._dispatcher = Dispatcher(intake.store, senders)
         self._inputs: dict[str, Input] = {}

@@ -239,6 +239,11 @@ class MqttSettings(Settings):
     """Broker to publish results to, mqtt://host:1883 or mqtts://user:password@host:8883."""
     prefix: Annotated[str, AfterValidator(_topic)] = "tactile-marks"
     """First level of the topics."""
+    payload: Literal["full", "short"] = "full"
+    """Content of a result: the whole record of the part, or its id, name, state, decision, text, candidate, confidence
+    and source."""
+    triggers: bool = False
+    """Take triggers and releases, which whoever may write to the topics PREFIX/trigger and PREFIX/touch can send."""
 
 
 class WebhookSettings(Settings):

@@ -112,7 +112,8 @@ def write_part(
     Raises:
         ConflictError: it is not new.
     """
-    record = json_text(to_json(replace(part, changed_at=tx.now)))
+    content = to_json(replace(part, changed_at=tx.now))
+    record = json_text(content)
     part = from_json(PartRecord, record)
     row = {**search_columns(part), **figures, "record": record}
     if not new:
@@ -120,7 +121,11 @@ def write_part(
     elif not tx.insert_if_new(parts, row):
         raise ConflictError(f"there is a part {part.id} already", hint="take a new id")
     add_events(tx, part.id, happened)
-    put_in_outbox(tx, part.id, targets if part.shadow is None else (), record)
+    payload = record
+    if part.state is PartState.REVIEW and targets:
+        # a text that awaits a person must not be taken for the serial
+        payload = json_text({**content, "text": "", "candidate": part.text})
+    put_in_outbox(tx, part.id, targets if part.shadow is None else (), payload)
     return part
 
 

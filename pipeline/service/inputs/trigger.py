@@ -98,6 +98,21 @@ def decision_of(part: PartRecord) -> LineDecision:
     return LineDecision.REJECT if rejected else LineDecision.REVIEW
 
 
+def short_result(part: PartRecord) -> dict[str, str | float]:
+    """The few fields of a part that a controller needs; a text that awaits a person is only a candidate."""
+    reading, in_review = part.reading or NO_READING, part.state is PartState.REVIEW
+    return {
+        "id": part.id,
+        "name": part.name,
+        "state": part.state.value,
+        "decision": decision_of(part).value,
+        "text": "" if in_review else part.text,
+        "candidate": part.text if in_review else "",
+        "confidence": reading.confidence,
+        "source": reading.source,
+    }
+
+
 def in_words(error: BaseException) -> str:
     """Error message for the caller: one short line without control characters."""
     plain = "".join(" " if is_hidden(char) else char for char in problem_of(error).detail)

@@ -1,8 +1,12 @@
 """Publish results over MQTT; a result counts as delivered when the broker has accepted it (QoS 1).
 
-{prefix}/parts/{part id}/result     the part as JSON, with the delivery's number; not retained
+{prefix}/parts/{part id}/result     the part as JSON, whole or short, with the delivery's number; not retained
 {prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
+{prefix}/trigger, {prefix}/touch    taken, if the settings say so: {"name": "P17", "job": "left", "expected": "KX4"}
+                                    and {"part": "P17"}, a name or an id; or only the name as text
+{prefix}/answer                     the short result of such a call, or {"error": ...}; a call with a response topic
+                                    is answered there, with its correlation data
 
 * A delivery has arrived when the broker has accepted it; one that it refuses (no right to the topic, too large) stays
   in the outbox. Only with MQTT 5 does a broker say that it refuses: older ones acknowledge what they drop.
@@ -10,6 +14,7 @@
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
 * paho's network thread calls back; everything here happens in the event loop.
 * There is one connection at a time, made anew when it is next needed: for a result, or the next `ping`.
+* A call that comes while there is no connection is lost, and a retained one is ignored: it would be late.
 * Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
   after another one has published "offline".
 """
@@ -18,25 +23,38 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import logging
 import re
 import secrets
 import socket
 import ssl
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
-from pipeline.common.records import Delivery
+from glyphs.plain_text import is_hidden
+from pipeline.common.reading_records import from_json
+from pipeline.common.records import Delivery, PartRecord
+from pipeline.service.inputs.trigger import ANSWER_S, in_words, short_result
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
+from pipeline.service.tasks import end_tasks
+from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
+    from pipeline.service.inputs.trigger import LineCalls
     from pipeline.service.settings import MqttSettings
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 QOS = 1
+_CALLS = ("trigger", "touch")
+MOST_CALLS = 16
+"""Maximum number of calls in progress."""
+_MOST_CALL_BYTES = 2000
+_FIELDS = {"name", "part", "job", "expected"}
 KEEPALIVE_S = 30
 """Keepalive interval, s; a silent broker is noticed after one and a half of it."""
 LEAVE_S = 2.0
@@ -61,10 +79,13 @@ def topic_level(name: str) -> str:
 class MqttSender:
     """Publishes deliveries to a broker; connects again after a loss."""
 
-    def __init__(self, settings: MqttSettings, *, timeout_s: float = 10.0) -> None:
+    def __init__(
+        self, settings: MqttSettings, calls: LineCalls | None = None, *, timeout_s: float = 10.0
+    ) -> None:
         """Make the sender; nothing is connected yet.
 
         Args:
+            calls: triggers and releases parts, if the settings say so.
             settings: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked by
                 the system's authorities, or those of the file SSL_CERT_FILE), and the prefix of the topics.
             timeout_s: timeout for connecting, and for one acknowledgement.
@@ -81,6 +102,8 @@ class MqttSender:
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
         self._closed, self._online_s = False, 0.0
+        self._calls = calls if settings.triggers else None
+        self._calling: set[asyncio.Task[None]] = set()
 
     async def ping(self) -> bool:
         """Connect and stay connected, so that the status is online although there is nothing to publish.
@@ -101,6 +124,8 @@ class MqttSender:
         try:
             alert = delivery.payload.get("alert")
             about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
+            if alert is None and self._settings.payload == "short":
+                delivery = replace(delivery, payload=_short(delivery.payload))
             await connection.publish(f"{self._prefix}/{about}", body_of(delivery), retain=alert is not None)
         except DeliveryError as error:
             if error.away:
@@ -110,6 +135,7 @@ class MqttSender:
     async def close(self) -> None:
         """Publish the status offline, and disconnect."""
         self._closed = True
+        await end_tasks(self._calling)
         async with self._connecting:
             connection, self._connection = self._connection, None
             if connection is not None:
@@ -134,6 +160,8 @@ class MqttSender:
                 will = (self._status, OFFLINE)
                 connection = MqttConnection(self._settings, will=will, timeout_s=self._timeout_s)
                 await connection.open()
+                if self._calls is not None:
+                    connection.subscribe([f"{self._prefix}/{call}" for call in _CALLS], self._take_call)
             elif time.monotonic() - self._online_s < ONLINE_EVERY_S:
                 return connection
             try:
@@ -147,6 +175,70 @@ class MqttSender:
                     _log.warning("the MQTT status is not set: %s", error)
             self._connection, self._online_s = connection, time.monotonic()
             return connection
+
+    def _take_call(self, message: Any) -> None:
+        if message.retain or self._closed:
+            _log.warning("a retained call of MQTT was ignored: %s", message.topic)
+            return
+        answering = asyncio.create_task(self._answer_call(message, busy=len(self._calling) >= MOST_CALLS))
+        self._calling.add(answering)
+        answering.add_done_callback(self._calling.discard)
+
+    async def _answer_call(self, message: Any, *, busy: bool) -> None:
+        """Carry out a trigger or a release, and publish its answer."""
+        answer: dict[str, Any] = {}
+        try:
+            answer = {"call": message.topic.rpartition("/")[2], **_call_of(message.payload)}
+            if busy:
+                raise Problem(503, f"{MOST_CALLS} calls are in progress; wait for their answers")
+            calling = asyncio.ensure_future(self._carry_out(answer))
+            # the part is read to its end though nobody waits: it may already be counted on elsewhere
+            done, _ = await asyncio.wait({calling}, timeout=ANSWER_S)
+            if not done:
+                raise Problem(503, "no result in time; the part is still being read")
+            answer |= short_result(calling.result())
+        except Exception as error:
+            answer["error"] = in_words(error)
+        properties = getattr(message, "properties", None)
+        topic = getattr(properties, "ResponseTopic", None) or f"{self._prefix}/answer"
+        body = json.dumps(answer, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
+        with contextlib.suppress(DeliveryError, ValueError):  # the result is in the outbox
+            connection = await self._connect()
+            await connection.publish(topic, body, correlation=getattr(properties, "CorrelationData", None))
+
+    def _carry_out(self, call: Mapping[str, str]) -> Awaitable[PartRecord]:
+        assert self._calls is not None
+        name, expected = call.get("name", ""), call.get("expected", "")
+        if call["call"] == "touch":
+            return self._calls.release(call.get("part", name), within_s=ANSWER_S)
+        return self._calls.trigger(name, call.get("job", ""), expected=expected, within_s=ANSWER_S)
+
+
+def _call_of(payload: bytes) -> dict[str, str]:
+    """The fields of a call.
+
+    Raises:
+        Problem: it is neither text nor such an object of JSON.
+    """
+    if len(payload) > _MOST_CALL_BYTES:
+        raise Problem(413, f"a call has at most {_MOST_CALL_BYTES} bytes")
+    try:
+        text = payload.decode("utf-8").strip("\0\r\n ")
+        content: dict[str, str] = json.loads(text) if text.startswith("{") else {"name": text}
+    except ValueError as error:
+        raise Problem(422, 'a call is a name, or JSON such as {"name": "P17"}') from error
+    if not content.keys() <= _FIELDS or not all(isinstance(value, str) for value in content.values()):
+        raise Problem(422, "a call has the fields name, part, job and expected, with texts")
+    if any(is_hidden(char) for value in content.values() for char in value):
+        raise Problem(422, "a call has no control characters")
+    return content
+
+
+def _short(payload: Mapping[str, Any]) -> dict[str, Any]:
+    """The short result of a part's whole record."""
+    known = {field.name for field in fields(PartRecord)}
+    part = from_json(PartRecord, {name: value for name, value in payload.items() if name in known})
+    return short_result(replace(part, text=part.text or payload.get("candidate", "")))
 
 
 class MqttConnection:
@@ -218,8 +310,15 @@ class MqttConnection:
             hint = "it has to speak MQTT 5" if code.value == _UNSUPPORTED_VERSION else ""
             raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
 
-    async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
-        """Publish and wait for the acknowledgement.
+    def subscribe(self, topics: Sequence[str], take: Callable[[Any], None]) -> None:
+        """Subscribe to topics; `take` is called in the event loop with every message."""
+        self._client.on_message = lambda _c, _d, message: self._in_loop(take, message)
+        self._client.subscribe([(topic, QOS) for topic in topics])
+
+    async def publish(
+        self, topic: str, payload: bytes, *, retain: bool = False, correlation: bytes | None = None
+    ) -> None:
+        """Publish and wait for the acknowledgement; an answer has the correlation data of its call.
 
         Raises:
             DeliveryError: the broker is gone, has acknowledged nothing in time, or refuses the message.
@@ -229,7 +328,14 @@ class MqttConnection:
             what = f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be"
             raise DeliveryError(what, hint=_TOO_LONG)
         acknowledged: asyncio.Future[Any] = self._loop.create_future()
-        sent = self._client.publish(topic, payload, QOS, retain)
+        properties = None
+        if correlation is not None:
+            from paho.mqtt.packettypes import PacketTypes
+            from paho.mqtt.properties import Properties
+
+            properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
+            properties.CorrelationData = correlation
+        sent = self._client.publish(topic, payload, QOS, retain, properties)
         self._pending[sent.mid] = (acknowledged, n_bytes)
         try:
             code = await self._first(acknowledged)
