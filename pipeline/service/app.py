@@ -88,9 +88,10 @@ class Ports:
 
             senders["webhook"] = WebhookSender(settings.webhook)
         if settings.mqtt.url:
+            from pipeline.service.inputs.mqtt_calls import MqttCalls
             from pipeline.service.outputs.mqtt import MqttSender
 
-            senders["mqtt"] = MqttSender(settings.mqtt, intake)
+            senders["mqtt"] = MqttSender(settings.mqtt, MqttCalls(intake).answer)
         intake.targets = () if settings.shadow else tuple(senders)
         self._dispatcher = Dispatcher(intake.store, senders)
         self._inputs: dict[str, Input] = {}

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden
+from pipeline.common.line_decision import NO_READING, LineDecision, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.opcua_server import (
@@ -44,14 +45,7 @@ from pipeline.service.inputs.opcua_server import (
     ua,
     variant,
 )
-from pipeline.service.inputs.trigger import (
-    ANSWER_S,
-    NO_READING,
-    LineCalls,
-    LineDecision,
-    decision_of,
-    in_words,
-)
+from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import problem_of
 

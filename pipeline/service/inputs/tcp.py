@@ -36,17 +36,11 @@ from urllib.parse import unquote
 
 from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden
+from pipeline.common.line_decision import NO_READING, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.inputs.trigger import (
-    NO_READING,
-    LineCalls,
-    SparingLog,
-    decision_of,
-    in_words,
-    one_of_the_busiest,
-)
+from pipeline.service.inputs.trigger import LineCalls, SparingLog, in_words, one_of_the_busiest
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
 

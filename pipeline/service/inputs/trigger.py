@@ -1,4 +1,4 @@
-"""Common code of the ports at the line: triggers, decisions in one word, and error messages."""
+"""Common code of the ports at the line: calls and error messages."""
 
 from __future__ import annotations
 
@@ -6,15 +6,12 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
-from enum import StrEnum
 from typing import Protocol, TypeVar
 
 from glyphs.plain_text import is_hidden, visible
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import PartRecord, PartState
+from pipeline.common.records import PartRecord
 from pipeline.service.web.problem import problem_of
 
-NO_READING = ReadingRecord("", "", "", 0.0)
 _MOST_WORDS = 200
 LOG_EVERY_S = 10.0
 """Seconds between two lines of the log of one kind."""
@@ -67,50 +64,6 @@ class SparingLog(logging.Handler):
             self._last_s.clear()
         self._last_s[kind] = now
         _log.warning("%s: %s", self._port, visible(message[:300]))
-
-
-class LineDecision(StrEnum):
-    """Decisions about a part, for a controller."""
-
-    ACCEPT = "ACCEPT"
-    REVIEW = "REVIEW"
-    REJECT = "REJECT"
-    TOUCH = "TOUCH"
-    SHADOW = "SHADOW"
-
-
-def decision_of(part: PartRecord) -> LineDecision:
-    """Decision about a part.
-
-    ACCEPT: read with certainty, or a person has entered its text. REVIEW: a person has to look. REJECT: a person has to
-    look and nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan
-    yet. SHADOW: nothing was decided; the line uses its own reader.
-    """
-    if part.state is PartState.SHADOW:
-        return LineDecision.SHADOW
-    if part.state is PartState.TOUCH_NEEDED:
-        return LineDecision.TOUCH
-    if part.state is PartState.ACCEPTED:
-        return LineDecision.ACCEPT
-    if part.state is PartState.REVIEWED:
-        return LineDecision.ACCEPT if part.text else LineDecision.REJECT
-    rejected = part.reading is None or part.reading.decision == "reject" or not part.reading.text
-    return LineDecision.REJECT if rejected else LineDecision.REVIEW
-
-
-def short_result(part: PartRecord) -> dict[str, str | float]:
-    """The few fields of a part that a controller needs; a text that awaits a person is only a candidate."""
-    reading, in_review = part.reading or NO_READING, part.state is PartState.REVIEW
-    return {
-        "id": part.id,
-        "name": part.name,
-        "state": part.state.value,
-        "decision": decision_of(part).value,
-        "text": "" if in_review else part.text,
-        "candidate": part.text if in_review else "",
-        "confidence": reading.confidence,
-        "source": reading.source,
-    }
 
 
 def in_words(error: BaseException) -> str:

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
 import re
 import secrets
@@ -36,16 +35,13 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
-from glyphs.plain_text import is_hidden
+from pipeline.common.line_decision import short_result
 from pipeline.common.reading_records import from_json
 from pipeline.common.records import Delivery, PartRecord
-from pipeline.service.inputs.trigger import ANSWER_S, in_words, short_result
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
 from pipeline.service.tasks import end_tasks
-from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
-    from pipeline.service.inputs.trigger import LineCalls
     from pipeline.service.settings import MqttSettings
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -53,8 +49,6 @@ QOS = 1
 _CALLS = ("trigger", "touch")
 MOST_CALLS = 16
 """Maximum number of calls in progress."""
-_MOST_CALL_BYTES = 2000
-_FIELDS = {"name", "part", "job", "expected"}
 KEEPALIVE_S = 30
 """Keepalive interval, s; a silent broker is noticed after one and a half of it."""
 LEAVE_S = 2.0
@@ -76,16 +70,24 @@ def topic_level(name: str) -> str:
     return re.sub(r"[+#/\0]", "_", name)
 
 
+async def _answer_nothing(_call: str, _payload: bytes) -> bytes:
+    return b""
+
+
 class MqttSender:
     """Publishes deliveries to a broker; connects again after a loss."""
 
     def __init__(
-        self, settings: MqttSettings, calls: LineCalls | None = None, *, timeout_s: float = 10.0
+        self,
+        settings: MqttSettings,
+        answer_call: Callable[[str, bytes], Awaitable[bytes]] = _answer_nothing,
+        *,
+        timeout_s: float = 10.0,
     ) -> None:
         """Make the sender; nothing is connected yet.
 
         Args:
-            calls: triggers and releases parts, if the settings say so.
+            answer_call: answers a call, trigger or touch, if the settings say that there are any.
             settings: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked by
                 the system's authorities, or those of the file SSL_CERT_FILE), and the prefix of the topics.
             timeout_s: timeout for connecting, and for one acknowledgement.
@@ -102,7 +104,7 @@ class MqttSender:
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
         self._closed, self._online_s = False, 0.0
-        self._calls = calls if settings.triggers else None
+        self._answer_call = answer_call
         self._calling: set[asyncio.Task[None]] = set()
 
     async def ping(self) -> bool:
@@ -160,7 +162,7 @@ class MqttSender:
                 will = (self._status, OFFLINE)
                 connection = MqttConnection(self._settings, will=will, timeout_s=self._timeout_s)
                 await connection.open()
-                if self._calls is not None:
+                if self._settings.triggers:
                     connection.subscribe([f"{self._prefix}/{call}" for call in _CALLS], self._take_call)
             elif time.monotonic() - self._online_s < ONLINE_EVERY_S:
                 return connection
@@ -180,58 +182,20 @@ class MqttSender:
         if message.retain or self._closed:
             _log.warning("a retained call of MQTT was ignored: %s", message.topic)
             return
-        answering = asyncio.create_task(self._answer_call(message, busy=len(self._calling) >= MOST_CALLS))
+        if len(self._calling) >= MOST_CALLS:
+            _log.warning("a call of MQTT was ignored: %s others are in progress", MOST_CALLS)
+            return
+        answering = asyncio.create_task(self._publish_answer(message))
         self._calling.add(answering)
         answering.add_done_callback(self._calling.discard)
 
-    async def _answer_call(self, message: Any, *, busy: bool) -> None:
-        """Carry out a trigger or a release, and publish its answer."""
-        answer: dict[str, Any] = {}
-        try:
-            answer = {"call": message.topic.rpartition("/")[2], **_call_of(message.payload)}
-            if busy:
-                raise Problem(503, f"{MOST_CALLS} calls are in progress; wait for their answers")
-            calling = asyncio.ensure_future(self._carry_out(answer))
-            # the part is read to its end though nobody waits: it may already be counted on elsewhere
-            done, _ = await asyncio.wait({calling}, timeout=ANSWER_S)
-            if not done:
-                raise Problem(503, "no result in time; the part is still being read")
-            answer |= short_result(calling.result())
-        except Exception as error:
-            answer["error"] = in_words(error)
+    async def _publish_answer(self, message: Any) -> None:
+        answer = await self._answer_call(message.topic.rpartition("/")[2], message.payload)
         properties = getattr(message, "properties", None)
         topic = getattr(properties, "ResponseTopic", None) or f"{self._prefix}/answer"
-        body = json.dumps(answer, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
         with contextlib.suppress(DeliveryError, ValueError):  # the result is in the outbox
             connection = await self._connect()
-            await connection.publish(topic, body, correlation=getattr(properties, "CorrelationData", None))
-
-    def _carry_out(self, call: Mapping[str, str]) -> Awaitable[PartRecord]:
-        assert self._calls is not None
-        name, expected = call.get("name", ""), call.get("expected", "")
-        if call["call"] == "touch":
-            return self._calls.release(call.get("part", name), within_s=ANSWER_S)
-        return self._calls.trigger(name, call.get("job", ""), expected=expected, within_s=ANSWER_S)
-
-
-def _call_of(payload: bytes) -> dict[str, str]:
-    """The fields of a call.
-
-    Raises:
-        Problem: it is neither text nor such an object of JSON.
-    """
-    if len(payload) > _MOST_CALL_BYTES:
-        raise Problem(413, f"a call has at most {_MOST_CALL_BYTES} bytes")
-    try:
-        text = payload.decode("utf-8").strip("\0\r\n ")
-        content: dict[str, str] = json.loads(text) if text.startswith("{") else {"name": text}
-    except ValueError as error:
-        raise Problem(422, 'a call is a name, or JSON such as {"name": "P17"}') from error
-    if not content.keys() <= _FIELDS or not all(isinstance(value, str) for value in content.values()):
-        raise Problem(422, "a call has the fields name, part, job and expected, with texts")
-    if any(is_hidden(char) for value in content.values() for char in value):
-        raise Problem(422, "a call has no control characters")
-    return content
+            await connection.publish(topic, answer, correlation=getattr(properties, "CorrelationData", None))
 
 
 def _short(payload: Mapping[str, Any]) -> dict[str, Any]:

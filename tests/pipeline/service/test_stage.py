@@ -16,6 +16,7 @@ import pytest
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
+from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.formats.npz import write_npz
@@ -23,7 +24,6 @@ from pipeline.formats.touch_file import read_scan
 from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
-from pipeline.service.inputs.trigger import LineDecision, decision_of
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import STOPPED

@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.plain_text import is_hidden
+from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.tcp import (
@@ -27,7 +28,7 @@ from pipeline.service.inputs.tcp import (
     TcpPort,
     _lines,
 )
-from pipeline.service.inputs.trigger import LineDecision, decision_of, in_words
+from pipeline.service.inputs.trigger import in_words
 from pipeline.service.settings import TcpSettings
 from pipeline.service.web.problem import Problem
 from pipeline.store.errors import NotFoundError

@@ -18,6 +18,7 @@ from paho.mqtt.properties import Properties
 
 from pipeline.common.reading_records import to_json
 from pipeline.common.records import Delivery, PartRecord, PartState
+from pipeline.service.inputs.mqtt_calls import MqttCalls
 from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
@@ -147,7 +148,7 @@ async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
     caller.connect("127.0.0.1", broker.port)
     caller.loop_start()
     caller.publish("plant/trigger", b"of yesterday", qos=1, retain=True).wait_for_publish()
-    sender = MqttSender(settings, Line())  # type: ignore[arg-type]
+    sender = MqttSender(settings, MqttCalls(Line()).answer)  # type: ignore[arg-type]
 
     def answers(topic: str = "plant/answer") -> list[dict[str, str]]:
         return [json.loads(body) for at, body, _ in listener.messages if at == topic]
