@@ -169,7 +169,8 @@ class Service:
 
         Raises:
             StoreError: a store that cannot be opened.
-            FileError: a folder that cannot be made, an invalid certificate, an unusable job.
+            FileError: a folder that cannot be made, an evidence folder other than that of the services with which the
+                store is shared, an invalid certificate, an unusable job.
             SettingsError: a certificate that does not fit this program and these settings, or a missing job of the
                 watched folder.
             ValueError: invalid settings.
@@ -180,6 +181,7 @@ class Service:
         self.evidence = EvidenceFolder(settings.evidence_folder)
         self.sweeps = SweepClock(settings.evidence_folder / "swept")
         self.store = Store.open(settings.store_url)
+        self.evidence.check_is_that_of(self.store)
         self.metrics = Metrics()
         self.access = Access(self.store, required=settings.tokens_asked, own_user=settings.tokens == "auto")
         self.jobs = JobFolder(

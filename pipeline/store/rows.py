@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -20,6 +21,7 @@ from pipeline.store.tables import events, evidence, parts
 
 T = TypeVar("T")
 Event = tuple[str, Mapping[str, Any]]
+_HEX = re.compile("[^0-9a-f]")
 READ, REVIEWED, HALF_REVIEWED, AUDITED = "read", "reviewed", "read_by_person", "audited"
 
 
@@ -204,6 +206,20 @@ def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple
     """Hashes of files that are still needed, in order, from one on."""
     asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
     return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(limit)).scalars())
+
+
+def claim_evidence_folder(tx: Transaction, identity: str) -> str:
+    """Identity of the evidence folder of all services that share a store; the first claim sets it.
+
+    PostgreSQL keeps it as the comment of the table. A store in SQLite is a file of one machine, and has none.
+    """
+    if not tx.postgresql:
+        return identity
+    tx.execute(sa.text("LOCK TABLE evidence IN SHARE UPDATE EXCLUSIVE MODE"))
+    kept: str | None = tx.execute(sa.text("SELECT obj_description('evidence'::regclass)")).scalar_one()
+    if kept is None:
+        tx.execute(sa.text(f"COMMENT ON TABLE evidence IS '{_HEX.sub('', identity)}'"))
+    return kept or identity
 
 
 def record_of(kind: type[T], row: AnyRow) -> T:

@@ -115,6 +115,7 @@ class Store(Database):
     evidence = _reads(rows.evidence_of)
     evidence_before = _reads(rows.evidence_before)
     evidence_gone = _writes(rows.evidence_gone)
+    claim_evidence_folder = _writes(rows.claim_evidence_folder)
     needed_hashes = _reads(rows.needed_hashes)
     needed_after = _reads(rows.needed_after)
 
