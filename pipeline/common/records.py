@@ -136,7 +136,8 @@ class TouchWait:
     """A part's wait for touch.
 
     Attributes:
-        by_stage: the stage of its line scans it; otherwise the sender supplies a scan.
+        by_stage: the stage of its line scans it, in the call that has brought it; otherwise it waits for a release, or
+            for a scan of the sender's.
         until: time at which it goes to review without touch; None: no limit.
     """
 
@@ -198,6 +199,7 @@ class PartRecord:
         line: line that it came from; empty where lines have no names.
         plan: the scan to make, while touch is needed or after it was missed.
         touch: its wait for touch; None for a part that does not wait.
+        not_felt: reason why it was not felt though the camera was unsure; empty if it was felt or need not be.
         review: the last review; None before the first.
         shadow: result in shadow mode; None for a part that the service has decided.
     """
@@ -215,6 +217,7 @@ class PartRecord:
     line: str = ""
     plan: ScanPlanRecord | None = None
     touch: TouchWait | None = None
+    not_felt: str = ""
     review: ReviewRecord | None = None
     shadow: ShadowRecord | None = None
 

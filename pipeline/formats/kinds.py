@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 """Suffixes of text files, which may have heights or anything else: read only if named on their own."""
@@ -24,6 +26,14 @@ SPARE_BYTES = 64_000_000
 """Bytes for whatever a file holds beside its heights: a vendor's files, a trailer."""
 HEAD_BYTES = 16
 """Number of first bytes of a file that determine its kind."""
+TAIL_BYTES = 65_536
+"""Number of last bytes of a picture among which its end mark stands; some cameras write notes behind it."""
+_TEMPORARY = re.compile(
+    r"\.|~|.*(?:~|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp|incomplete"
+    r"|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
+    re.IGNORECASE,
+)
+"""Names under which programs write a file before they rename it: FTP and SFTP clients, browsers, editors, rsync."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +124,38 @@ def file_kind(suffix: str, *, tables: bool = True) -> str:
 def kind_of(head: bytes) -> PhotoKind | None:
     """Kind of a readable picture, from its first `HEAD_BYTES`; None for any other file."""
     return next((kind for kind in READ if kind.magic.match(head)), None)
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a file or folder has a hidden name, or one under which programs write before they rename it."""
+    return _TEMPORARY.match(name) is not None
+
+
+def is_cut_short(picture: Path) -> bool:
+    """Whether a picture's end is missing, as far as its first and last bytes show; it is not decoded.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with picture.open("rb") as stream:
+        head, n_bytes = stream.read(HEAD_BYTES), os.fstat(stream.fileno()).st_size
+        stream.seek(max(0, n_bytes - TAIL_BYTES))
+        tail = stream.read()
+    kind = kind_of(head)
+    match kind.name if kind is not None else "":
+        case "PNG":
+            return b"IEND" not in tail
+        case "JPEG":
+            return b"\xff\xd9" not in tail
+        case "GIF":
+            return not tail.rstrip(b"\0").endswith(b";")
+        case "BMP":
+            return n_bytes < int.from_bytes(head[2:6], "little")
+        case "WEBP":
+            return n_bytes < 8 + int.from_bytes(head[4:8], "little")
+        case "TIFF" if head[2:3] == b"*" or head[3:4] == b"*":
+            return n_bytes <= int.from_bytes(head[4:8], "little" if head[:2] == b"II" else "big")
+    return not n_bytes
 
 
 def refusal(head: bytes) -> tuple[str, str]:

@@ -58,11 +58,12 @@ def state_after(reading: ReadingRecord) -> PartState:
     """State of a part after a reading.
 
     The reader's own decision applies the thresholds of confidence and margin. If a text is expected, only a part with
-    that text is accepted.
+    that text is accepted. Files that could not be read are for a person: there is no photograph to plan touch by.
     """
     if reading.decision == "accept" and reading.verdict in ("", "confirmed"):
         return PartState.ACCEPTED
-    return PartState.TOUCH_NEEDED if reading.source == "vision" else PartState.REVIEW
+    by_camera = reading.source == "vision" and not reading.error
+    return PartState.TOUCH_NEEDED if by_camera else PartState.REVIEW
 
 
 def agreement_of(reading: ReadingRecord, expected: str) -> Agreement:

@@ -172,11 +172,11 @@ class SoughtPage(Sought):
     limit: int = Field(50, ge=1, le=500)
 
 
-def may(access: Access, scope: Scope) -> Any:
-    """The dependency of a route that only callers with a scope may use."""
+def may(access: Access, *scopes: Scope) -> Any:
+    """The dependency of a route that only callers with one of the scopes may use."""
 
     def check(request: Request) -> Caller:
-        return access.caller(request, scope)
+        return access.caller(request, *scopes)
 
     return Depends(check)
 
@@ -206,6 +206,8 @@ def parts_router(service: Service) -> APIRouter:
     """The routes of /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=PROBLEMS)
     Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
+    # who sends a part may look up an answer that was lost
+    LooksUp = may(service.access, Scope.READ, Scope.WRITE)
     intake, store, files = service.intake, service.store, service.evidence
     root_path = service.settings.root_path
 
@@ -291,7 +293,7 @@ def parts_router(service: Service) -> APIRouter:
         return answer(intake.undo_review(part_id, caller.person(who)), root_path)
 
     @router.get("/parts")
-    def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = Reads) -> list[PartAnswer]:
+    def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = LooksUp) -> list[PartAnswer]:
         """Parts, newest first."""
         return [answer(part, root_path) for part in store.parts(**sought.model_dump())]
 
@@ -309,7 +311,7 @@ def parts_router(service: Service) -> APIRouter:
         )
 
     @router.get("/parts/{part_id}")
-    def one_part(part_id: PartId, caller: Caller = Reads) -> PartAnswer:
+    def one_part(part_id: PartId, caller: Caller = LooksUp) -> PartAnswer:
         """A part as it stands."""
         return answer(store.part(part_id), root_path)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -38,6 +38,7 @@ from pipeline.store.store import Store
 from pipeline.workers.pool import WorkPool
 
 if TYPE_CHECKING:
+    from pipeline.common.records import PartRecord
     from pipeline.common.settings import ReadSettings
     from pipeline.service.settings import ServiceSettings
 
@@ -60,9 +61,10 @@ KEYS_KEPT_DAYS = 7.0
 
 
 class Input(Protocol):
-    """Bring parts to the intake; `title` is its name in the log."""
+    """Bring parts to the intake; `title` is its name in the log, `trouble` says why it brings none."""
 
     title: str
+    trouble: str
 
     async def start(self) -> dict[str, object]:
         """Start; return its address or folder for the log. Raise OSError for an address that is not available."""
@@ -90,28 +92,35 @@ class Ports:
 
             senders["webhook"] = WebhookSender(settings.webhook)
         if settings.mqtt.url:
+            from pipeline.service.inputs.mqtt_calls import MqttCalls
             from pipeline.service.outputs.mqtt import MqttSender
 
-            senders["mqtt"] = MqttSender(settings.mqtt)
+            senders["mqtt"] = MqttSender(settings.mqtt, MqttCalls(intake).answer)
         intake.targets = () if settings.shadow else tuple(senders)
         self._dispatcher = Dispatcher(intake.store, senders)
         self._inputs: dict[str, Input] = {}
+        self._on_review: Callable[[PartRecord], Coroutine[None, None, None]] | None = None
         self._open: list[Connection] = []
         if settings.tcp.port is not None:
             from pipeline.service.inputs.tcp import TcpPort
 
-            self._inputs["tcp"] = TcpPort(settings.tcp, intake.trigger)
+            self._inputs["tcp"] = TcpPort(settings.tcp, intake)
         if settings.opcua.port is not None:
             from pipeline.service.inputs.opcua import OpcUaPort
 
-            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake.trigger)
-            intake.on_part = opcua.show
+            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake)
+            intake.on_part, self._on_review = opcua.show, opcua.tell
         if settings.watch.folder is not None:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
             self._inputs["watch"] = WatchedFolder(
                 settings.watch, intake, most_bytes=settings.limits.upload_bytes, at_once=settings.jobs
             )
+
+    @property
+    def trouble(self) -> str:
+        """Why an input brings no parts, in words; empty without a fault."""
+        return "; ".join(one.trouble for one in self._inputs.values() if one.trouble)
 
     def connections(self) -> tuple[Connection, ...]:
         """The present connections.
@@ -133,9 +142,11 @@ class Ports:
         """
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
-            # threads add results as well
-            wake = partial(asyncio.get_running_loop().call_soon_threadsafe, self._dispatcher.wake)
-            self._intake.on_result = wake
+            # threads add results and reviews as well
+            loop, on_review = asyncio.get_running_loop(), self._on_review
+            self._intake.on_result = partial(loop.call_soon_threadsafe, self._dispatcher.wake)
+            if on_review is not None:
+                self._intake.on_review = lambda part: asyncio.run_coroutine_threadsafe(on_review(part), loop)
             stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
             for key, one in self._inputs.items():
                 place = await one.start()
@@ -162,7 +173,8 @@ class Service:
 
         Raises:
             StoreError: a store that cannot be opened.
-            FileError: a folder that cannot be made, an invalid certificate, an unusable job.
+            FileError: a folder that cannot be made, an evidence folder other than that of the services with which the
+                store is shared, an invalid certificate, an unusable job.
             SettingsError: a certificate that does not fit this program and these settings, or a missing job of the
                 watched folder.
             ValueError: invalid settings.
@@ -175,6 +187,7 @@ class Service:
         self.evidence = EvidenceFolder(settings.evidence_folder)
         self.sweeps = SweepClock(settings.evidence_folder / "swept")
         self.store = Store.open(settings.store_url)
+        self.evidence.check_is_that_of(self.store)
         self.metrics = Metrics()
         self.access = Access(self.store, required=settings.tokens_asked, own_user=settings.tokens == "auto")
         self.jobs = JobFolder(
@@ -260,7 +273,7 @@ class Service:
             self.evidence.check_room()
         except FileError as error:
             return f"a file {error.what}; {error.hint}"
-        trouble = intake.stage.thread.trouble or intake.camera.thread.trouble
+        trouble = intake.stage.thread.trouble or intake.camera.thread.trouble or self.ports.trouble
         trouble = trouble or intake.calls.trouble("") or intake.calls.trouble(self.settings.watch.job)
         return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
 
@@ -328,6 +341,10 @@ class Service:
         if not self.settings.shadow:  # in shadow mode nothing is decided, so there are no rates
             look = partial(asyncio.to_thread, self.look_for_alerts)
             works.append(repeat("look for alerts", look, every_s=LOOK_FOR_ALERTS_S))
+        try:  # before any call begins
+            await self.intake.touching.begin()
+        except StoreError as error:  # their own time limits end their wait
+            log.error("store", why=str(error))
         beside = [asyncio.create_task(work) for work in works]
         try:
             async with self.ports.opened():

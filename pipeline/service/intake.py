@@ -8,8 +8,10 @@
 
 * A request is answered only after its part is on the disk.
 * A request that fails because of a bad file or a lost machine leaves no part. Sent again with its idempotency
-  key, it makes one part.
-* If the camera is unsure, the part waits for touch (`touch_queue`); without a stage it goes to a person.
+  key, it makes one part. A photograph that no sender would send again, of the camera or the watched folder, is a part
+  for a person if it cannot be read.
+* If the camera is unsure, the part waits for touch (`touch_queue`); without a stage, or if the stage fails during the
+  trigger's own call, it goes to a person.
 * In shadow mode nothing is decided, felt by the stage or published; the reader is not told the expected text.
 """
 
@@ -17,7 +19,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import shutil
+import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -29,8 +33,9 @@ from weakref import WeakValueDictionary
 import structlog
 
 from pipeline.common.names import clean_name
-from pipeline.common.part_id import new_part_id
+from pipeline.common.part_id import is_part_id, new_part_id
 from pipeline.common.people_records import Person
+from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.common.records import (
     EvidenceKind,
     EvidenceRecord,
@@ -48,7 +53,7 @@ from pipeline.reading.triage import ReadPart, agreement_of
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
-from pipeline.service.web.problem import OwnProblem, Problem, stopping
+from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, stopping
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import AlreadyDoneError
 from pipeline.store.parts import Added, IdempotencyKey
@@ -120,6 +125,7 @@ class Intake:
     Attributes:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
+        on_review: called with every part that a person has decided, in any thread.
         draining: the service is stopping and accepts no more parts.
         policy: rules for review by people.
         targets: targets of results: webhook, mqtt; none in shadow mode.
@@ -145,6 +151,7 @@ class Intake:
             give_up=self._give_up_touch,
             line=settings.line_name,
             stage=str(stage.folder or stage.bench or stage.driver),
+            knows_place=self.stage.knows_place,
             wait_s=stage.wait_s,
         )
         self.bench = BenchWatch()
@@ -157,6 +164,7 @@ class Intake:
         self._announcing: set[asyncio.Future[None]] = set()
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
+        self.on_review: Callable[[PartRecord], object] = lambda _: None
         self.draining = False
 
     # ---------------------------------------------------------------------------------------------------- receive
@@ -175,7 +183,14 @@ class Intake:
         return self.calls.pool.retry_after_s() is None and not self.calls.trouble(job)
 
     async def receive(
-        self, new: NewPart, sent: Sequence[Upload], *, idempotency: IdempotencyKey | None = None
+        self,
+        new: NewPart,
+        sent: Sequence[Upload],
+        *,
+        idempotency: IdempotencyKey | None = None,
+        until_s: float = math.inf,
+        keep_unreadable: bool = False,
+        unreadable: str = "",
     ) -> Received:
         """Read a new part.
 
@@ -183,11 +198,14 @@ class Intake:
             new: data of the part.
             sent: photographs, a recording or a height map, in the request's work folder.
             idempotency: key of the request.
+            until_s: time of the monotonic clock until which the part may be felt.
+            keep_unreadable: if the files cannot be read, a person gets the part; otherwise the sender gets the Problem.
+            unreadable: why the files cannot even be taken; a person gets the part without them.
 
         Raises:
             Problem: nothing to read, unusable files, a full queue, or a key that another request has used.
         """
-        if not sent:
+        if not sent and not unreadable:
             raise Problem(
                 422, "neither photo nor scan is given; send one or both of them as multipart/form-data"
             )
@@ -199,7 +217,12 @@ class Intake:
         async def work() -> PartRecord:
             self._refuse_if_draining()
             part_id = new_part_id()
-            done = await self._read(new, sent)
+            try:
+                done = _unread(unreadable) if unreadable else await self._read(new, sent)
+            except UnreadableProblem as problem:
+                if self.draining or not keep_unreadable:  # workers are lost at the service's end, too
+                    raise
+                done = _unread(problem.detail)
             write = partial(
                 self.store.add_part,
                 part_id=part_id,
@@ -214,11 +237,11 @@ class Intake:
 
         received = await self.carry_out(idempotency, work)
         part = received.part
-        if part.touch is not None and part.touch.by_stage and not self.draining:
-            # also if this is a retry because the service was killed at this point; a failure is noted in the
-            # part's history, and the part waits for the next attempt
-            with contextlib.suppress(Problem, StageError):
-                part = await self.touching.attempt(part)
+        if part.touch is not None and part.touch.by_stage:
+            try:
+                part = await self.touching.attempt(part, until_s=until_s)
+            except (Problem, StageError):  # the part's history has it
+                part = await asyncio.to_thread(self.store.part, part.id)
         return replace(received, part=part)
 
     async def add_scan(
@@ -238,40 +261,75 @@ class Intake:
 
         return await self.carry_out(idempotency, work)
 
-    async def touch(self, part_id: str) -> PartRecord:
-        """Have the service's stage feel a part, and read it again.
+    async def touch(self, part_id: str, *, until_s: float = math.inf) -> PartRecord:
+        """Release a part that lies under the whiskers: have the service's stage feel it, and read it again.
+
+        Args:
+            part_id: id of a part that waits for touch, or that was not felt and waits for review.
+            until_s: time of the monotonic clock until which it may be felt.
 
         Raises:
             Problem: as in `add_scan`.
             StageError: the stage cannot feel the part.
         """
         part = await self._unreviewed_part(part_id)
-        if part.touch is None or part.plan is None:
+        if part.plan is None or part.shadow is not None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
-        self._refuse_if_draining()
-        if not part.touch.by_stage and self.stage.there:
-            part = await asyncio.to_thread(
-                self.store.ask_for_touch, part.id, line=self._settings.line_name, until=self.touching.until()
-            )
-        return await self.touching.attempt(part)
+        return await self.touching.attempt(part, until_s=until_s)
 
-    async def trigger(self, name: str, job: str = "") -> PartRecord:
+    async def trigger(
+        self, name: str, job: str = "", *, expected: str = "", within_s: float = math.inf
+    ) -> PartRecord:
         """Photograph the part under the camera, read it with a job, and feel it if the camera is unsure.
 
+        Args:
+            name: name of the part.
+            job: name of its job.
+            expected: text that it should read.
+            within_s: seconds that the caller waits: the part may be felt that long.
+
         Raises:
-            Problem: as in `receive`; a photograph cannot be read.
-            StageError: the camera gives none.
+            Problem: as in `receive`.
+            StageError: the camera gives no photograph.
         """
         self._refuse_if_draining()
-        new = NewPart(name=name, job=job, touch=Touch.STAGE)
+        until_s = time.monotonic() + within_s
+        new = NewPart(name=name, expected=expected, job=job, touch=Touch.STAGE)
         with self.work_folder() as folder:
             try:
-                photos = await self.camera.take(new.name, folder)
+                taken = await self.camera.take(new.name, folder, known=self.store.known_keys)
             except OSError as error:
                 raise OwnProblem(
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
-            return (await self.receive(new, photos)).part
+            received = await self.receive(
+                new,
+                taken.photos,
+                idempotency=IdempotencyKey.of_files(taken.keys) if taken.keys else None,
+                until_s=until_s,
+                keep_unreadable=True,
+            )
+        return received.part
+
+    async def release(self, part: str, *, within_s: float = math.inf) -> PartRecord:
+        """Have a part felt that lies under the whiskers, as in `touch`.
+
+        Args:
+            part: its id, or the name of the latest one.
+            within_s: seconds that the caller waits.
+        """
+        until_s = time.monotonic() + within_s
+        return await self.touch((await self.look_up(part)).id, until_s=until_s)
+
+    async def look_up(self, part: str) -> PartRecord:
+        """The part with an id, or the latest one with a name.
+
+        Raises:
+            NotFoundError: there is none.
+        """
+        if is_part_id(part):
+            return await asyncio.to_thread(self.store.part, part)
+        return await asyncio.to_thread(self.store.latest_named, clean_name(part))
 
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
@@ -343,8 +401,8 @@ class Intake:
         )
         return await self.calls.read(order, job=part.job, database=part.database, felt_by=felt_by)
 
-    async def _feel(self, part: PartRecord) -> PartRecord:
-        """Have the stage feel a part, and read it.
+    async def _feel(self, part: PartRecord, until_s: float) -> PartRecord:
+        """Have the stage feel a part, which lies there until a time of the monotonic clock, and read it.
 
         Raises:
             StageError: the part could not be felt.
@@ -352,15 +410,16 @@ class Intake:
         """
         if part.plan is None:
             raise ValueError(f"the part {part.id} has no plan for touch")
+        self._refuse_if_draining()
         order = ScanOrder(part_name=part.name, plan=part.plan)
         read = partial(self._read, part, earlier_photos=await self._photos_of(part))
         with self.work_folder() as folder:
             if self.stage.by_pass:
-                async with self.stage.for_worker() as stage:
+                async with self.stage.for_worker(part.name, until_s=until_s) as stage:
                     done = await read([], folder=folder, felt_by=(stage, order))
                 sent = [Upload(folder / RECORDING, RECORDING, EvidenceKind.SCAN)]
             else:
-                path = await self.stage.scan(order, folder)
+                path = await self.stage.scan(order, folder, until_s=until_s)
                 sent = [Upload(path, path.name, EvidenceKind.SCAN)]
                 done = await read(sent)
             write = partial(self.store.add_readings, part.id)
@@ -481,6 +540,7 @@ class Intake:
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
+            self.on_review(part)
         return part
 
     def undo_review(self, part_id: str, person: Person) -> PartRecord:
@@ -501,6 +561,15 @@ class Intake:
             self._announcing.add(announcing)  # a task without a reference may be garbage-collected
             announcing.add_done_callback(self._announcing.discard)
         self.metrics.parts.labels(part.state.value).inc()
+
+
+def _unread(why: str) -> ReadPart:
+    """A part whose photographs cannot be read."""
+    what = f"photograph cannot be read: {why}"
+    reasons = (ReasonRecord("unreadable_photo"),)
+    return ReadPart(
+        (ReadingRecord("vision", "", "reject", 0.0, messages=(what,), reasons=reasons, error=why),)
+    )
 
 
 def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:

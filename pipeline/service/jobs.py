@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import threading
 import time
@@ -31,6 +30,7 @@ import structlog
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
+from pipeline.common.file_stamp import FileStamp, stamp_of
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys, with_whole_paths
 from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
 from pipeline.errors import OwnFileError, describe_fault
@@ -42,8 +42,6 @@ MOST_AWAY_S = 3600.0
 """Seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back. After
 that its removal counts as meant."""
 NO_TEXT = "its name is not UTF-8 text; rename it"
-FileStamp = tuple[int, int]
-"""Size and modification time of a file, ns, at one look."""
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
 _OF_THE_SERIAL = {"format", "lexicon", "check", "exclude", "region", "line"}
 _NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}
@@ -101,11 +99,6 @@ class RecentFiles:
     def usable(self, names: Iterable[str]) -> list[str]:
         """Those of the names whose file can be used, as far as is known."""
         return list(names)
-
-
-def stamp_of(status: os.stat_result) -> FileStamp:
-    """The stamp of a file, from the system's answer."""
-    return status.st_size, status.st_mtime_ns
 
 
 def is_text(name: str) -> bool:

@@ -172,7 +172,11 @@ class CameraSettings(Settings):
     """The camera."""
 
     folder: Path | None = None
-    """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
+    """Folder into which the camera puts its pictures: NAME.png is the part called NAME. A trigger waits for a new
+    picture; one picture is read for one part only."""
+    early_s: float = Field(default=0.0, ge=0.0, le=604_800.0)
+    """Seconds by which a picture in that folder may be older than its trigger, for a camera that is triggered before
+    the service."""
     driver: str = ""
     """module:callable that makes the driver of a real camera (pipeline.service.stage.Camera)."""
     timeout_s: Seconds = 30.0
@@ -184,6 +188,10 @@ class WatchSettings(Settings):
 
     folder: Path | None = None
     """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
+    recurse: bool = True
+    """Watch its subfolders, too, as far as they are no links; the names of their parts begin with the subfolder's."""
+    expected: bool = False
+    """NAME.txt, written beside NAME.png before it, holds the serial that the part should read."""
     job: str = ""
     """Job by which the photographs of that folder are read. Default: the service's own settings."""
     every_s: float = Field(default=1.0, ge=0.05, le=3600.0)
@@ -231,6 +239,11 @@ class MqttSettings(Settings):
     """Broker to publish results to, mqtt://host:1883 or mqtts://user:password@host:8883."""
     prefix: Annotated[str, AfterValidator(_topic)] = "tactile-marks"
     """First level of the topics."""
+    payload: Literal["full", "short"] = "full"
+    """Content of a result: the whole record of the part, or its id, name, state, decision, text, candidate, confidence
+    and source."""
+    triggers: bool = False
+    """Take triggers and releases, which whoever may write to the topics PREFIX/trigger and PREFIX/touch can send."""
 
 
 class WebhookSettings(Settings):

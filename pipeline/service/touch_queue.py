@@ -1,22 +1,24 @@
-"""Parts that wait for touch, until they are felt or a person gets them.
+"""Parts that wait for touch: felt while they are known to lie under the whiskers, else left to a person.
 
-    touch_needed --the stage is to feel it--> attempt --felt-----> accepted, review
-        |                 ^                      \\--failed, busy--> tried again: retry_s later
-        \\-- until its time is up ----------------------------------> review, by a person
+    touch_needed --trigger's own call------> attempt --felt---> accepted, review
+        |                                      \\--failed, late--> review
+        |--release by a person or controller-> attempt --failed--> it still waits
+        |--driver says that it is in place---> attempt --failed--> tried again: retry_s later
+        \\-- until its time is up, or the service ends during the call --> review, by a person
 
-* Waiting parts are kept in the store, so a request for touch outlives a kill: the service's next start continues it.
+* No part is felt unasked: by then another may lie there. Only a driver with `is_in_place` can say that it still does.
 * There is one attempt at a time per part; further callers get the result of that attempt.
-* A part is tried until its time limit, then given up: no part waits for ever, whether the stage or the sender was to
+* A part waits until its time limit, then it is given up: no part waits for ever, whether the stage or the sender was to
   feel it. The limit is kept in the store. After the first check the monotonic clock measures it, so a jump of the
   system clock does not matter.
-* The log and the part's page say why a part was not felt yet and how long it waits; the history records stage faults;
-  /readyz says how many wait, and how long.
-* Services that share a store feel only the parts of their own lines; any of them gives up any part.
+* The log and the part's page say why a part was not felt; the history records stage faults.
+* Services that share a store feel only the parts of their own lines; any of them gives up any part whose time is up.
 """
 
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import KW_ONLY, dataclass, field
@@ -31,7 +33,7 @@ from pipeline.store.errors import ConflictError, StoreError
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from pipeline.common.records import PartRecord, TouchWait
+    from pipeline.common.records import PartRecord
     from pipeline.store.store import Store
 
 RETRY_S = 15.0
@@ -40,6 +42,7 @@ AT_ONCE = 4
 """Attempts in progress, requested ones included, from which the queue starts no further one; a real stage feels one
 part at a time anyway."""
 NOBODY = "nobody has felt it in time"
+STOPPED = "the service was stopped before the stage had felt it"
 log = structlog.get_logger("tactile-marks")
 
 
@@ -49,20 +52,23 @@ class TouchQueue:
 
     Attributes:
         store: store of the waiting parts.
-        feel: has the stage feel a part, and keeps what was read; raises Problem, StageError.
+        feel: has the stage feel a part until a time of the monotonic clock, and keeps what was read; raises Problem,
+            StageError.
         give_up: leaves a part to a person, and says why.
         line: line whose parts the stage feels.
         stage: folder, bench or driver of the stage, for the log.
+        knows_place: the stage can say whether a part lies under the whiskers.
         wait_s: time that a part waits.
         retry_s: time between two attempts at a part.
     """
 
     store: Store
-    feel: Callable[[PartRecord], Awaitable[PartRecord]]
+    feel: Callable[[PartRecord, float], Awaitable[PartRecord]]
     _: KW_ONLY
     give_up: Callable[[PartRecord, str], Awaitable[object]]
     line: str = ""
     stage: str = ""
+    knows_place: bool = False
     wait_s: float = 900.0
     retry_s: float = RETRY_S
     _deadlines: dict[tuple[str, datetime | None], float] = field(default_factory=dict, init=False)
@@ -84,51 +90,64 @@ class TouchQueue:
         """Deadline of a part that starts to wait now."""
         return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
-    async def attempt(self, part: PartRecord) -> PartRecord:
+    async def attempt(self, part: PartRecord, *, until_s: float = math.inf) -> PartRecord:
         """Attempt to feel a part, or wait for the running attempt; return the part afterwards.
 
+        Args:
+            part: it is known to lie under the whiskers: its own call has brought it there, or it was released.
+            until_s: time of the monotonic clock until which that is known.
+
         Raises:
-            Problem, StageError: it could not be felt; it still waits, and is tried again.
+            Problem, StageError: it could not be felt.
         """
         attempt = self._attempts.get(part.id)
         if attempt is None:
-            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id))
+            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id, until_s))
         # a cancelled caller does not stop the attempt
         return await asyncio.shield(attempt)
+
+    async def begin(self) -> None:
+        """Give up the parts of this line whose calls have ended with an earlier process."""
+        for waiting in await asyncio.to_thread(self.store.waiting_for_touch):
+            if waiting.by_stage and waiting.line == self.line and not self.knows_place:
+                await self._give_up(waiting.part_id, STOPPED)
 
     async def look(self) -> None:
         """Check once: give up parts that have waited for too long, and start due attempts."""
         now = time.monotonic()
         waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self.store.waiting_for_touch)}
         self._deadlines = {
-            key: self._deadlines.get(key, now + self._left_s(one.changed_at, one.until))
-            for key, one in waiting.items()
+            key: self._deadlines.get(key, now + self._left_s(part.changed_at, part.until))
+            for key, part in waiting.items()
         }
         for (part_id, _), deadline in self._deadlines.items():
             if deadline <= now and part_id not in self._attempts:
-                await self._given_up(part_id)
-        for one in waiting.values():
-            _, rest_until_s = self._failures.get(one.part_id, ("", 0.0))
-            due = one.part_id not in self._attempts and rest_until_s <= now
-            if one.by_stage and one.line == self.line and due and len(self._attempts) < AT_ONCE:
-                attempt = self._attempts[one.part_id] = asyncio.create_task(self._attempt(one.part_id))
-                attempt.add_done_callback(_looked_at)
+                await self._give_up(part_id, NOBODY)
+        for part in waiting.values() if self.knows_place else ():
+            _, rest_until_s = self._failures.get(part.part_id, ("", 0.0))
+            due = part.part_id not in self._attempts and rest_until_s <= now
+            if part.by_stage and part.line == self.line and due and len(self._attempts) < AT_ONCE:
+                attempt = self._attempts[part.part_id] = asyncio.create_task(self._attempt(part.part_id))
+                attempt.add_done_callback(_log_unexpected)
 
     async def stop(self) -> None:
-        """End the attempts; parts not felt wait in the store for the next start."""
+        """End the attempts; what becomes of their parts is decided at the next start."""
         await end_tasks(self._attempts.values())
 
-    async def _attempt(self, part_id: str) -> PartRecord:
+    async def _attempt(self, part_id: str, until_s: float = math.inf) -> PartRecord:
         part: PartRecord | None = None
         try:
             part = await asyncio.to_thread(self.store.part, part_id)
-            if part.touch is not None:  # else it was felt, reviewed or given up meanwhile
-                part = await self.feel(part)
-        except BaseException as error:
+            if part.plan is not None:  # else it was felt or reviewed meanwhile
+                part = await self.feel(part, until_s)
+        except Exception as error:
             (before, _), why = self._failures.get(part_id, ("", 0.0)), str(error)
-            self._failures[part_id] = why, time.monotonic() + self.retry_s
-            if part is not None and part.touch is not None and why not in ("", before):
-                await self._say_failure(part, part.touch, error)
+            if part is not None and why not in ("", before):
+                await self._note_failure(part, error)
+            if part is not None and part.touch is not None and self.knows_place:
+                self._failures[part_id] = why, time.monotonic() + self.retry_s
+            elif part is not None and part.touch is not None and part.touch.by_stage:
+                await self._give_up(part_id, f"the stage has not felt it: {why}")
             raise
         else:
             self._failures.pop(part_id, None)
@@ -136,10 +155,11 @@ class TouchQueue:
         finally:
             del self._attempts[part_id]
 
-    async def _say_failure(self, part: PartRecord, touch: TouchWait, error: BaseException) -> None:
-        left_s = round(self._left_s(part.changed_at, touch.until))
-        told = {"why": str(error), "stage": self.stage, "waits_another_s": left_s}
-        log.warning("part not felt yet", part=part.id, name=part.name, **told)
+    async def _note_failure(self, part: PartRecord, error: Exception) -> None:
+        touch, left = part.touch, dict[str, int]()
+        if touch is not None and self.knows_place:
+            left["waits_another_s"] = round(self._left_s(part.changed_at, touch.until))
+        log.warning("part not felt", part=part.id, name=part.name, why=str(error), stage=self.stage, **left)
         if isinstance(error, StageError):
             await asyncio.to_thread(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
 
@@ -149,11 +169,11 @@ class TouchQueue:
             until = since + timedelta(seconds=self.wait_s)
         return max(0.0, min((until - datetime.now(UTC)).total_seconds(), (until - since).total_seconds()))
 
-    async def _given_up(self, part_id: str) -> None:
+    async def _give_up(self, part_id: str, why: str) -> None:
         self._failures.pop(part_id, None)
         try:
             part = await asyncio.to_thread(self.store.part, part_id)
-            await self.give_up(part, NOBODY)
+            await self.give_up(part, why)
         except ConflictError:
             return  # it was felt, reviewed or given up by another service meanwhile
         except StoreError:
@@ -161,10 +181,10 @@ class TouchQueue:
         except Exception:  # one part must not keep the others waiting
             log.exception("waiting part could not be handed to a person", part=part_id)
         else:
-            log.warning("part not felt in time, handed to a person", part=part.id, name=part.name, why=NOBODY)
+            log.warning("part not felt, handed to a person", part=part.id, name=part.name, why=why)
 
 
-def _looked_at(attempt: asyncio.Task[PartRecord]) -> None:
+def _log_unexpected(attempt: asyncio.Task[PartRecord]) -> None:
     """Log an unexpected error of an attempt without a waiting caller; the part's history has the expected ones."""
     error = None if attempt.cancelled() else attempt.exception()
     if error is not None and not isinstance(error, Problem | StageError | StoreError):

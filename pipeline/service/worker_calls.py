@@ -20,7 +20,7 @@ from pipeline.errors import FaultError, OwnFileError
 from pipeline.reading.part_orders import PartOrder, check_settings, read_on_stage, read_order
 from pipeline.reading.triage import ReadPart
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.web.problem import OwnProblem, Problem, busy
+from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, busy
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
@@ -177,7 +177,7 @@ class WorkerCalls:
             self._lost.clear()
             if isinstance(error, OwnFileError):
                 raise OwnProblem(str(error)) from error
-            raise Problem(500 if isinstance(error, FaultError) else 422, str(error)) from error
+            raise UnreadableProblem(500 if isinstance(error, FaultError) else 422, str(error)) from error
         self._lost.clear()
         return done
 
@@ -199,10 +199,10 @@ class WorkerCalls:
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
     """The answer after lost workers: 422 if the same would happen again, 503 if it may pass."""
     if error.timed_out and not error.starved:
-        return Problem(422, f"{error}; send a smaller file, a simpler job, or raise part_timeout_s")
+        return UnreadableProblem(422, f"{error}; send a smaller file, a simpler job, or raise part_timeout_s")
     if error.timed_out:
         busy_machine = f"{error}, for most of which it waited; send it again later"
-        return Problem(503, busy_machine, headers={"Retry-After": "60"})
+        return UnreadableProblem(503, busy_machine, headers={"Retry-After": "60"})
     if error.crashed and lost > 1:
-        return Problem(422, f"it has ended {lost} workers, the last so: {error}; report it")
+        return UnreadableProblem(422, f"it has ended {lost} workers, the last so: {error}; report it")
     return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})

@@ -3,6 +3,7 @@
     root/files/3f/3f9a...  kept for good, until retention takes it
     root/incoming/         uploads and work files on the same disk; nothing there outlives a crash
     root/swept             its time is that of the last sweep
+    root/identity          a random number, by which a store that several services share knows its one folder
 
 A file is on the disk before the store names it, and the store has forgotten it before it is removed. So after a crash
 there may be a file too many, which `sweep` removes, but never one too few.
@@ -17,6 +18,7 @@ import logging
 import math
 import os
 import re
+import secrets
 import shutil
 import stat
 import tempfile
@@ -28,7 +30,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.atomic import sync_folder, sync_names
+from glyphs.atomic import replacing, sync_folder, sync_names
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.common.file_lock import exclusively
@@ -82,6 +84,28 @@ class EvidenceFolder:
             sync_folder(root)
         sync_names(root.parent)
         self._synced: set[Path] = set()
+
+    def check_is_that_of(self, store: Store) -> None:
+        """Refuse a folder other than that of the services that share a store.
+
+        Raises:
+            FileError: the store's files are in another one.
+            StoreError: the store cannot be used.
+        """
+        file = self.root / "identity"
+        with file_errors(file), exclusively(self._lock):
+            if not file.exists():
+                with replacing(file, private=True) as new:
+                    new.write_text(secrets.token_hex(16), encoding="ascii")
+            identity = file.read_text(encoding="ascii").strip()
+        kept = store.claim_evidence_folder(identity)
+        if kept != identity:
+            raise FileError(
+                self.root,
+                "is not the evidence folder of this store",
+                "services that share a store need one folder: give all of them the same --folder; if the folder was "
+                f"lost, write {kept} into {file}",
+            )
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
         """Move a file into the folder; the same content is stored once. After the return it survives a power cut.

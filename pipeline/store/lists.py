@@ -13,7 +13,7 @@ from pipeline.common.part_id import is_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, AgreementDay, PartRecord, PartState, Statistics, TrendStep
 from pipeline.store.database import Transaction
-from pipeline.store.errors import UnfitError, fit
+from pipeline.store.errors import NotFoundError, UnfitError, fit
 from pipeline.store.review import IS_AUDITED, claimed_by_another, has_opinion_of
 from pipeline.store.rows import READ, select_parts
 from pipeline.store.tables import events, parts
@@ -23,6 +23,19 @@ HOUR, DAY = timedelta(hours=1), timedelta(days=1)
 _LONGEST = timedelta(days=3660)
 _Counted = dict[str, sa.ColumnElement[int]]
 _WRITTEN = {HOUR: "%Y-%m-%d %H", DAY: "%Y-%m-%d"}
+
+
+def latest_named(tx: Transaction, name: str) -> PartRecord:
+    """The latest part of a name.
+
+    Raises:
+        NotFoundError: there is none.
+    """
+    same = parts.c.record["name"].as_string() == fit(name, "the name")
+    wanted = _IDS.where(parts.c.name_folded == name.casefold(), same).order_by(parts.c.id.desc()).limit(1)
+    for part in select_parts(tx, wanted):
+        return part
+    raise NotFoundError(f"there is no part named {name!r}", hint="check the name")
 
 
 def find_parts(

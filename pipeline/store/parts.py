@@ -132,10 +132,10 @@ def add_part(
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
     part = PartRecord(id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **given)
-    part, happened, changed = _read(tx, part, added)
+    part, happened, changed = _read(tx, replace(part, not_felt=added.get("not_felt", "")), added)
     happened = [("received", given), *happened]
-    if why := added.get("not_felt"):
-        happened.append(("not_felt", {"why": why}))
+    if part.not_felt:
+        happened.append(("not_felt", {"why": part.not_felt}))
     figures = {"fell_back": False, "by_camera": False, **changed}
     part = write_part(tx, part, happened, targets=added.get("targets", ()), new=True, figures=figures)
     _keep_files(tx, part_id, added.get("evidence", ()))
@@ -200,6 +200,7 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
         figures["audit"] = AUDIT_WAITS
     touch = part.touch or TouchWait(False, None) if waits else None
     part = replace(part, plan=None if any(by_touch) else plan, touch=touch, shadow=shadow or part.shadow)
+    part = replace(part, not_felt="" if any(by_touch) else part.not_felt)
     if readings:
         last = readings[-1]
         part = replace(part, reading=last, text="" if waits else last.text)
@@ -244,34 +245,19 @@ def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waitin
     return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(limit)))
 
 
-def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:
-    """Assign a part that waits for touch to the stage of a line, even if the sender was to feel it.
-
-    Raises:
-        ConflictError: it does not wait for touch.
-    """
-    part = _locked_waiting(tx, part_id)
-    return write_part(tx, replace(part, line=line, touch=TouchWait(True, until)))
-
-
 def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
     """Send a part that was not felt to review; it keeps its plan, and a scan may still be sent.
 
     Raises:
         ConflictError: it does not wait for touch.
     """
-    part = _locked_waiting(tx, part_id)
-    text = part.text if part.reading is None else part.reading.text
-    part = replace(part, state=PartState.REVIEW, text=text, touch=None)
-    return write_part(tx, part, [("not_felt", {"why": why})], targets=targets)
-
-
-def _locked_waiting(tx: Transaction, part_id: str) -> PartRecord:
     part = part_by_id(tx, part_id, lock=True)
     if part.state is not PartState.TOUCH_NEEDED:
         what = f"the part {part_id} does not wait for touch; it is {part.state.value}"
         raise ConflictError(what, hint="look at it again")
-    return part
+    text = part.text if part.reading is None else part.reading.text
+    part = replace(part, state=PartState.REVIEW, text=text, touch=None, not_felt=cleaned(why))
+    return write_part(tx, part, [("not_felt", {"why": why})], targets=targets)
 
 
 # ---- idempotency keys

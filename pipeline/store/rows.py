@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -21,6 +22,7 @@ from pipeline.store.tables import events, evidence, parts
 
 T = TypeVar("T")
 Event = tuple[str, Mapping[str, Any]]
+_HEX = re.compile("[^0-9a-f]")
 READ, REVIEWED, HALF_REVIEWED, AUDITED = "read", "reviewed", "read_by_person", "audited"
 
 
@@ -113,7 +115,8 @@ def write_part(
     Raises:
         ConflictError: it is not new.
     """
-    record = json_text(to_json(replace(part, changed_at=tx.now)))
+    content = to_json(replace(part, changed_at=tx.now))
+    record = json_text(content)
     part = from_json(PartRecord, record)
     row = {**search_columns(part), **figures, "record": record}
     if not new:
@@ -121,7 +124,11 @@ def write_part(
     elif not tx.insert_if_new(parts, row):
         raise ConflictError(f"there is a part {part.id} already", hint="take a new id")
     add_events(tx, part.id, happened)
-    put_in_outbox(tx, part.id, targets if part.shadow is None else (), record)
+    payload = record
+    if part.state is PartState.REVIEW and targets:
+        # a text that awaits a person must not be taken for the serial
+        payload = json_text({**content, "text": "", "candidate": part.text})
+    put_in_outbox(tx, part.id, targets if part.shadow is None else (), payload)
     return part
 
 
@@ -200,6 +207,20 @@ def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple
     """Hashes of files that are still needed, in order, from one on."""
     asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
     return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(limit)).scalars())
+
+
+def claim_evidence_folder(tx: Transaction, identity: str) -> str:
+    """Identity of the evidence folder of all services that share a store; the first claim sets it.
+
+    PostgreSQL keeps it as the comment of the table. A store in SQLite is a file of one machine, and has none.
+    """
+    if not tx.postgresql:
+        return identity
+    tx.execute(sa.text("LOCK TABLE evidence IN SHARE UPDATE EXCLUSIVE MODE"))
+    kept: str | None = tx.execute(sa.text("SELECT obj_description('evidence'::regclass)")).scalar_one()
+    if kept is None:
+        tx.execute(sa.text(f"COMMENT ON TABLE evidence IS '{_HEX.sub('', identity)}'"))
+    return kept or identity
 
 
 def record_of(kind: type[T], row: AnyRow) -> T:

@@ -64,7 +64,6 @@ class Store(Database):
 
     # parts that wait for touch
     waiting_for_touch = _reads(_parts.waiting_for_touch)
-    ask_for_touch = _writes(_parts.ask_for_touch)
     give_up_touch = _writes(_parts.give_up_touch)
 
     # requests that are sent again
@@ -83,6 +82,7 @@ class Store(Database):
 
     # lists of parts, and numbers about them
     parts = _reads(lists.find_parts)
+    latest_named = _reads(lists.latest_named)
     queue = _reads(lists.queue)
     queue_length = _reads(lists.queue_length)
     next_in_queue = _reads(lists.next_in_queue)
@@ -107,6 +107,7 @@ class Store(Database):
     evidence = _reads(rows.evidence_of)
     evidence_before = _reads(rows.evidence_before)
     evidence_gone = _writes(rows.evidence_gone)
+    claim_evidence_folder = _writes(rows.claim_evidence_folder)
     needed_hashes = _reads(rows.needed_hashes)
     needed_after = _reads(rows.needed_after)
 

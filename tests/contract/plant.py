@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import html
 import json
+import os
 import re
 import subprocess
+import threading
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,6 +87,23 @@ class Plant:
     def scan(self, name: str) -> dict[str, tuple[str, bytes]]:
         """A height map as a form sends it."""
         return {"scan": (f"{name}.npz", (self.parts / f"{name}.npz").read_bytes())}
+
+    @contextlib.contextmanager
+    def camera_saving(self, name: str) -> Iterator[None]:
+        """A camera that saves its picture of a part anew every second until the block is left."""
+        path, ended = self.parts / f"{name}.png", threading.Event()
+
+        def save() -> None:
+            while not ended.wait(1.0):
+                os.utime(path)
+
+        saving = threading.Thread(target=save)
+        saving.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            saving.join()
 
     @property
     def url(self) -> str:
@@ -179,6 +198,7 @@ def run_plant(folder: Path) -> Iterator[Plant]:
             f"--jobs 1 --format {FORMAT} --font gothic --height-mm 4 --tokens off --root-path /marks"
             f" --tcp.port {port} --webhook.url {hook}/results --mqtt.url {broker.url}"
             f" --watch.folder {watched} --watch.every-s 0.2 --stage.folder {parts} --camera.folder {parts}"
+            " --camera.timeout-s 10 --mqtt.triggers"
             f" --opcua.port {opcua_port} --opcua.certificate {keys}/server.der --opcua.key {keys}/server.pem"
         )
         service = stack.enter_context(run_service(folder / "service", *options.split(), env=users))

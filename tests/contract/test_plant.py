@@ -173,24 +173,61 @@ def test_a_trigger_over_tcp_is_answered_in_one_line(plant: Plant, http: httpx.Cl
         answers = line.makefile("rb")
         line.sendall(b"PING\r\nTRIGGER clean\r\n")
         assert answers.readline() == b"PONG\r\n"
-        name, decision, text, _, source, part_id = answers.readline().decode().strip().split(";")
+        with plant.camera_saving("clean"):
+            name, decision, text, _, source, part_id = answers.readline().decode().strip().split(";")
         assert (name, decision, text, source) == ("clean", "ACCEPT", plant.truth["clean"], "vision")
         assert http.get(f"/v1/parts/{part_id}").json()["text"] == text
+        # its answer was lost, and it is looked up; a new trigger would wait for a new picture
+        line.sendall(b"RESULT clean\r\n")
+        assert answers.readline().decode().strip().split(";")[1:3] == ["ACCEPT", plant.truth["clean"]]
+        line.sendall(b"TRIGGER clean\r\n")
+        assert answers.readline().startswith(b"ERROR;there is no new photograph of clean")
         line.sendall(b"TRIGGER nobody\r\nDANCE\r\n")
         assert answers.readline().startswith(b"ERROR;")
         assert answers.readline().startswith(b"ERROR;")
 
 
 def test_a_photograph_in_the_watched_folder_becomes_one_part(plant: Plant, http: httpx.Client) -> None:
-    def parts() -> list[dict[str, Any]]:
-        return [one for one in http.get("/v1/parts").json() if one["name"] == "watched-1"]
+    def parts(name: str) -> list[dict[str, Any]]:
+        return [one for one in http.get("/v1/parts").json() if one["name"] == name]
 
-    (plant.watched / "notes.txt").write_text("no picture")
-    (plant.watched / "broken.png").write_bytes(b"no picture either")
-    shutil.copy(plant.parts / "clean.png", plant.watched / "watched-1.png")
+    (plant.watched / "notes.txt").write_text("no picture, but some text")
+    shutil.copy(plant.parts / "clean.png", plant.watched / "watched-1.png.filepart")
+    wait_until(lambda: "notes.txt" in plant.service.log, plant.service.process)
+    (plant.watched / "watched-1.png.filepart").rename(plant.watched / "watched-1.png")
+    wait_until(lambda: bool(parts("watched-1")), plant.service.process)
+    assert [(one["state"], one["text"]) for one in parts("watched-1")] == [("accepted", plant.truth["clean"])]
+    assert parts("watched-1.png") == []
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "is empty"),
+        (b"no picture at all", "not a picture"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(30), "PNG"),
+        (None, "cut short"),
+    ],
+    ids=["empty", "no picture", "damaged", "cut short"],
+)
+def test_a_photograph_that_cannot_be_read_is_counted_published_and_waits_for_a_person(
+    plant: Plant, http: httpx.Client, content: bytes | None, why: str
+) -> None:
+    def parts() -> list[dict[str, Any]]:
+        return [one for one in http.get("/v1/parts").json() if one["name"] == name]
+
+    whole = (plant.parts / "clean.png").read_bytes()
+    name = f"day-2/{why}"
+    (plant.watched / "day-2").mkdir(exist_ok=True)
+    (plant.watched / f"{name}.png").write_bytes(whole[: len(whole) // 2] if content is None else content)
     wait_until(lambda: bool(parts()), plant.service.process)
-    assert [(one["state"], one["text"]) for one in parts()] == [("accepted", plant.truth["clean"])]
-    wait_until(lambda: "broken.png" in plant.service.log, plant.service.process)
+    (part,) = parts()
+    assert (part["state"], part["text"], part["reading"]["decision"]) == ("review", "", "reject")
+    (message,) = part["reading"]["messages"]
+    assert message.startswith("photograph cannot be read: ")
+    assert why in message
+    wait_until(lambda: bool(plant.receiver.of(part["id"])), plant.service.process)
+    assert message in html.unescape(http.get(f"/review/{part['id']}").text)
 
 
 def test_a_receiver_that_fails_at_first_gets_every_result_in_order(plant: Plant, http: httpx.Client) -> None:

@@ -72,7 +72,7 @@ class Outbox(Store):
             correct(self, part_id, text, targets=targets)
         except NotFoundError:
             read = (reading(text),)
-            self.add_part(part_id=part_id, name="", state=PartState.REVIEW, readings=read, targets=targets)
+            self.add_part(part_id=part_id, name="", state=PartState.ACCEPTED, readings=read, targets=targets)
 
     def fill(self, parts: int, each: int, *targets: str) -> Self:
         """Put so many parts into it, each again and again."""

@@ -7,11 +7,14 @@ Objects/DeviceSet/<name>: OcrReaderDeviceType
   ScanStop()                                forgets that a scan was started; its part is still read
   TriggerPart(PartName) -> ...              the same as Scan in plain types, and with the part's name
   TriggerJob(PartName, JobName) -> ...      the same, read by a job
-  LastPartId, LastDecision, LastConfidence  of the last part, whatever triggered it
+  TouchPart(PartName) -> ...                the same after the part, which lies under the whiskers, was felt
+  PartResult(PartName) -> ...               the same of the part as it stands, perhaps reviewed by a person
+  LastPartId, LastDecision, LastConfidence  of the last part, whatever triggered it; empty while one is read, and ERROR
+                                            after a call that has failed
 
 One scan is one part. A repetition by Cycles or Duration would make further parts of the same piece of metal, so Cycles
 above 1 is refused, and Duration is the time that Scan waits. Parts read through other inputs (HTTP, TCP) are shown as
-well: `show`.
+well: `show`. What a person has decided comes as an event: `tell`.
 
 Without users anyone with access to the port may scan, so by default it listens on the loopback address. With a
 certificate only signed and encrypted connections are accepted; with users, only theirs.
@@ -22,11 +25,15 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
+from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from datetime import UTC, datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from glyphs.errors import MarksError
 from glyphs.plain_text import has_hidden
+from pipeline.common.line_decision import NO_READING, LineDecision, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.opcua_server import (
@@ -38,13 +45,7 @@ from pipeline.service.inputs.opcua_server import (
     ua,
     variant,
 )
-from pipeline.service.inputs.trigger import (
-    NO_READING,
-    LineDecision,
-    Trigger,
-    decision_of,
-    in_words,
-)
+from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import problem_of
 
@@ -52,8 +53,8 @@ if TYPE_CHECKING:
     from pipeline.service.settings import OpcUaSettings
 
 IDLE, SCANNING, BUSY = 0, 2, 3
-ANSWER_S = 120.0
-"""Time limit of one scan, s; after it the status reports it, but the part is still read to its end."""
+FAILED = "ERROR"
+"""LastDecision after a call that has failed."""
 _LEAVE_S = 0.1
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
@@ -73,17 +74,18 @@ class OpcUaPort:
     """
 
     title = "OPC UA server"
+    trouble = ""
 
-    def __init__(self, settings: OpcUaSettings, trigger: Trigger, *, connections: int = 16) -> None:
+    def __init__(self, settings: OpcUaSettings, calls: LineCalls, *, connections: int = 16) -> None:
         """Make the server; nothing is opened yet.
 
         Args:
             settings: settings of the server; port 0 takes any free port, without users everybody may call.
-            trigger: reads a part.
+            calls: triggers, releases and looks up parts.
             connections: greatest number of signed-in connections at once.
         """
         self.host, self.port = settings.host, settings.port or 0
-        self._settings, self._trigger = settings, trigger
+        self._settings, self._calls = settings, calls
         self._connections = connections
         self._server: Any = None
         self._nodes: dict[str, Any] = {}
@@ -116,14 +118,16 @@ class OpcUaPort:
             )
         else:
             server.set_security_policy([policy.NoSecurity])
-        users = self._settings.users
+        users, calls = self._settings.users, self._calls
         server.set_identity_tokens([ua.UserNameIdentityToken if users else ua.AnonymousIdentityToken])
-        methods = {
+        methods: dict[str, Callable[..., Awaitable[Any]]] = {
             "Scan": self._scan,
             "ScanStart": self._scan_start,
             "ScanStop": self._scan_stop,
-            "TriggerPart": self._trigger_part,
-            "TriggerJob": self._trigger_part,
+            "TriggerPart": partial(self._of_part, calls.trigger),
+            "TriggerJob": partial(self._of_part, calls.trigger),
+            "TouchPart": partial(self._of_part, calls.release),
+            "PartResult": partial(self._of_part, calls.look_up, busy=False),
         }
         self._nodes, self._events = await set_up_device(server, methods)
         await server.start()
@@ -154,37 +158,55 @@ class OpcUaPort:
             ):
                 return
             self._shown.append((part.id, part.changed_at))
-            reading, decision = part.reading or NO_READING, decision_of(part)
-            at = part.changed_at.astimezone(UTC)
-            for name, value in (
-                ("LastScanData", part.text),
-                ("LastScanTimestamp", at),
-                ("LastPartId", part.id),
-                ("LastDecision", decision.value),
-                ("LastConfidence", reading.confidence),
-            ):
-                # the specification wants one source time for all of them, so that clients see what belongs together
-                await self._write(name, value, at=at)
+            confidence = (part.reading or NO_READING).confidence
+            await self._write_last(
+                part.changed_at.astimezone(UTC), decision_of(part).value, part.text, part.id, confidence
+            )
             if not _ANSWERED.get():
-                self._events.event.ScanResult = [ocr_scan_result(part)]
-                self._events.event.Severity = 100 if decision is LineDecision.ACCEPT else 500
-                message = f"{decision.value} {part.text} {part.name} {part.id}"
-                await self._events.trigger(message=" ".join(message.split()))
+                await self.tell(part)
+
+    async def tell(self, part: PartRecord) -> None:
+        """Send a part as an event."""
+        if self._server is None:
+            return
+        decision = decision_of(part)
+        self._events.event.ScanResult = [ocr_scan_result(part)]
+        self._events.event.Severity = 100 if decision is LineDecision.ACCEPT else 500
+        message = f"{decision.value} {part.text} {part.name} {part.id}"
+        await self._events.trigger(message=" ".join(message.split()))
+
+    async def _write_last(
+        self, at: datetime, decision: str, text: str = "", part_id: str = "", confidence: float = 0.0
+    ) -> None:
+        """Write the values of the last part; without one they are empty.
+
+        The specification wants one source time for all of them, so that clients see what belongs together.
+        """
+        for name, value in (
+            ("LastScanData", text),
+            ("LastScanTimestamp", at),
+            ("LastPartId", part_id),
+            ("LastDecision", decision),
+            ("LastConfidence", confidence),
+        ):
+            await self._write(name, value, at=at)
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
         """Method Scan: one trigger, and its result."""
-        if (refused := self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
+        if (refused := await self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
             return refused
         wait_s = arguments[0].Value.Duration / 1000.0 or ANSWER_S
-        part, status = await self._wait(self._begin("", BUSY, answered=True), min(wait_s, ANSWER_S))
+        wait_s = min(wait_s, ANSWER_S)
+        call = partial(self._calls.trigger, "", within_s=wait_s)
+        part, status = await self._wait(self._begin(call, BUSY, answered=True), wait_s)
         results = [ocr_scan_result(part)] if part is not None else []
         return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
 
     async def _scan_start(self, _parent: Any, *arguments: Any) -> Any:
         """Method ScanStart: one trigger; its result comes as an event."""
-        if (refused := self._refusal(fits=settings_fit(arguments, endless=True))) is not None:
+        if (refused := await self._refusal(fits=settings_fit(arguments, endless=True))) is not None:
             return refused
-        self._started = self._begin("", SCANNING)
+        self._started = self._begin(partial(self._calls.trigger, "", within_s=ANSWER_S), SCANNING)
         return [variant(SUCCESS)]
 
     async def _scan_stop(self, _parent: Any, *_arguments: Any) -> Any:
@@ -194,47 +216,69 @@ class OpcUaPort:
         self._started = None
         return []
 
-    async def _trigger_part(self, _parent: Any, *arguments: Any) -> Any:
-        """Methods TriggerPart and TriggerJob: a scan in plain types, with the names of the part and of its job."""
+    async def _of_part(
+        self, call: Callable[..., Awaitable[PartRecord]], _parent: Any, *arguments: Any, busy: bool = True
+    ) -> Any:
+        """A method in plain types: the name of the part, or its id, and perhaps of its job; returns the part.
+
+        With `busy` it is a scan, of which there is one at a time.
+        """
         names = ["" if one.Value is None else one.Value for one in arguments]
         fits = len(names) in (1, 2) and not any(
             not isinstance(name, str) or has_hidden(name) for name in names
         )
-        if (refused := self._refusal(fits=fits)) is not None:
+        if not busy:
+            try:
+                part: PartRecord | None = await call(*names) if fits else None
+            except MarksError as error:
+                await self._write("DeviceInfo", in_words(error))
+                return bad("BadNotFound")
+            if part is None:
+                return bad("BadInvalidArgument")
+        elif (refused := await self._refusal(fits=fits)) is not None:
             return refused
-        scan = self._begin(names[0], BUSY, job=names[1] if len(names) > 1 else "")
-        part, _ = await self._wait(scan, ANSWER_S)
+        else:
+            scan = self._begin(partial(call, *names, within_s=ANSWER_S), BUSY)
+            part, _ = await self._wait(scan, ANSWER_S)
         if part is None:
             return bad("BadDeviceFailure")
         reading = part.reading or NO_READING
         answer = (part.id, part.text, decision_of(part).value, reading.confidence, reading.source)
         return [variant(value) for value in answer]
 
-    def _refusal(self, *, fits: bool) -> Any:
+    async def _refusal(self, *, fits: bool) -> Any:
         """Status of a call that cannot be carried out; None if it can."""
         if not fits:
+            if self._scanning is None:
+                await self._write_last(datetime.now(UTC), FAILED)
             return bad("BadInvalidArgument")
         return bad("BadInvalidState") if self._scanning is not None or self._stopped else None
 
     def _begin(
-        self, name: str, status: int, *, job: str = "", answered: bool = False
+        self, call: Callable[[], Awaitable[PartRecord]], status: int, *, answered: bool = False
     ) -> asyncio.Task[PartRecord]:
         """Start a scan; only one may run at a time."""
-        self._scanning = task = asyncio.create_task(self._cycle(name, job, status, answered))
+        self._scanning = task = asyncio.create_task(self._cycle(call, status, answered))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task
 
-    async def _cycle(self, name: str, job: str, status: int, answered: bool) -> PartRecord:
+    async def _cycle(
+        self, call: Callable[[], Awaitable[PartRecord]], status: int, answered: bool
+    ) -> PartRecord:
         _ANSWERED.set(answered)
         try:
             await self._write("DeviceStatus", status)
-            part = await self._trigger(name, job)
+            async with self._showing:
+                await self._write_last(datetime.now(UTC), "")
+            part = await call()
             await self.show(part)
             await self._write("DeviceInfo", "")
             return part
         except Exception as error:
             problem = problem_of(error)
             await self._write("DeviceInfo", in_words(problem))
+            async with self._showing:
+                await self._write_last(datetime.now(UTC), FAILED)
             raise problem from error
         finally:
             self._scanning = None

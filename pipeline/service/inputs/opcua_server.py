@@ -83,12 +83,26 @@ _CODES = ua.StatusCodes
 _WRONG = (_CODES.BadUserAccessDenied, _CODES.BadIdentityTokenInvalid, _CODES.BadIdentityTokenRejected)
 
 
+PLAIN_METHODS = {
+    "TriggerPart": ("PartName",),
+    "TriggerJob": ("PartName", "JobName"),
+    "TouchPart": ("PartName",),
+    "PartResult": ("PartName",),
+}
+"""Methods in plain types, with the names of their arguments; each returns the part."""
+_ANSWER = ("PartId", "Text", "Decision")
+
+
+def _argument(name: str, kind: int = ua.ObjectIds.String) -> Any:
+    return ua.Argument(Name=name, DataType=ua.NodeId(kind), ValueRank=-1)
+
+
 async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) -> tuple[dict[str, Any], Any]:
     """Load the model, and set up its device.
 
     Args:
         server: an initialised server.
-        methods: Scan, ScanStart, ScanStop, TriggerPart and TriggerJob.
+        methods: Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names.
 
     Returns:
         Its nodes by name, and the generator of its events.
@@ -108,7 +122,16 @@ async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) 
     for name, value in words.items():
         await nodes[name].write_value(value)
     for name, method in methods.items():
-        server.link_method(nodes[name], method)
+        if name in nodes:
+            server.link_method(nodes[name], method)
+            continue
+        node_id, inputs = ua.NodeId(f"reader.{name}", reader), map(_argument, PLAIN_METHODS[name])
+        outputs = [
+            *map(_argument, _ANSWER),
+            _argument("Confidence", ua.ObjectIds.Double),
+            _argument("Source"),
+        ]
+        await device.add_method(node_id, ua.QualifiedName(name, reader), method, [*inputs], outputs)
     events = await server.get_event_generator(ua.NodeId(1005, autoid), device)
     events.event.DeviceName = await nodes["DeviceName"].read_value()
     # the node set has no values to take them from

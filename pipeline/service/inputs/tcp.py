@@ -2,6 +2,9 @@
 
 TRIGGER P17<CR><LF>                -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<CR><LF>
 TRIGGER:housing-left P17<CR><LF>   -->  the same, read by the job housing-left
+TRIGGER=KX407251 P17<CR><LF>       -->  the same, for a part that should read KX407251; also TRIGGER:job=serial
+TOUCH P17<CR><LF>                  -->  the same after the part, which lies under the whiskers, was felt
+RESULT P17<CR><LF>                 -->  the same of the part as it stands, perhaps reviewed by a person
 PING<CR><LF>                       -->  PONG<CR><LF>
 anything else                      -->  ERROR;what is wrong<CR><LF>
 an HTTP request, or TLS            -->  closed
@@ -11,9 +14,12 @@ Characters of a value that could be mistaken for the format's own punctuation, i
 written as %XX (the bytes of their UTF-8, as in web addresses): a serial A;B is sent as A%3BB. A controller whose
 serials contain no such characters need not decode; one that decodes %XX gets back exactly what was read.
 
-Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. Answers come in the order of
-the lines. The port has neither sign-in nor encryption: anyone with access to it can trigger. So by default it listens
-on the loopback address, and beyond that `clients` names the addresses that may call.
+TOUCH and RESULT take a name, of which they mean the latest part, or an id.
+
+Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. A line may also come as a
+STRING of SIMATIC controllers: two bytes with its maximum and present length before it, with or without an end. Answers
+come in the order of the lines. The port has neither sign-in nor encryption: anyone with access to it can trigger. So by
+default it listens on the loopback address, and beyond that `clients` names the addresses that may call.
 """
 
 from __future__ import annotations
@@ -23,23 +29,20 @@ import contextlib
 import re
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
 from string import Formatter
 from typing import TYPE_CHECKING
+from urllib.parse import unquote
 
 from glyphs.errors import MarksError
 from glyphs.plain_text import has_hidden, is_hidden
+from pipeline.common.line_decision import NO_READING, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
 from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest
-from pipeline.service.inputs.trigger import (
-    NO_READING,
-    Trigger,
-    decision_of,
-    in_words,
-)
+from pipeline.service.inputs.trigger import LineCalls, in_words
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
 
@@ -65,6 +68,8 @@ _LINGER_S = 0.5
 # seconds of silence until the system asks whether a controller is there, seconds between questions, and their number
 _KEEPALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 _END = re.compile(rb"[\r\n]")
+_SIMATIC = re.compile(rb"(?s)(?:[^\0\r\n].|.[^\0\r\n])(?=TRIGGER|TOUCH|RESULT|PING)", re.IGNORECASE)
+"""Head of a STRING: its maximum and present length, before a command."""
 # NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
 _PADDING = b"\0\r\n"
 _WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
@@ -170,20 +175,21 @@ class TcpPort:
     """
 
     title = "TCP trigger port"
+    trouble = ""
 
-    def __init__(self, settings: TcpSettings, trigger: Trigger, *, limits: TcpLimits | None = None) -> None:
+    def __init__(self, settings: TcpSettings, calls: LineCalls, *, limits: TcpLimits | None = None) -> None:
         """Make the port; nothing is opened yet.
 
         Args:
             settings: settings of the port; port 0 takes any free port.
-            trigger: reads a part.
+            calls: triggers, releases and looks up parts.
             limits: limits for one caller.
 
         Raises:
             ResultStringError: no such format.
         """
         self.host, self.port = settings.host, settings.port or 0
-        self._trigger = trigger
+        self._calls = calls
         self._result = ResultString(settings.format or DEFAULT_FORMAT)
         self._clients = settings.clients
         self._limits = limits or TcpLimits()
@@ -285,22 +291,33 @@ class TcpPort:
         if has_hidden(words):
             return _error("the line holds control characters")
         command, _, rest = words.partition(" ")
+        command, equals, expected = command.partition("=")
         verb, colon, job = command.partition(":")
+        part, within_s = rest.strip(), self._limits.answer_s
         match verb.upper():
-            case "PING" if not rest and not colon:
+            case "PING" if not (rest or colon or equals):
                 return b"PONG"
-            case "TRIGGER" if job or not colon:
-                # the part is read to its end though the caller may go: it may already be counted on elsewhere
-                reading = asyncio.create_task(self._read(rest.strip(), job))
-                self._reading.add(reading)
-                reading.add_done_callback(self._reading.discard)
-                done, _ = await asyncio.wait({reading}, timeout=self._limits.answer_s)
-                return reading.result() if done else _error("no result in time; the part is still being read")
-        return _error("unknown command; send TRIGGER name, TRIGGER:job name, or PING")
+            case "TRIGGER" if (job or not colon) and (expected or not equals):
+                serial = unquote(expected)
+                call = self._calls.trigger(part, job, expected=serial, within_s=within_s)
+            case "TOUCH" if part and not (colon or equals):
+                call = self._calls.release(part, within_s=within_s)
+            case "RESULT" if part and not (colon or equals):
+                call = self._calls.look_up(part)
+            case _:
+                return _error(
+                    "unknown command; send TRIGGER name, TRIGGER:job name, TOUCH name, RESULT name, or PING"
+                )
+        # the part is read to its end though the caller may go: it may already be counted on elsewhere
+        reading = asyncio.create_task(self._read(call))
+        self._reading.add(reading)
+        reading.add_done_callback(self._reading.discard)
+        done, _ = await asyncio.wait({reading}, timeout=within_s)
+        return reading.result() if done else _error("no result in time; the part is still being read")
 
-    async def _read(self, name: str, job: str) -> bytes:
+    async def _read(self, call: Awaitable[PartRecord]) -> bytes:
         try:
-            return self._result.of(await self._trigger(name, job)).encode()
+            return self._result.of(await call).encode()
         except Exception as error:
             return _error(in_words(error))
 
@@ -349,8 +366,20 @@ async def _lines(reader: asyncio.StreamReader, limits: TcpLimits) -> AsyncIterat
     loop, held = asyncio.get_running_loop(), b""
     begun = idle_since = loop.time()
     while True:
-        held = held.lstrip(_PADDING)
-        end = _END.search(held)
+        if not _SIMATIC.match(held):
+            held = held.lstrip(_PADDING)
+        if _SIMATIC.match(held) and held[0] >= held[1]:
+            n_bytes = 2 + held[1]
+            if len(held) >= n_bytes:
+                line, filler = held[2:n_bytes].rstrip(_PADDING), held[n_bytes : 2 + held[0]]
+                # what stands behind the present length is of earlier lines, unless it is the next line
+                held = held[n_bytes if _SIMATIC.match(filler) else n_bytes + len(filler) :]
+                yield line
+                begun = idle_since = loop.time()
+                continue
+            end = None
+        else:
+            end = _END.search(held)
         if (end.start() if end is not None else len(held)) > limits.line_bytes:
             raise _LineError(f"a line has at most {limits.line_bytes} bytes")
         if end is not None:

@@ -1,48 +1,35 @@
-"""Common code of the ports at the line: triggers, decisions in one word, and error messages."""
+"""Common code of the ports at the line: calls and error messages."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
-from enum import StrEnum
+from collections.abc import Awaitable
+from typing import Protocol
 
 from glyphs.plain_text import is_hidden
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import PartRecord, PartState
+from pipeline.common.records import PartRecord
 from pipeline.service.web.problem import problem_of
 
-NO_READING = ReadingRecord("", "", "", 0.0)
 _MOST_WORDS = 200
-Trigger = Callable[[str, str], Awaitable[PartRecord]]
-"""Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
+ANSWER_S = 120.0
+"""Time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt."""
 
 
-class LineDecision(StrEnum):
-    """Decisions about a part, for a controller."""
+class LineCalls(Protocol):
+    """Calls of controllers; each raises what `problem_of` turns into an answer."""
 
-    ACCEPT = "ACCEPT"
-    REVIEW = "REVIEW"
-    REJECT = "REJECT"
-    TOUCH = "TOUCH"
-    SHADOW = "SHADOW"
+    def trigger(
+        self, name: str, job: str = "", *, expected: str = "", within_s: float = ANSWER_S
+    ) -> Awaitable[PartRecord]:
+        """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored.
 
+        `expected` is the text that it should read, `within_s` the time that the caller waits, s.
+        """
 
-def decision_of(part: PartRecord) -> LineDecision:
-    """Decision about a part.
+    def release(self, part: str, *, within_s: float = ANSWER_S) -> Awaitable[PartRecord]:
+        """Have a part felt that lies under the whiskers, by its id or name."""
 
-    ACCEPT: read with certainty, or a person has entered its text. REVIEW: a person has to look. REJECT: a person has to
-    look and nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan
-    yet. SHADOW: nothing was decided; the line uses its own reader.
-    """
-    if part.state is PartState.SHADOW:
-        return LineDecision.SHADOW
-    if part.state is PartState.TOUCH_NEEDED:
-        return LineDecision.TOUCH
-    if part.state is PartState.ACCEPTED:
-        return LineDecision.ACCEPT
-    if part.state is PartState.REVIEWED:
-        return LineDecision.ACCEPT if part.text else LineDecision.REJECT
-    rejected = part.reading is None or part.reading.decision == "reject" or not part.reading.text
-    return LineDecision.REJECT if rejected else LineDecision.REVIEW
+    def look_up(self, part: str) -> Awaitable[PartRecord]:
+        """The part with an id, or the latest of a name, as it stands."""
 
 
 def in_words(error: BaseException) -> str:

@@ -1,8 +1,12 @@
 """Publish results over MQTT; a result counts as delivered when the broker has accepted it (QoS 1).
 
-{prefix}/parts/{part id}/result     the part as JSON, with the delivery's number; not retained
+{prefix}/parts/{part id}/result     the part as JSON, whole or short, with the delivery's number; not retained
 {prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
+{prefix}/trigger, {prefix}/touch    taken, if the settings say so: {"name": "P17", "job": "left", "expected": "KX4"}
+                                    and {"part": "P17"}, a name or an id; or only the name as text
+{prefix}/answer                     the short result of such a call, or {"error": ...}; a call with a response topic
+                                    is answered there, with its correlation data
 
 * A delivery has arrived when the broker has accepted it; one that it refuses (no right to the topic, too large) stays
   in the outbox. Only with MQTT 5 does a broker say that it refuses: older ones acknowledge what they drop.
@@ -10,6 +14,7 @@
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
 * paho's network thread calls back; everything here happens in the event loop.
 * There is one connection at a time, made anew when it is next needed: for a result, or the next `ping`.
+* A call that comes while there is no connection is lost, and a retained one is ignored: it would be late.
 * Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
   after another one has published "offline".
 """
@@ -24,19 +29,26 @@ import secrets
 import socket
 import ssl
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
-from pipeline.common.records import Delivery
+from pipeline.common.line_decision import short_result
+from pipeline.common.reading_records import from_json
+from pipeline.common.records import Delivery, PartRecord
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
+from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 QOS = 1
+_CALLS = ("trigger", "touch")
+MOST_CALLS = 16
+"""Maximum number of calls in progress."""
 KEEPALIVE_S = 30
 """Keepalive interval, s; a silent broker is noticed after one and a half of it."""
 LEAVE_S = 2.0
@@ -58,13 +70,24 @@ def topic_level(name: str) -> str:
     return re.sub(r"[+#/\0]", "_", name)
 
 
+async def _answer_nothing(_call: str, _payload: bytes) -> bytes:
+    return b""
+
+
 class MqttSender:
     """Publishes deliveries to a broker; connects again after a loss."""
 
-    def __init__(self, settings: MqttSettings, *, timeout_s: float = 10.0) -> None:
+    def __init__(
+        self,
+        settings: MqttSettings,
+        answer_call: Callable[[str, bytes], Awaitable[bytes]] = _answer_nothing,
+        *,
+        timeout_s: float = 10.0,
+    ) -> None:
         """Make the sender; nothing is connected yet.
 
         Args:
+            answer_call: answers a call, trigger or touch, if the settings say that there are any.
             settings: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked by
                 the system's authorities, or those of the file SSL_CERT_FILE), and the prefix of the topics.
             timeout_s: timeout for connecting, and for one acknowledgement.
@@ -81,6 +104,8 @@ class MqttSender:
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
         self._closed, self._online_s = False, 0.0
+        self._answer_call = answer_call
+        self._calling: set[asyncio.Task[None]] = set()
 
     async def ping(self) -> bool:
         """Connect and stay connected, so that the status is online although there is nothing to publish.
@@ -101,6 +126,8 @@ class MqttSender:
         try:
             alert = delivery.payload.get("alert")
             about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
+            if alert is None and self._settings.payload == "short":
+                delivery = replace(delivery, payload=_short(delivery.payload))
             await connection.publish(f"{self._prefix}/{about}", body_of(delivery), retain=alert is not None)
         except DeliveryError as error:
             if error.away:
@@ -110,6 +137,7 @@ class MqttSender:
     async def close(self) -> None:
         """Publish the status offline, and disconnect."""
         self._closed = True
+        await end_tasks(self._calling)
         async with self._connecting:
             connection, self._connection = self._connection, None
             if connection is not None:
@@ -134,6 +162,8 @@ class MqttSender:
                 will = (self._status, OFFLINE)
                 connection = MqttConnection(self._settings, will=will, timeout_s=self._timeout_s)
                 await connection.open()
+                if self._settings.triggers:
+                    connection.subscribe([f"{self._prefix}/{call}" for call in _CALLS], self._take_call)
             elif time.monotonic() - self._online_s < ONLINE_EVERY_S:
                 return connection
             try:
@@ -147,6 +177,32 @@ class MqttSender:
                     _log.warning("the MQTT status is not set: %s", error)
             self._connection, self._online_s = connection, time.monotonic()
             return connection
+
+    def _take_call(self, message: Any) -> None:
+        if message.retain or self._closed:
+            _log.warning("a retained call of MQTT was ignored: %s", message.topic)
+            return
+        if len(self._calling) >= MOST_CALLS:
+            _log.warning("a call of MQTT was ignored: %s others are in progress", MOST_CALLS)
+            return
+        answering = asyncio.create_task(self._publish_answer(message))
+        self._calling.add(answering)
+        answering.add_done_callback(self._calling.discard)
+
+    async def _publish_answer(self, message: Any) -> None:
+        answer = await self._answer_call(message.topic.rpartition("/")[2], message.payload)
+        properties = getattr(message, "properties", None)
+        topic = getattr(properties, "ResponseTopic", None) or f"{self._prefix}/answer"
+        with contextlib.suppress(DeliveryError, ValueError):  # the result is in the outbox
+            connection = await self._connect()
+            await connection.publish(topic, answer, correlation=getattr(properties, "CorrelationData", None))
+
+
+def _short(payload: Mapping[str, Any]) -> dict[str, Any]:
+    """The short result of a part's whole record."""
+    known = {field.name for field in fields(PartRecord)}
+    part = from_json(PartRecord, {name: value for name, value in payload.items() if name in known})
+    return short_result(replace(part, text=part.text or payload.get("candidate", "")))
 
 
 class MqttConnection:
@@ -218,8 +274,15 @@ class MqttConnection:
             hint = "it has to speak MQTT 5" if code.value == _UNSUPPORTED_VERSION else ""
             raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
 
-    async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
-        """Publish and wait for the acknowledgement.
+    def subscribe(self, topics: Sequence[str], take: Callable[[Any], None]) -> None:
+        """Subscribe to topics; `take` is called in the event loop with every message."""
+        self._client.on_message = lambda _c, _d, message: self._in_loop(take, message)
+        self._client.subscribe([(topic, QOS) for topic in topics])
+
+    async def publish(
+        self, topic: str, payload: bytes, *, retain: bool = False, correlation: bytes | None = None
+    ) -> None:
+        """Publish and wait for the acknowledgement; an answer has the correlation data of its call.
 
         Raises:
             DeliveryError: the broker is gone, has acknowledged nothing in time, or refuses the message.
@@ -229,7 +292,14 @@ class MqttConnection:
             what = f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be"
             raise DeliveryError(what, hint=_TOO_LONG)
         acknowledged: asyncio.Future[Any] = self._loop.create_future()
-        sent = self._client.publish(topic, payload, QOS, retain)
+        properties = None
+        if correlation is not None:
+            from paho.mqtt.packettypes import PacketTypes
+            from paho.mqtt.properties import Properties
+
+            properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
+            properties.CorrelationData = correlation
+        sent = self._client.publish(topic, payload, QOS, retain, properties)
         self._pending[sent.mid] = (acknowledged, n_bytes)
         try:
             code = await self._first(acknowledged)

@@ -136,6 +136,7 @@ def why_not_accepted(part: PartRecord) -> tuple[str, ...]:
     # the messages of a reading that is refuted say so themselves
     undecided = f"the expected serial {part.expected} is not confirmed beyond doubt"
     why = ((undecided,) if reading.verdict == "undecided" else ()) + reading.messages
+    why += (part.not_felt,) if part.not_felt else ()
     return why or ("the reading does not meet the thresholds of acceptance",)
 
 

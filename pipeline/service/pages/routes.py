@@ -70,7 +70,13 @@ class Search(BaseModel):
 
 def add_part_pages(router: APIRouter, frame: Frame) -> None:
     """The routes of the list and of one part."""
-    looks, store = Depends(frame.reader_view), frame.store
+    looks, reviews, store = Depends(frame.reader_view), Depends(frame.reviewer_view), frame.store
+
+    @router.post("/parts/{part_id}/touch")
+    async def touch(part_id: str, view: View = reviews) -> Response:
+        """Release a part that lies under the whiskers."""
+        await frame.service.intake.touch(part_id)
+        return view.redirect(f"/parts/{part_id}")
 
     @router.get("/parts")
     def parts(search: Annotated[Search, Query()], view: View = looks) -> Response:

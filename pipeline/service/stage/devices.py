@@ -12,13 +12,14 @@ far as the part reaches.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from glyphs.named import load_named
+from pipeline.common.file_stamp import FileStamp, stamp_of
 from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.settings import SettingsError
 from pipeline.formats.kinds import PHOTO_SUFFIXES
@@ -80,7 +81,12 @@ class ScanOrder:
 
 
 class Stage(Protocol):
-    """Move the whiskers over a part."""
+    """Move the whiskers over a part.
+
+    A stage, with `feel` or with `open`, may also have `is_in_place(part_name: str) -> bool`, whether that part lies
+    under the whiskers now. It is asked before and after a part is felt. With it a part that could not be felt is tried
+    again as long as it lies there; without it a person gets the part.
+    """
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
         """Feel the part that lies under the whiskers, and write a recording.
@@ -115,22 +121,35 @@ class Camera(Protocol):
 
 @dataclass(frozen=True)
 class FolderCamera:
-    """Find the photograph of a part in a folder in which a camera's own program saves it.
+    """A folder in which a camera's own program saves its photographs; the service waits for a new one.
 
     Attributes:
         folder: folder of the photographs, named as the parts, or as `part.light-1.png` and so on.
+        early_s: time by which a photograph may be older than its trigger.
     """
 
     folder: Path
+    early_s: float = 0.0
 
-    def take(self, part_name: str) -> Path | Sequence[Path]:
-        """The photograph of that name, or those of several lights.
+    def pictures(self, part_name: str) -> dict[Path, FileStamp]:
+        """The photographs of a part at one look, one that is named as the part before those of several lights.
 
         Raises:
-            StageError: none, or a name that cannot be one.
+            StageError: a name that cannot be a file's.
         """
-        found = _files_of(self.folder, part_name, PHOTO_SUFFIXES, "photograph")
-        return found if len(found) > 1 else found[0]
+        found = {path: stamp_of(path.stat()) for path in _files_of(self.folder, part_name, PHOTO_SUFFIXES)}
+        return dict(sorted(found.items(), key=lambda item: bool(set_of(item[0].name))))
+
+    def missing(self, part_name: str, *, older: bool, waited_s: float) -> StageError:
+        """The error if no new photograph has come in time; `older`: there is one from before the trigger."""
+        return _no_file(
+            self.folder,
+            part_name,
+            PHOTO_SUFFIXES,
+            f"{'new ' if older else ''}photograph",
+            when=f" after {waited_s:g} s",
+            hint="for a camera that is triggered before the service, set camera.early_s" if older else "",
+        )
 
 
 @dataclass(frozen=True)
@@ -159,7 +178,10 @@ class SimulatedStage:
         from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.simulated_scan import VirtualBench
 
-        path = _files_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")[0]
+        maps = _files_of(self.folder, order.part_name, _MAP_SUFFIXES)
+        if not maps:
+            raise _no_file(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
+        path = maps[0]
         try:
             top = read_part_map(path)
             height_map = top.height_map
@@ -228,7 +250,7 @@ def stage_of(settings: StageSettings) -> Stage | SessionStage[ScanOrder] | None:
     return None if settings.folder is None else SimulatedStage(_there(settings.folder, "height maps"))
 
 
-def camera_of(settings: CameraSettings) -> Camera | None:
+def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:
     """The camera of the service; None if it has none.
 
     Raises:
@@ -238,7 +260,9 @@ def camera_of(settings: CameraSettings) -> Camera | None:
     if settings.driver:
         camera: Camera = load_driver(settings.driver, verbs=("take",))
         return camera
-    return None if settings.folder is None else FolderCamera(_there(settings.folder, "photographs"))
+    if settings.folder is None:
+        return None
+    return FolderCamera(_there(settings.folder, "photographs"), settings.early_s)
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
@@ -266,11 +290,11 @@ def _there(folder: Path, what: str) -> Path:
     return folder
 
 
-def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Sequence[Path]:
-    """The part's file in the folder, otherwise those of its set; never a file elsewhere.
+def _files_of(folder: Path, part_name: str, suffixes: Sequence[str]) -> Sequence[Path]:
+    """The part's files in the folder, by the order of the suffixes, then those of its set; never a file elsewhere.
 
     Raises:
-        StageError: a name that cannot be a file's, or no such file.
+        StageError: a name that cannot be a file's.
     """
     if not part_name:
         raise StageError("the part has no name", "give the name of its file without the ending")
@@ -280,19 +304,19 @@ def _files_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) 
             f"{part_name[:40]!r} is not a name of a part on this stage", "name it without folders"
         )
     root = folder.resolve()
-
-    def inside(paths: Iterable[Path]) -> list[Path]:
-        # a link may lead out of the folder
-        return [path for path in paths if path.is_file() and path.resolve().is_relative_to(root)]
-
-    if found := inside(root / f"{part_name}{suffix}" for suffix in suffixes):
-        return found[:1]
-    if found := inside(
+    exact = [root / f"{part_name}{suffix}" for suffix in suffixes]
+    numbered = (
         p for p in sorted(root.glob("*")) if set_of(p.name) == part_name and p.suffix.lower() in suffixes
-    ):
-        return found
+    )
+    # a link may lead out of the folder
+    return [p for p in (*exact, *numbered) if p.is_file() and p.resolve().is_relative_to(root)]
+
+
+def _no_file(
+    folder: Path, part_name: str, suffixes: Sequence[str], what: str, *, when: str = "", hint: str = ""
+) -> StageError:
     suffix = Path(part_name).suffix
-    hint = f"put it there as {part_name}{suffixes[0]}"
     if suffix.lower() in suffixes:
         hint = f"name the part without {suffix}"
-    raise StageError(f"there is no {what} of {part_name} in the folder {root.name}", hint)
+    hint = hint or f"put it there as {part_name}{suffixes[0]}"
+    return StageError(f"there is no {what} of {part_name} in the folder {folder.resolve().name}{when}", hint)

@@ -8,13 +8,28 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import shutil
-from collections.abc import AsyncIterator
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.common.file_stamp import FileStamp, picture_key, stamp_of
 from pipeline.common.records import EvidenceKind
-from pipeline.service.stage.devices import Camera, ScanOrder, SimulatedStage, Stage, has_sessions
+from pipeline.formats.kinds import is_cut_short
+from pipeline.formats.part_files import set_of
+from pipeline.service.stage.devices import (
+    Camera,
+    FolderCamera,
+    ScanOrder,
+    SimulatedStage,
+    Stage,
+    has_sessions,
+)
 from pipeline.service.stage.driver import DriverThread, StageDownError, StageLink
 from pipeline.service.web.uploads import Upload
 from whisker_array.scan.stage_error import StageError
@@ -24,6 +39,10 @@ if TYPE_CHECKING:
 
 _PLANS = 2.0
 """Durations of a whole plan that are added to the time limit of a stage."""
+_LOOK_S = 0.1
+"""Seconds between looks for a picture in the camera's folder."""
+_STILL_S, _SET_STILL_S = 0.3, 2.0
+"""Seconds for which a picture, or a set of them, must stand unchanged: a set may get another light."""
 
 
 class StageWork:
@@ -33,6 +52,7 @@ class StageWork:
         there: there is a stage.
         thread: thread that its driver is called in; knows its faults.
         by_pass: it feels parts pass by pass; else it scans the whole plan.
+        knows_place: its driver can say whether a part lies under the whiskers.
     """
 
     def __init__(self, stage: Stage | SessionStage[ScanOrder] | None, *, timeout_s: float = 60.0) -> None:
@@ -44,27 +64,38 @@ class StageWork:
         """
         self._stage, self.there = stage, stage is not None
         self.by_pass = stage is not None and has_sessions(stage)
+        self.knows_place = callable(getattr(stage, "is_in_place", None))
         self.thread = DriverThread("stage", timeout_s=timeout_s)
         self._one_at_a_time = asyncio.Lock()
 
     @contextlib.asynccontextmanager
-    async def for_worker(self) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker.
+    async def for_worker(
+        self, part_name: str, *, until_s: float = math.inf
+    ) -> AsyncIterator[SessionStage[ScanOrder]]:
+        """Lend the stage to a worker while a part lies under the whiskers.
+
+        Args:
+            part_name: name of the part.
+            until_s: time of the monotonic clock until which it is known to lie there.
 
         Raises:
             StageDownError: it does not answer.
+            StageError: the part may no longer lie there, at the beginning or at the end.
         """
         if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
             yield self._stage
+            await self._check_place(part_name, until_s)
             return
         async with self._one_at_a_time:
+            await self._check_place(part_name, until_s)
             if self.thread.trouble:  # known before a worker is asked
                 raise StageDownError(self.thread.trouble, "see that the stage and its driver work")
             link = StageLink(self._stage, self.thread)
             try:
                 yield link.stage
+                await self._check_place(part_name, until_s)
             except StageError:
                 if link.down is not None:
                     raise link.down from None
@@ -72,12 +103,12 @@ class StageWork:
             finally:
                 await link.close()
 
-    async def scan(self, order: ScanOrder, folder: Path) -> Path:
-        """Record the whole plan into a folder.
+    async def scan(self, order: ScanOrder, folder: Path, *, until_s: float = math.inf) -> Path:
+        """Record the whole plan into a folder; `until_s` as in `for_worker`.
 
         Raises:
             StageDownError: the stage does not answer, or its driver has a fault.
-            StageError: it cannot be recorded.
+            StageError: it cannot be recorded, or the part may no longer lie under the whiskers.
         """
         stage = self._stage
         if stage is None or has_sessions(stage):
@@ -92,37 +123,130 @@ class StageWork:
             )
 
         async with self._one_at_a_time:
+            await self._check_place(order.part_name, until_s)
             timeout_s = self.thread.timeout_s + _PLANS * order.plan.seconds
-            return await self.thread.call_async(scanned, timeout_s=timeout_s)
+            path = await self.thread.call_async(scanned, timeout_s=timeout_s)
+            await self._check_place(order.part_name, until_s)
+            return path
+
+    async def _check_place(self, part_name: str, until_s: float) -> None:
+        hint = "put it there again and release it"
+        if time.monotonic() > until_s:
+            raise StageError(
+                f"{part_name} may no longer lie under the whiskers: its trigger's time is over", hint
+            )
+        is_in_place = getattr(self._stage, "is_in_place", None)
+        if is_in_place is not None and not await self.thread.call_async(partial(is_in_place, part_name)):
+            raise StageError(f"{part_name} does not lie under the whiskers, says the stage's driver", hint)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Photographs that the camera has taken of a part.
+
+    Attributes:
+        photos: copies of them.
+        keys: keys of the pictures in the camera's folder, none of which another part may be read from.
+    """
+
+    photos: list[Upload]
+    keys: tuple[str, ...] = ()
 
 
 class CameraWork:
     """The camera at work; `thread`: the thread of its driver."""
 
-    def __init__(self, camera: Camera | None, *, timeout_s: float = 30.0) -> None:
-        """Take the driver; None: photographs are sent to the service. `timeout_s`: for one call."""
-        self._camera = camera
+    def __init__(self, camera: Camera | FolderCamera | None, *, timeout_s: float = 30.0) -> None:
+        """Take the driver; None: photographs are sent to the service. `timeout_s`: for the photographs of a part."""
+        self._camera, self._timeout_s = camera, timeout_s
         self.thread = DriverThread("camera", timeout_s=timeout_s)
+        # keys of the latest pictures taken, of which the store may not know yet
+        self._taken: deque[str] = deque(maxlen=1000)
 
-    async def take(self, name: str, folder: Path) -> list[Upload]:
+    async def take(
+        self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
+    ) -> Taken:
         """Photograph the part of that name, and copy the photographs into the folder.
+
+        Args:
+            name: name of the part.
+            folder: folder for the copies.
+            known: those of some pictures' keys that already belong to a part.
 
         Raises:
             StageDownError: the camera does not answer, or its driver has a fault.
             StageError: there is no photograph.
             OSError: one cannot be read.
         """
-
         camera = self._camera
         if camera is None:
             raise StageError("this service has no camera", "send a photograph of the part instead")
+        if isinstance(camera, FolderCamera):
+            return await self._wait_for_pictures(camera, name, folder, known)
 
-        def photograph() -> list[Upload]:
-            made = camera.take(name)
-            photos = []
-            for n, file in enumerate((made,) if isinstance(made, Path) else made, start=1):
-                copy = shutil.copyfile(file, folder / f"taken-{n}{file.suffix.lower()}")
-                photos.append(Upload(copy, file.name, EvidenceKind.PHOTO))
-            return photos
+        def photograph() -> Taken:
+            taken = camera.take(name)
+            return Taken(_copies((taken,) if isinstance(taken, Path) else taken, folder))
 
         return await self.thread.call_async(photograph)
+
+    async def _wait_for_pictures(
+        self,
+        camera: FolderCamera,
+        name: str,
+        folder: Path,
+        known: Callable[[Iterable[str]], Collection[str]],
+    ) -> Taken:
+        """Wait for a picture newer than the trigger that is whole and stands still, or for a set of them.
+
+        One that has come but is not whole when the time is over is taken as it is.
+        """
+        look = partial(camera.pictures, name)
+        began_s, earliest_ns = time.monotonic(), time.time_ns() - round(1e9 * camera.early_s)
+        before = await self.thread.call_async(look)
+        old = {path: stamp for path, stamp in before.items() if not camera.early_s or stamp[1] < earliest_ns}
+        latest, since_s = dict[Path, FileStamp](), began_s
+        while True:
+            look_s = time.monotonic()
+            pictures = await self.thread.call_async(look)
+            new = {path: stamp for path, stamp in pictures.items() if old.get(path) != stamp}
+            keys = {picture_key(str(path), stamp): path for path, stamp in new.items()}
+            used = {*(await asyncio.to_thread(known, keys) if keys else ()), *self._taken}
+            new = {path: new[path] for key, path in keys.items() if key not in used}
+            if new and not set_of(next(iter(new)).name):
+                new = dict([next(iter(new.items()))])
+            now_s = time.monotonic()
+            if new != latest:
+                latest, since_s = new, now_s
+            late = now_s - began_s >= self._timeout_s
+            still = now_s - since_s >= (_SET_STILL_S if any(set_of(path.name) for path in new) else _STILL_S)
+            if new and (late or still):
+                taken = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
+                self._taken.extend(taken)
+                photos = await self.thread.call_async(partial(_copies_if_whole, new, folder, as_is=late))
+                if photos is not None:
+                    return Taken(photos, taken)
+                for key in taken:
+                    self._taken.remove(key)
+            elif late:
+                raise camera.missing(name, older=bool(pictures), waited_s=self._timeout_s)
+            await asyncio.sleep(max(_LOOK_S, now_s - look_s))
+
+
+def _copies_if_whole(pictures: Mapping[Path, FileStamp], folder: Path, *, as_is: bool) -> list[Upload] | None:
+    """Copies of pictures; None if one is cut short or has changed meanwhile and `as_is` is false."""
+    if not as_is and any(map(is_cut_short, pictures)):
+        return None
+    photos = _copies(pictures, folder)
+    return (
+        photos if as_is or all(stamp_of(path.stat()) == stamp for path, stamp in pictures.items()) else None
+    )
+
+
+def _copies(files: Iterable[Path], folder: Path) -> list[Upload]:
+    return [
+        Upload(
+            shutil.copyfile(file, folder / f"taken-{n}{file.suffix.lower()}"), file.name, EvidenceKind.PHOTO
+        )
+        for n, file in enumerate(files, start=1)
+    ]

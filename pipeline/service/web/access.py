@@ -81,11 +81,11 @@ class Access:
         """Whether this caller needs a token."""
         return self.required or bool(getattr(request.state, "other_user", False))
 
-    def caller(self, request: HTTPConnection, scope: Scope) -> Caller:
-        """The caller, if the request is allowed.
+    def caller(self, request: HTTPConnection, *scopes: Scope) -> Caller:
+        """The caller, if the request is allowed: with one of the scopes.
 
         Raises:
-            DeniedError: no token, one that does not hold, or one without the scope.
+            DeniedError: no token, one that does not hold, or one without such a scope.
         """
         record: TokenRecord | None = getattr(request.state, "token", None)
         if record is None:
@@ -95,9 +95,9 @@ class Access:
                 if self.asked(request):
                     raise
                 return Caller(frozenset(Scope))  # none is needed; perhaps it has an old cookie
-        if scope not in record.scopes:
-            held = ", ".join(sorted(record.scopes)) or "nothing"
-            raise DeniedError(403, f"the token {record.name!r} allows {held}, and this needs {scope.value}")
+        if record.scopes.isdisjoint(scopes):
+            held, needed = ", ".join(sorted(record.scopes)) or "nothing", " or ".join(scopes)
+            raise DeniedError(403, f"the token {record.name!r} allows {held}, and this needs {needed}")
         return Caller(record.scopes, record.name)
 
     def token_of(self, request: HTTPConnection) -> TokenRecord:

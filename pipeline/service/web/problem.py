@@ -100,6 +100,10 @@ class OwnProblem(Problem):
         super().__init__(503, detail, headers={"Retry-After": str(retry_after_s)})
 
 
+class UnreadableProblem(Problem):
+    """A file that cannot be read, or at which workers were lost: no part is read from it again by itself."""
+
+
 def busy(wait_s: float) -> Problem:
     """The answer while the queue of parts is full."""
     seconds = str(max(1, round(wait_s)))

@@ -27,7 +27,11 @@ def certified(tmp_path_factory: pytest.TempPathFactory) -> ReadSettings:
 def test_a_trigger_has_the_stage_feel_what_the_certificate_does_not_cover(
     certified: ReadSettings, parts: Path, tmp_path: Path
 ) -> None:
-    around = {"stage": {"folder": parts}, "camera": {"folder": parts}, "webhook": {"url": NOBODY}}
+    around = {
+        "stage": {"folder": parts},
+        "camera": {"folder": parts, "early_s": 3600.0},
+        "webhook": {"url": NOBODY},
+    }
     with inline_service(tmp_path / "data", reading=certified, **around) as served:
         part, store = triggered(served, "clean"), served[0].store
         first, last = store.story(part.id).readings

@@ -50,7 +50,9 @@ def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> ReadPart:
 def served(tmp_path: Path) -> Iterator[Served]:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
     (tmp_path / "camera").mkdir()
-    with inline_service(tmp_path, instead=by_format, camera={"folder": tmp_path / "camera"}) as both:
+    with inline_service(
+        tmp_path, instead=by_format, camera={"folder": tmp_path / "camera", "early_s": 3600.0}
+    ) as both:
         yield both
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from glyphs.errors import FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
 from pipeline.service.app import Service, check_folder
 from pipeline.service.settings import ServiceSettings
+from tests.support.postgres_server import PostgresServer
 from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import PHOTO, received
 
@@ -81,3 +84,24 @@ def test_what_stood_open_is_closed_but_to_a_group_that_may_write(tmp_path: Path)
         modes = _modes(folder)
     assert modes["service"] == 0o700
     assert modes["service/store.db"] == 0o660
+
+
+def test_services_that_share_a_postgresql_need_one_evidence_folder(
+    postgres: PostgresServer, tmp_path: Path
+) -> None:
+    url = postgres.create(f"shared_{time.monotonic_ns()}")
+    with inline_service(tmp_path / "one", store=url), inline_service(tmp_path / "one", store=url):
+        pass
+    with (
+        pytest.raises(
+            FileError, match=r"is not the evidence folder of this store; .* the same --folder"
+        ) as refused,
+        inline_service(tmp_path / "two", store=url),
+    ):
+        pass
+    # it was lost, and a new one is to take its place
+    identity = (tmp_path / "one" / "evidence" / "identity").read_text()
+    assert identity in str(refused.value)
+    (tmp_path / "two" / "evidence" / "identity").write_text(identity)
+    with inline_service(tmp_path / "two", store=url):
+        pass

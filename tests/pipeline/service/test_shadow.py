@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
 from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
-from pipeline.service.inputs.trigger import LineDecision, decision_of
 from tests.support.service_fixtures import Served, inline_service, triggered
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
@@ -43,7 +43,7 @@ def served(bench: Bench, tmp_path: Path) -> Iterator[Served]:
     camera = tmp_path / "camera"
     camera.mkdir()
     (camera / "KX40.png").write_bytes(PNG)
-    settings = {"shadow": True, "camera": {"folder": camera}, **HOOK}
+    settings = {"shadow": True, "camera": {"folder": camera, "early_s": 3600.0}, **HOOK}
     with inline_service(tmp_path / "service", instead=bench.read, **settings) as both:
         yield both
 

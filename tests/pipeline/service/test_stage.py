@@ -3,23 +3,35 @@ from __future__ import annotations
 import asyncio
 import os
 import pickle
-import re
+import time
+from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
+from pipeline.common.line_decision import LineDecision, decision_of
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
+from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
+from pipeline.service.app import Service
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
 from pipeline.service.stage.work import CameraWork, StageWork
+from pipeline.service.touch_queue import STOPPED
+from tests.support.line_fakes import LONG_S
 from tests.support.scans import feel_plan
-from tests.support.service_fixtures import inline_service
+from tests.support.service_fixtures import Served, inline_service, triggered
 from tests.support.store_samples import STAGE_PLAN, reading
+from tests.support.waiting import wait_until
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.stage_error import StageError
 
@@ -102,17 +114,113 @@ def test_stage_and_camera_never_leave_their_folder(plates: Path, tmp_path: Path,
     with pytest.raises(StageError):
         feel_plan(SimulatedStage(plates), ScanOrder(name, STAGE_PLAN), tmp_path)
     with pytest.raises(StageError):
-        FolderCamera(plates).take(name)
+        take(plates, name, tmp_path, timeout_s=0.2, early_s=LONG_S)
+
+
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(100) + b"IEND"
+JPEG = b"\xff\xd8" + bytes(100) + b"\xff\xd9"
+
+
+def take(
+    pictures: Path,
+    name: str,
+    into: Path,
+    *,
+    timeout_s: float = LONG_S,
+    early_s: float = 0.0,
+    meanwhile: Callable[[], object] = list,
+) -> list[tuple[str, bytes]]:
+    """Name and content of the photographs that a folder camera gives to a trigger; something happens meanwhile."""
+    work = CameraWork(FolderCamera(pictures, early_s), timeout_s=timeout_s)
+
+    async def trigger() -> list[tuple[str, bytes]]:
+        taking = asyncio.create_task(work.take(name, into, known=lambda _: ()))
+        await asyncio.sleep(0.2)
+        await asyncio.to_thread(meanwhile)
+        return [(photo.name, photo.path.read_bytes()) for photo in (await taking).photos]
+
+    return asyncio.run(trigger())
 
 
 def test_a_camera_of_several_lights_gives_them_all(tmp_path: Path) -> None:
-    for name in ("a.light-2.png", "a.light-1.png", "ab.light-1.png", "a.light-3.txt"):
-        (tmp_path / name).touch()
-    taken = FolderCamera(tmp_path).take("a")
-    assert [path.name for path in taken] == ["a.light-1.png", "a.light-2.png"]  # type: ignore[union-attr]
+    def save() -> None:
+        for name in ("a.light-2.png", "a.light-1.png", "ab.light-1.png", "a.light-3.txt"):
+            (tmp_path / name).write_bytes(PNG)
+
+    into = tmp_path / "into"
+    into.mkdir()
+    taken = take(tmp_path, "a", into, meanwhile=save)
+    assert [name for name, _ in taken] == ["a.light-1.png", "a.light-2.png"]
     # one that is named as the part goes before
-    (tmp_path / "a.png").touch()
-    assert FolderCamera(tmp_path).take("a") == tmp_path.resolve() / "a.png"
+    taken = take(tmp_path, "a", into, meanwhile=lambda: (save(), (tmp_path / "a.png").write_bytes(PNG)))
+    assert [name for name, _ in taken] == ["a.png"]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_a_trigger_waits_for_a_picture_newer_than_itself_until_it_is_whole(
+    tmp_path: Path, suffix: str
+) -> None:
+    whole = {".png": PNG, ".jpg": JPEG}[suffix]
+    path = tmp_path / f"nest1{suffix}"
+    path.write_bytes(whole + b"of the part before")
+
+    def save() -> None:
+        path.write_bytes(whole[:50])
+        time.sleep(0.7)  # it stands still for a while, but is not whole
+        path.write_bytes(whole)
+
+    (tmp_path / "into").mkdir()
+    assert take(tmp_path, "nest1", tmp_path / "into", meanwhile=save) == [(path.name, whole)]
+
+
+def test_a_picture_from_before_the_trigger_counts_only_if_the_settings_say_so(tmp_path: Path) -> None:
+    (tmp_path / "nest1.png").write_bytes(PNG)
+    (tmp_path / "into").mkdir()
+    with pytest.raises(StageError, match=r"no new photograph of nest1 .* after 0.3 s; .*camera.early_s"):
+        take(tmp_path, "nest1", tmp_path / "into", timeout_s=0.3)
+    assert take(tmp_path, "nest1", tmp_path / "into", early_s=LONG_S) == [("nest1.png", PNG)]
+    os.utime(tmp_path / "nest1.png", (time.time() - 2.0 * LONG_S,) * 2)
+    with pytest.raises(StageError, match="no new photograph"):
+        take(tmp_path, "nest1", tmp_path / "into", timeout_s=0.3, early_s=LONG_S)
+
+
+def test_one_picture_is_read_for_one_part_also_after_a_restart(tmp_path: Path) -> None:
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    (pictures / "nest1.png").write_bytes(PNG)
+    camera = {"folder": pictures, "timeout_s": 1.0, "early_s": LONG_S}
+
+    def read(*_: object) -> ReadPart:
+        return ReadPart((reading(source="vision"),))
+
+    for start in range(2):
+        with inline_service(tmp_path / "s", instead=read, camera=camera) as served:
+            assert served[1].portal is not None
+
+            async def trigger(service: Service, times: int) -> list[object]:
+                calls = [service.intake.trigger("nest1") for _ in range(times)]
+                return await asyncio.gather(*calls, return_exceptions=True)
+
+            answers = served[1].portal.call(trigger, served[0], 3)
+            assert sum(isinstance(answer, PartRecord) for answer in answers) == (start == 0)
+            assert len(served[0].store.parts()) == 1
+
+
+def test_a_picture_that_stays_cut_short_is_a_part_for_a_person(tmp_path: Path) -> None:
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    (pictures / "nest1.png").write_bytes(PNG[:50])
+    camera = {"folder": pictures, "timeout_s": 0.5, "early_s": LONG_S}
+
+    def fail(*_: object) -> ReadPart:
+        raise FileError("nest1.png", "is cut short", "copy it again")
+
+    with inline_service(tmp_path / "s", instead=fail, camera=camera) as served:
+        part = triggered(served, "nest1")
+        assert (part.state, part.text) == (PartState.REVIEW, "")
+        assert part.reading is not None
+        assert part.reading.messages == ("photograph cannot be read: nest1.png: is cut short; copy it again",)
+        assert decision_of(part) is LineDecision.REJECT
 
 
 def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path: Path) -> None:
@@ -127,24 +235,23 @@ def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path:
     ("name", "says"),
     [
         ("", "the part has no name; give the name of its file without the ending"),
-        ("P17", "there is no photograph of P17 in the folder .*; put it there as P17.png"),
-        ("plate.png", "there is no photograph of plate.png in the folder .*; name the part without .png"),
+        ("P17", "there is no photograph of P17 in the folder .* after 0.2 s; put it there as P17.png"),
+        (
+            "plate.png",
+            "there is no photograph of plate.png in the folder .* after 0.2 s; name the part without .png",
+        ),
     ],
 )
 def test_a_missing_photograph_has_a_hint(plates: Path, name: str, says: str) -> None:
     with pytest.raises(StageError, match=says):
-        FolderCamera(plates).take(name)
-
-
-def test_camera_finds_the_photograph_of_the_part(plates: Path) -> None:
-    assert FolderCamera(plates).take("plate").read_bytes() == b"picture"
+        take(plates, name, plates, timeout_s=0.2)
 
 
 def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="send a scan"):
         asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path))
     with pytest.raises(StageError, match="send a photograph"):
-        asyncio.run(CameraWork(None).take("plate", tmp_path))
+        asyncio.run(CameraWork(None).take("plate", tmp_path, known=lambda _: ()))
 
 
 def test_stage_errors_survive_pickling() -> None:
@@ -152,7 +259,148 @@ def test_stage_errors_survive_pickling() -> None:
     assert (error.what, error.hint, str(error)) == ("jammed", "free it", "jammed; free it")
 
 
-def test_a_part_whose_file_never_comes_says_what_is_waited_for(
+class Nest:
+    """A stage that has a part or not; it remembers what it has felt."""
+
+    air = True
+    felt: ClassVar[list[str]] = []
+    there: str | None = None
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        if not Nest.air:
+            raise StageError("the air pressure is low", "check the compressor")
+        Nest.felt.append(order.part_name)
+        path = into / "felt.h5"
+        path.write_bytes(b"recording")
+        return path
+
+
+class NestWithSwitch(Nest):
+    """A stage that knows which part it has."""
+
+    def is_in_place(self, part_name: str) -> bool:
+        return Nest.there == part_name
+
+
+@pytest.fixture
+def nest(monkeypatch: pytest.MonkeyPatch) -> type[Nest]:
+    Nest.air, Nest.felt, Nest.there = True, [], None
+    monkeypatch.setattr("pipeline.formats.synth.nest", Nest, raising=False)
+    monkeypatch.setattr("pipeline.formats.synth.nest_with_switch", NestWithSwitch, raising=False)
+    return Nest
+
+
+def read_unsurely(order: PartOrder, *_: object) -> ReadPart:
+    """The camera is unsure of every part, touch of none."""
+    if order.part.scan:
+        return ReadPart((reading("KX407251", "fused"),))
+    return ReadPart((reading("KX4O7251", source="vision", decision="review"),), plan=STAGE_PLAN)
+
+
+PHOTO = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
+TRIGGER = {"name": "P17", "touch": "stage"}
+
+
+def looks(served: Served, n: int = 3) -> None:
+    """Let the queue look so often."""
+    assert served[1].portal is not None
+    for _ in range(n):
+        served[1].portal.call(served[0].intake.touching.look)
+
+
+def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_unasked(
+    tmp_path: Path, nest: type[Nest]
+) -> None:
+    nest.air = False
+    stage = {"driver": "pipeline.formats.synth:nest"}
+    with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
+        part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
+        assert (part["state"], part["text"]) == ("review", "KX4O7251")
+        assert part["not_felt"] == (
+            "the stage has not felt it: the air pressure is low; check the compressor"
+        )
+        nest.air = True  # by now another part lies there
+        looks(served)
+        assert nest.felt == []
+        page = served[1].get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
+        assert "the air pressure is low" in page
+        assert f'action="../parts/{part["id"]}/touch"' in page
+        # a person has put it back, and says so
+        assert served[1].post(f"/parts/{part['id']}/touch", follow_redirects=True).status_code == 200
+        released = served[1].get(f"/v1/parts/{part['id']}").json()
+        assert (released["state"], released["text"], released["not_felt"]) == ("accepted", "KX407251", "")
+        assert nest.felt == ["P17"]
+        assert served[1].post(f"/v1/parts/{part['id']}/touch").status_code == 409
+
+
+def test_a_part_that_a_kill_has_left_to_the_stage_goes_to_a_person_at_the_next_start(
+    tmp_path: Path, nest: type[Nest]
+) -> None:
+    stage = {"driver": "pipeline.formats.synth:nest"}
+    settings: dict[str, Any] = {"instead": read_unsurely, "stage": stage}
+    with inline_service(tmp_path / "s", **settings) as served:
+        store = served[0].store
+        until = datetime.now(UTC) + timedelta(seconds=900.0)
+        unsure = (reading("KX4O7251", source="vision", decision="review"),)
+        waits = {"state": PartState.TOUCH_NEEDED, "readings": unsure, "plan": STAGE_PLAN}
+        left, asked = new_part_id(), new_part_id()
+        store.add_part(part_id=left, name="P17", touch=TouchWait(True, until), **waits)
+        store.add_part(part_id=asked, name="P18", touch=TouchWait(False, until), **waits)
+    with inline_service(tmp_path / "s", **settings) as served:
+        looks(served)
+        part = served[0].store.part(left)
+        assert (part.state, part.not_felt) == (PartState.REVIEW, STOPPED)
+        assert served[0].store.part(asked).state is PartState.TOUCH_NEEDED
+        assert nest.felt == []
+
+
+def test_a_driver_that_knows_its_part_has_it_felt_as_soon_as_it_lies_there(
+    tmp_path: Path, nest: type[Nest]
+) -> None:
+    stage = {"driver": "pipeline.formats.synth:nest_with_switch"}
+    with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
+        served[0].intake.touching.retry_s = 0.0
+        part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
+        assert part["state"] == "touch_needed"
+        looks(served)
+        assert nest.felt == []
+        nest.there = "P17"
+        wait_until(lambda: looks(served, 1) or served[0].store.part(part["id"]).state is PartState.ACCEPTED)
+        assert nest.felt == ["P17"]
+        # it is taken away while it is felt
+        nest.there = "P18"
+        feel = nest.feel
+
+        def lifted(self: Nest, order: ScanOrder, into: Path) -> Path:
+            nest.there = None
+            return feel(self, order, into)
+
+        nest.feel = lifted  # type: ignore[method-assign]
+        try:
+            other = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER | {"name": "P18"}).json()
+        finally:
+            nest.feel = feel  # type: ignore[method-assign]
+        assert other["state"] == "touch_needed"
+        assert nest.felt == ["P17", "P18"]
+
+
+def test_a_part_is_not_felt_after_the_time_of_its_trigger(tmp_path: Path, nest: type[Nest]) -> None:
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    (pictures / "P17.png").write_bytes(PNG)
+    settings = {
+        "stage": {"driver": "pipeline.formats.synth:nest"},
+        "camera": {"folder": pictures, "early_s": 60},
+    }
+    with inline_service(tmp_path / "s", instead=read_unsurely, **settings) as served:
+        assert served[1].portal is not None
+        part = served[1].portal.call(partial(served[0].intake.trigger, "P17", within_s=0.1))
+        assert part.state is PartState.REVIEW
+        assert "its trigger's time is over" in part.not_felt
+        assert nest.felt == []
+
+
+def test_a_part_whose_file_is_missing_goes_to_a_person_and_says_why(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
     maps = tmp_path / "maps"
@@ -164,25 +412,14 @@ def test_a_part_whose_file_never_comes_says_what_is_waited_for(
             stage.open(scan)
         return ReadPart((reading(source="vision", decision="review"),), plan=STAGE_PLAN)
 
-    with inline_service(tmp_path / "s", instead=read, stage={"folder": maps}) as (
-        service,
-        client,
-    ):
+    with inline_service(tmp_path / "s", instead=read, stage={"folder": maps}) as (_, client):
         photo = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
         part = client.post("/v1/parts", files=photo, data={"name": "P17", "touch": "stage"}).json()
-        assert part["state"] == "touch_needed"
+        assert part["state"] == "review"
         said = caplog.text + capsys.readouterr().out
-        assert "part not felt yet" in said
+        assert "part not felt" in said
         assert str(maps) in said
-        assert "waits_another_s" in said
         page = client.get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
-        assert "there is no height map of P17 in the folder maps; put it there as P17.npz." in page
-        assert "A person gets it if it is not scanned by" in page
-        assert client.portal is not None
-        client.portal.call(service.intake.touching.look)
-        waits = client.get("/readyz").json()["touch"]
-        assert re.fullmatch(
-            r"1 part waits for the stage; it is given up in \d+ s; its page and the log say why", waits
-        )
+        assert "there is no height map of P17 in the folder maps; put it there as P17.npz" in page
         asked = client.post("/v1/parts", files=photo, data={"name": "P18"}).json()
         assert f"/v1/parts/{asked['id']}/touch" in client.get(f"/parts/{asked['id']}").text

@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.service.tasks import repeat
-from pipeline.service.touch_queue import NOBODY, TouchQueue
+from pipeline.service.touch_queue import NOBODY, STOPPED, TouchQueue
 from pipeline.service.web.problem import Problem
 from pipeline.store.parts import Waiting
 from pipeline.store.store import Store
@@ -38,13 +39,13 @@ def waiting(store: Store, *, by_stage: bool = True, wait_s: float = LONG_S, line
 class Bench:
     """A queue whose stage does as it is told."""
 
-    def __init__(self, store: Store, **settings: float) -> None:
+    def __init__(self, store: Store, **settings: Any) -> None:
         self.store = store
         self.asked: list[str] = []
         self.fails: Callable[[], Exception | None] = lambda: None
-        self.queue = TouchQueue(store, self.feel, give_up=self.give_up, **settings)  # type: ignore[arg-type]
+        self.queue = TouchQueue(store, self.feel, give_up=self.give_up, **settings)
 
-    async def feel(self, part: PartRecord) -> PartRecord:
+    async def feel(self, part: PartRecord, _until_s: float) -> PartRecord:
         self.asked.append(part.id)
         await asyncio.sleep(0.01)
         error = self.fails()
@@ -69,9 +70,11 @@ class Bench:
         assert done()
 
 
-def test_what_a_kill_has_left_waiting_is_felt_after_the_next_start(store: Store) -> None:
+def test_what_a_kill_has_left_waiting_is_felt_only_if_the_driver_knows_that_it_lies_there(
+    store: Store,
+) -> None:
     part, others = waiting(store), waiting(store, by_stage=False)
-    bench = Bench(store)
+    bench = Bench(store, knows_place=True)
     asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
     assert bench.asked == [part.id]
     assert store.part(part.id).text == "KX4"
@@ -79,15 +82,53 @@ def test_what_a_kill_has_left_waiting_is_felt_after_the_next_start(store: Store)
     assert store.part(others.id).state is PartState.TOUCH_NEEDED
 
 
+def test_without_such_a_driver_it_goes_to_a_person(store: Store) -> None:
+    part, asked, elsewhere = waiting(store), waiting(store, by_stage=False), waiting(store, line="paint")
+    bench = Bench(store)
+
+    async def start() -> None:
+        await bench.queue.begin()
+        for _ in range(3):
+            await bench.queue.look()
+
+    asyncio.run(start())
+    given_up = store.part(part.id)
+    assert (given_up.state, given_up.not_felt, given_up.plan) == (PartState.REVIEW, STOPPED, PLAN)
+    assert {store.part(other.id).state for other in (asked, elsewhere)} == {PartState.TOUCH_NEEDED}
+    assert bench.asked == []
+
+
+@pytest.mark.parametrize("error", [StageError("no air"), Problem(503, "busy"), RuntimeError("fault")])
+def test_a_stage_that_fails_in_the_call_sends_the_part_to_a_person_and_a_release_feels_it(
+    store: Store, error: Exception
+) -> None:
+    part, bench = waiting(store), Bench(store)
+    bench.fails = lambda: error if len(bench.asked) == 1 else None
+
+    async def call() -> PartRecord:
+        with pytest.raises(type(error)):
+            await bench.queue.attempt(part)
+        await bench.queue.look()
+        given_up = store.part(part.id)
+        assert (given_up.state, given_up.not_felt) == (
+            PartState.REVIEW,
+            f"the stage has not felt it: {error}",
+        )
+        return await bench.queue.attempt(given_up)
+
+    assert asyncio.run(call()).state is PartState.ACCEPTED
+    assert bench.asked == [part.id] * 2
+
+
 def test_a_busy_queue_or_a_stage_that_fails_is_tried_again(store: Store) -> None:
-    part, bench = waiting(store), Bench(store, retry_s=0.02)
+    part, bench = waiting(store), Bench(store, knows_place=True, retry_s=0.02)
     bench.fails = lambda: Problem(503, "busy") if len(bench.asked) < 3 else None
     asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
     assert bench.asked == [part.id] * 3
 
 
 def test_why_a_part_is_not_felt_is_noted_once_and_again_if_it_changes(store: Store) -> None:
-    part, bench = waiting(store), Bench(store, retry_s=0.01)
+    part, bench = waiting(store), Bench(store, knows_place=True, retry_s=0.01)
     assert bench.queue.trouble == ""
     whys = ["no part", "no part", "no part", "no air"]
     bench.fails = lambda: StageError(whys[len(bench.asked) - 1]) if len(bench.asked) <= len(whys) else None
@@ -187,7 +228,7 @@ def test_a_clock_that_leaps_neither_ends_nor_prolongs_the_wait(
 
 def test_a_stage_feels_the_parts_of_its_own_line(store: Store) -> None:
     here, there = waiting(store, line="press"), waiting(store, line="paint")
-    bench = Bench(store, line="press")  # type: ignore[arg-type]
+    bench = Bench(store, line="press", knows_place=True)
     asyncio.run(bench.until(lambda: store.part(here.id).state is PartState.ACCEPTED))
     assert bench.asked == [here.id]
     assert (store.part(there.id).line, store.part(there.id).state) == ("paint", PartState.TOUCH_NEEDED)
@@ -196,7 +237,7 @@ def test_a_stage_feels_the_parts_of_its_own_line(store: Store) -> None:
 def test_a_store_that_is_away_for_a_while_ends_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     from pipeline.store.errors import StoreError
 
-    part, bench, looked = waiting(store), Bench(store), []
+    part, bench, looked = waiting(store), Bench(store, knows_place=True), []
     found = store.waiting_for_touch
 
     def away(**options: datetime) -> tuple[PartRecord, ...]:

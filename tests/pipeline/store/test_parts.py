@@ -16,11 +16,35 @@ from pipeline.common.records import EvidenceKind, PartState, ReviewAction
 from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
 from pipeline.store.parts import IdempotencyKey
 from pipeline.store.store import Store
-from tests.support.store_samples import PHOTO, PLAN, SCAN, START, Clock, at_any_time, due, reading, received
+from tests.support.store_samples import (
+    PHOTO,
+    PLAN,
+    SCAN,
+    START,
+    Clock,
+    at_any_time,
+    correct,
+    due,
+    reading,
+    received,
+)
 
 
 def _kinds(store: Store, part_id: str) -> list[str]:
     return [event.kind for event in store.story(part_id).events]
+
+
+def test_the_text_of_a_part_in_review_is_published_as_a_candidate(store: Store) -> None:
+    part = received(store, PartState.REVIEW, targets=("mqtt",))
+    assert part.text
+    correct(store, part.id, "B77", targets=("mqtt",))
+    sent = [next(iter(due(store)))]
+    store.delivered(sent[0].id)
+    sent += due(store)
+    assert [(d.payload["state"], d.payload["text"], d.payload.get("candidate")) for d in sent] == [
+        ("review", "", part.text),
+        ("reviewed", "B77", None),
+    ]
 
 
 def test_the_camera_is_sure(store: Store) -> None:

@@ -14,6 +14,7 @@ from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar
 
 import pytest
@@ -26,8 +27,10 @@ from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result, status_of
 from pipeline.service.inputs.opcua_server import settings_fit
 from pipeline.service.settings import OpcUaSettings
+from pipeline.service.stage.work import Taken
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
+from pipeline.store.errors import NotFoundError
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 from tests.support.opcua_frames import hello, message
 from tests.support.service_fixtures import inline_service
@@ -79,7 +82,7 @@ asyncio.run(main(sys.argv[1]))
 """
 
 
-async def read_at_once(name: str, job: str = "") -> PartRecord:
+async def read_at_once(name: str, job: str = "", **_: object) -> PartRecord:
     return part(name)
 
 
@@ -87,7 +90,7 @@ def numbered() -> Any:
     """A trigger that makes a new part each time."""
     count = 0
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         nonlocal count
         count += 1
         return part(name, id=f"PART{count}", changed_at=NOW + timedelta(seconds=count))
@@ -101,9 +104,17 @@ class Shared:
     def __init__(self) -> None:
         self._trigger: Any = read_at_once
         self.jobs: list[str] = []
-        self.port = OpcUaPort(OpcUaSettings(), self._triggered)
+        self.port = OpcUaPort(OpcUaSettings(), self)
 
-    async def _triggered(self, name: str, job: str = "") -> PartRecord:
+    async def release(self, name: str, **_: object) -> PartRecord:
+        return await self.trigger(name)
+
+    async def look_up(self, name: str) -> PartRecord:
+        if name == "nobody":
+            raise NotFoundError("there is no part named 'nobody'")
+        return part(name, state=PartState.REVIEWED, text="B77")
+
+    async def trigger(self, name: str, job: str = "", **_: object) -> PartRecord:
         self.jobs.append(job)
         record: PartRecord = await self._trigger(name, job)
         return record
@@ -194,6 +205,71 @@ async def test_scanning_shows_the_part_in_the_variables(shared: Shared) -> None:
         assert await value_of(device, "3:LastScanData") == "ZZ9"
 
 
+async def test_a_part_is_released_and_looked_up_in_plain_types(shared: Shared) -> None:
+    async with shared.serving(numbered()) as (_, url), asking(url) as (_, device):
+        assert await device.call_method("4:TouchPart", "P17") == [
+            "PART1",
+            "KX407251",
+            "ACCEPT",
+            0.9984,
+            "fused",
+        ]
+        answer = await device.call_method("4:PartResult", "P17")
+        assert answer[1:3] == ["B77", "ACCEPT"]
+        assert await value_of(device, "4:LastPartId") == "PART1"  # nothing was read
+        with pytest.raises(ua.UaStatusCodeError, match="BadNotFound"):
+            await device.call_method("4:PartResult", "nobody")
+        assert "no part named" in await value_of(device, "3:DeviceInfo")
+
+
+async def test_after_a_call_that_has_failed_no_decision_stands(shared: Shared) -> None:
+    fails = False
+
+    count = numbered()
+
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
+        if fails:
+            raise Problem(422, "no picture")
+        read: PartRecord = await count(name)
+        return read
+
+    names = ("3:LastScanData", "4:LastPartId", "4:LastDecision", "4:LastConfidence")
+    async with shared.serving(trigger) as (_, url), asking(url) as (_, device):
+        for failing in ("TriggerPart", "TriggerJob"):
+            fails = False
+            await device.call_method("4:TriggerPart", "P17")
+            assert await value_of(device, "4:LastDecision") == "ACCEPT"
+            fails = True
+            with pytest.raises(ua.UaStatusCodeError, match="BadDeviceFailure"):
+                await device.call_method(f"4:{failing}", *["P18", "left"][: 1 + (failing == "TriggerJob")])
+            assert [await value_of(device, name) for name in names] == ["", "", "ERROR", 0.0]
+        fails = False
+        await device.call_method("4:TriggerPart", "P17")
+        with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
+            await device.call_method("4:TriggerPart", "a\x07b")
+        assert await value_of(device, "4:LastDecision") == "ERROR"
+
+
+async def test_what_a_person_decides_comes_as_an_event(tmp_path: Path) -> None:
+    read = ReadPart((reading(decision="review"),))
+    with inline_service(tmp_path, instead=lambda *_: read, opcua={"port": 0}) as (service, client):
+        port: Any = service.ports._inputs["opcua"]
+        url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+        events: list[Any] = []
+        handler = SimpleNamespace(event_notification=events.append)
+        async with asking(url) as (opcua, device):
+            subscription = await opcua.create_subscription(20, handler)
+            await subscription.subscribe_events(device, opcua.get_node(ua.NodeId(1005, 3)))
+            scan = {"scan": ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(50))}
+            part_id = (await asyncio.to_thread(client.post, "/v1/parts", files=scan)).json()["id"]
+            await until(lambda: len(events) == 1)
+            said = {"action": "correct", "text": "B77", "who": "Anna", "outside_format": True}
+            await asyncio.to_thread(client.post, f"/v1/parts/{part_id}/review", json=said)
+            await until(lambda: len(events) == 2)
+            assert events[1].ScanResult[0].ScanData.String == "B77"
+            assert events[1].Message.Text == f"ACCEPT B77 {part_id}"
+
+
 @pytest.mark.parametrize("felt", [False, True])
 async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
     tmp_path: Path, felt: bool
@@ -204,9 +280,9 @@ async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
         (order.folder / RECORDING).write_bytes(b"felt")
         return ReadPart((reading(),))
 
-    async def take(_: str, folder: Path) -> list[Upload]:
+    async def take(_: str, folder: Path, **__: object) -> Taken:
         (photo := folder / "photo.png").write_bytes(b"picture")
-        return [Upload(photo, photo.name, EvidenceKind.PHOTO)]
+        return Taken([Upload(photo, photo.name, EvidenceKind.PHOTO)])
 
     events: asyncio.Queue[str] = asyncio.Queue()
 
@@ -233,7 +309,7 @@ async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
 async def test_one_scan_at_a_time_and_its_status(shared: Shared) -> None:
     go = asyncio.Event()
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         await go.wait()
         return part(name)
 
@@ -283,7 +359,7 @@ async def test_settings_that_cannot_be_are_refused(shared: Shared) -> None:
 async def test_failures_come_as_a_status_and_words(shared: Shared) -> None:
     problem: Exception = Problem(422, "no picture;\nput one into the folder")
 
-    async def trigger(_: str, job: str = "") -> PartRecord:
+    async def trigger(*_: object, **__: object) -> PartRecord:
         raise problem
 
     async with shared.serving(trigger) as (_, url), asking(url) as (_, device):
@@ -302,7 +378,7 @@ async def test_a_scan_that_takes_longer_than_its_duration_goes_on_and_is_told_as
 ) -> None:
     go = asyncio.Event()
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         await go.wait()
         return part(name)
 
@@ -317,12 +393,13 @@ async def test_a_scan_that_takes_longer_than_its_duration_goes_on_and_is_told_as
 async def test_a_caller_that_goes_does_not_end_the_reading_and_a_stop_waits_for_it() -> None:
     go, read = asyncio.Event(), []
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         await go.wait()
         read.append(name)
         return part(name)
 
-    port = OpcUaPort(OpcUaSettings(), trigger)
+    calls: Any = SimpleNamespace(trigger=trigger, release=trigger, look_up=trigger)
+    port = OpcUaPort(OpcUaSettings(), calls)
     await port.start()
     client = Client(f"opc.tcp://127.0.0.1:{port.port}/tactile-marks", timeout=LONG_S)
     await client.connect()
@@ -358,7 +435,8 @@ async def test_of_more_sessions_than_may_be_one_in_use_stays_and_a_stop_does_not
         await asyncio.Event().wait()
         raise AssertionError
 
-    port = OpcUaPort(OpcUaSettings(), never, connections=1)
+    calls: Any = SimpleNamespace(trigger=never, release=never, look_up=never)
+    port = OpcUaPort(OpcUaSettings(), calls, connections=1)
     await port.start()
     url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
     client = Client(url, timeout=LONG_S)

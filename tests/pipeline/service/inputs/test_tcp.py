@@ -8,6 +8,7 @@ import socket
 import struct
 from collections.abc import AsyncIterator
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import unquote
 
@@ -16,12 +17,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.plain_text import is_hidden
+from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.inputs.tcp import DEFAULT_FORMAT, ResultString, ResultStringError, TcpLimits, TcpPort
-from pipeline.service.inputs.trigger import LineDecision, decision_of, in_words
+from pipeline.service.inputs.tcp import (
+    DEFAULT_FORMAT,
+    ResultString,
+    ResultStringError,
+    TcpLimits,
+    TcpPort,
+    _lines,
+)
+from pipeline.service.inputs.trigger import in_words
 from pipeline.service.settings import TcpSettings
 from pipeline.service.web.problem import Problem
+from pipeline.store.errors import NotFoundError
 from tests.support.line_fakes import LONG_S, part, reading, until
 
 pytestmark = pytest.mark.anyio
@@ -29,14 +39,15 @@ pytestmark = pytest.mark.anyio
 ANSWER = b"P17;ACCEPT;KX407251;0.998;fused;01KB0000000000000000000017\r\n"
 
 
-async def read_at_once(name: str, job: str = "") -> PartRecord:
+async def read_at_once(name: str, job: str = "", **_: object) -> PartRecord:
     return part(name)
 
 
 @contextlib.asynccontextmanager
 async def listening(trigger: Any = read_at_once, **options: Any) -> AsyncIterator[TcpPort]:
     limits = options.pop("limits", None)
-    port = TcpPort(TcpSettings(**options), trigger, limits=limits)
+    calls: Any = SimpleNamespace(trigger=trigger, **options.pop("calls", {}))
+    port = TcpPort(TcpSettings(**options), calls, limits=limits)
     await port.start()
     try:
         yield port
@@ -69,12 +80,74 @@ def test_a_trigger_is_answered_with_one_result_string(end: bytes) -> None:
 
 
 def test_a_trigger_may_name_a_job() -> None:
-    async def by_job(name: str, job: str = "") -> PartRecord:
+    async def by_job(name: str, job: str = "", **_: object) -> PartRecord:
         return replace(part(name), job=job)
 
     template = "{name};{job}"
     assert answer_to(b"TRIGGER:housing-left P 17\r\n", by_job, format=template) == b"P 17;housing-left\r\n"
     assert answer_to(b"trigger:L\r\nTRIGGER P18\r\n", by_job, format=template) == b";L\r\nP18;\r\n"
+
+
+def test_a_trigger_may_say_what_the_part_should_read() -> None:
+    async def expecting(name: str, job: str = "", *, expected: str = "", **_: object) -> PartRecord:
+        return replace(part(name), job=job, expected=expected)
+
+    template = "{name}/{job}/{expected}"
+    for sent, answer in (
+        (b"TRIGGER=KX407251 P 17", b"P 17//KX407251"),
+        (b"trigger:left=A%3BB%20C P17", b"P17/left/A;B C"),
+        (b"TRIGGER=KX407251", b"//KX407251"),
+    ):
+        assert answer_to(sent + b"\r\n", expecting, format=template) == answer + b"\r\n"
+    for line in (b"TRIGGER= P17", b"TRIGGER:=A P17", b"TOUCH", b"TOUCH=A P17", b"RESULT", b"RESULT:left P17"):
+        assert answer_to(line + b"\r\n").startswith(b"ERROR;unknown command")
+
+
+def test_a_part_is_released_and_looked_up_by_name_or_id() -> None:
+    async def released(name: str, *, within_s: float) -> PartRecord:
+        assert within_s == TcpLimits().answer_s
+        return part(name, text="KX4")
+
+    async def looked_up(name: str) -> PartRecord:
+        if name == "P18":
+            raise NotFoundError("there is no part named 'P18'", hint="check the name")
+        return part(name, state=PartState.REVIEWED, text="B77")
+
+    calls = {"release": released, "look_up": looked_up}
+    template = "{name};{decision};{text}"
+    assert answer_to(b"TOUCH P 17\r\n", calls=calls, format=template) == b"P 17;ACCEPT;KX4\r\n"
+    assert answer_to(b"result P17\r\n", calls=calls, format=template) == b"P17;ACCEPT;B77\r\n"
+    assert answer_to(b"RESULT P18\r\n", calls=calls).startswith(b"ERROR;there is no part named 'P18'")
+
+
+COMMANDS = st.sampled_from(
+    [b"PING", b"ping", b"TRIGGER P17", b"TRIGGER:left=KX4 P17", b"TOUCH P1", b"RESULT P1"]
+)
+FILLERS = st.binary(min_size=4, max_size=40)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(COMMANDS, st.sampled_from([b"", b"\r", b"\r\n"]), FILLERS), min_size=1, max_size=4))
+def test_lines_as_simatic_strings_are_answered_as_plain_ones(
+    strings: list[tuple[bytes, bytes, bytes]],
+) -> None:
+    """With their length before them, with or without an end, filled up with what stood there before."""
+
+    async def lines(sent: list[bytes]) -> list[bytes]:
+        reader = asyncio.StreamReader()
+        for string in sent:
+            reader.feed_data(string)
+        reader.feed_eof()
+        return [line async for line in _lines(reader, TcpLimits(line_bytes=1024))]
+
+    for_plc = [
+        bytes([len(line + end + filler), len(line + end)]) + line + end + filler
+        for line, end, filler in strings
+    ]
+    assert asyncio.run(lines(for_plc)) == [line for line, *_ in strings]
+    # and where only the present length is sent
+    short = [bytes([254, len(line + end)]) + line + end for line, end, _ in strings]
+    assert asyncio.run(lines(short)) == [line for line, *_ in strings]
 
 
 async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
@@ -90,7 +163,10 @@ async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
 
 
 def test_what_is_not_understood_is_told() -> None:
-    assert answer_to(b"GO\r\n") == b"ERROR;unknown command, send TRIGGER name, TRIGGER:job name, or PING\r\n"
+    assert (
+        answer_to(b"GO\r\n")
+        == b"ERROR;unknown command, send TRIGGER name, TRIGGER:job name, TOUCH name, RESULT name, or PING\r\n"
+    )
     for line in (b"PING PONG", b"PING:left", b"TRIGGER: P17", b"TRIGGERS:left P17"):
         assert answer_to(line + b"\r\n").startswith(b"ERROR;unknown command")
     assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is not UTF-8\r\n"
@@ -100,13 +176,13 @@ def test_what_is_not_understood_is_told() -> None:
 
 
 def test_a_failure_is_told_in_one_line_or_only_that_there_was_one() -> None:
-    async def refused(*_: str) -> PartRecord:
+    async def refused(*_: str, **__: object) -> PartRecord:
         raise Problem(422, "no picture of P17;\r\nput one into the folder")
 
-    async def missing(name: str, job: str = "") -> PartRecord:
+    async def missing(name: str, job: str = "", **_: object) -> PartRecord:
         raise Problem(422, f"no picture of {name}; put {name}.png into the folder")
 
-    async def broken(*_: str) -> PartRecord:
+    async def broken(*_: str, **__: object) -> PartRecord:
         raise KeyError("password")
 
     assert answer_to(b"TRIGGER P17\r\n", refused) == b"ERROR;no picture of P17, put one into the folder\r\n"
@@ -215,7 +291,7 @@ async def test_callers_who_say_nothing_keep_nobody_out() -> None:
 def test_a_web_page_cannot_trigger(sent: bytes) -> None:
     triggered: list[str] = []
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         triggered.append(name)
         return part(name)
 
@@ -241,7 +317,7 @@ def test_only_the_clients_named_may_call(caplog: pytest.LogCaptureFixture) -> No
 async def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_each_other() -> None:
     go = asyncio.Event()
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         if name == "slow":
             await go.wait()
         return part(name)
@@ -259,7 +335,7 @@ async def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_e
 async def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() -> None:
     begun, go, read = asyncio.Event(), asyncio.Event(), []
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         begun.set()
         await go.wait()
         read.append(name)
@@ -281,12 +357,13 @@ async def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() 
 async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
     begun, go = asyncio.Event(), asyncio.Event()
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         begun.set()
         await go.wait()
         return part(name)
 
-    port = TcpPort(TcpSettings(), trigger)
+    calls: Any = SimpleNamespace(trigger=trigger)
+    port = TcpPort(TcpSettings(), calls)
     await port.start()
     idle_reader, _ = await asyncio.open_connection(port.host, port.port)
     reader, writer = await asyncio.open_connection(port.host, port.port)
@@ -302,11 +379,12 @@ async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
 
 
 async def test_a_stop_does_not_wait_for_ever() -> None:
-    async def never(*_: str) -> PartRecord:
+    async def never(*_: str, **__: object) -> PartRecord:
         await asyncio.Event().wait()
         raise AssertionError
 
-    port = TcpPort(TcpSettings(), never)
+    calls: Any = SimpleNamespace(trigger=never)
+    port = TcpPort(TcpSettings(), calls)
     await port.start()
     reader, writer = await asyncio.open_connection(port.host, port.port)
     writer.write(b"TRIGGER P17\r\n")

@@ -15,29 +15,33 @@ import structlog
 
 from glyphs.errors import FileError
 from pipeline.common.private import open_no_link
-from pipeline.common.records import PartRecord
+from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.watch_folder import WatchedFolder
-from pipeline.service.intake import NewPart, Received
+from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import StoreError
+from pipeline.workers.executors import WorkerLostError
 from tests.support.line_fakes import LONG_S, reading
 from tests.support.service_fixtures import Served, inline_service
+from tests.support.waiting import wait_until
 
-PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(100) + b"IEND"
 
 
 class Bench:
     """A folder, and a service that looks at it when it is told to; `anew` is a restart."""
 
-    def __init__(self, folder: Path, served: Served, *, a_set: int = 0, settle_s: float = 0.0) -> None:
+    def __init__(
+        self, folder: Path, served: Served, *, a_set: int = 0, settle_s: float = 0.0, **settings: bool
+    ) -> None:
         self.folder = folder / "in"
         self.folder.mkdir()
         service, client = served
         self.intake, self.store, self.portal = service.intake, service.store, client.portal
-        self.a_set, self.settle_s = a_set, settle_s
+        self.settings = {"photos": a_set, "settle_s": settle_s, **settings}
         self.problem: Exception | None = None
         self.problems: dict[str, Exception] = {}
         self.tried: set[str] = set()
@@ -53,13 +57,12 @@ class Bench:
         return await self._receive(new, photos, **more)
 
     def anew(self) -> None:
-        settings = WatchSettings(
-            folder=self.folder, job="housing-left", every_s=0.05, photos=self.a_set, settle_s=self.settle_s
-        )
+        settings = WatchSettings(folder=self.folder, job="housing-left", every_s=0.05, **self.settings)
         self.watched = WatchedFolder(settings, self.intake, most_bytes=1000, at_once=1)
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
         path = self.folder / name
+        path.parent.mkdir(exist_ok=True, parents=True)
         path.write_bytes(data)
         if at_s is not None:
             os.utime(path, (at_s, at_s))
@@ -74,6 +77,16 @@ class Bench:
             if one["event"] == "watched file left":
                 said.setdefault(one["file"], []).append(one["why"])
         return said
+
+    def why_unread(self, name: str) -> str:
+        """Why the photograph of a part for a person could not be read."""
+        (part,) = [part for part in self.parts if part.name == name]
+        assert (part.state, part.text, part.touch) == (PartState.REVIEW, "", None)
+        assert part.reading is not None
+        assert part.reading.decision == "reject"
+        (message,) = part.reading.messages
+        assert message.startswith("photograph cannot be read: ")
+        return message
 
     @property
     def parts(self) -> list[PartRecord]:
@@ -136,15 +149,17 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
     assert not list(bench.intake.evidence.incoming.iterdir())
 
 
-def test_one_that_is_being_written_waits(bench: Bench) -> None:
+def test_one_that_is_being_written_waits(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, settle_s=LONG_S)
     for n in range(1, 4):
         bench.put("a.png", PNG[: 30 * n])
-        assert bench.look(1) == []
+        assert bench.look(3) == []  # it stands still, but its end is missing
     bench.put("empty.png", b"")
-    assert bench.look(2) == ["a"]
+    bench.put("a.png")
+    assert bench.look(3) == ["a"]
 
 
-def test_one_that_stays_empty_is_named_once_as_is_one_that_is_no_file(tmp_path: Path, served: Served) -> None:
+def test_one_that_stays_empty_or_is_no_file_is_a_part_for_a_person(tmp_path: Path, served: Served) -> None:
     bench = Bench(tmp_path, served, settle_s=0.2)
     bench.put("empty.png", b"")
     os.mkfifo(bench.folder / "pipe.png")
@@ -154,8 +169,10 @@ def test_one_that_stays_empty_is_named_once_as_is_one_that_is_no_file(tmp_path: 
         "empty.png": ["empty.png is empty"],
         "pipe.png": ["pipe.png is not a regular file"],
     }
+    assert "empty.png is empty" in bench.why_unread("empty")
+    assert "not a regular file" in bench.why_unread("pipe")
     bench.put("empty.png")
-    assert bench.look(2) == ["empty"]
+    assert bench.look(2) == ["empty", "pipe", "empty"]
 
 
 def test_one_that_is_written_to_while_it_is_copied_waits(
@@ -208,24 +225,136 @@ def test_the_eldest_goes_first(bench: Bench) -> None:
     assert bench.look() == ["c", "a", "b"]
 
 
-def test_what_is_no_picture_is_told_of_once_a_start_and_left(bench: Bench) -> None:
-    bench.put("notes.txt", b"not a picture")
-    bench.put("part.png", b"named as one")
+def test_a_photograph_that_cannot_even_be_taken_is_a_part_for_a_person_once(bench: Bench) -> None:
+    bench.put("part.png", b"named as a picture")
     bench.put("large.png", PNG + bytes(1000))
+    bench.put("phone.heic", b"\0\0\0\x18ftypheic" + bytes(50))
     (bench.folder / "link.png").symlink_to(bench.put("good.png"))
-    bench.put(".part-7.png.tmp")
-    (bench.folder / "deeper").mkdir()
-    (bench.folder / "deeper" / "c.png").write_bytes(PNG)
     said = bench.left()
-    assert sorted(said) == ["large.png", "link.png", "notes.txt", "part.png"]
-    left = {name: why for name, (why,) in said.items()}
-    assert "limits.upload_mb" in left["large.png"]
-    assert left["link.png"] == "link.png is not a regular file"
-    assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
+    assert sorted(said) == ["large.png", "link.png", "part.png", "phone.heic"]
+    for name, why in (
+        ("large", "limits.upload_mb"),
+        ("link", "link.png is not a regular file"),
+        ("part", "PNG, JPEG, BMP, TIFF, WebP or GIF"),
+        ("phone", "is a HEIC file, which is not read"),
+    ):
+        assert why in said[next(file for file in said if file.startswith(name))][0]
+        assert why in bench.why_unread(name)
     bench.anew()
-    assert bench.left() == said
-    assert bench.names == ["good"]
-    assert len(list(bench.folder.iterdir())) == 7
+    assert bench.left() == {}
+    assert sorted(bench.names) == ["good", "large", "link", "part", "phone"]
+    assert len(list(bench.folder.iterdir())) == 5
+
+
+def test_what_is_no_photograph_is_named_once(bench: Bench, tmp_path: Path) -> None:
+    bench.put("notes.txt", b"not a picture, but a text")
+    bench.put("a.png")
+    bench.put("a.dng", b"II*\0" + bytes(50))  # the raw data of a.png
+    bench.put("picture-without-a-suffix")
+    (tmp_path / "elsewhere").mkdir()
+    (bench.folder / "link").symlink_to(tmp_path / "elsewhere")
+    with structlog.testing.capture_logs() as logs:
+        assert bench.look(4) == ["a", "picture-without-a-suffix"]
+    assert sorted(log["name"] for log in logs if "passed over" in log["event"]) == [
+        "a.dng",
+        "link",
+        "notes.txt",
+    ]
+
+
+TEMPORARY = (
+    *(
+        "P17.jpg.part",
+        "P17.jpg.filepart",
+        "P17.jpg.crdownload",
+        "P17.jpg.tmp",
+        ".P17.jpg",
+        "P17.jpg~",
+        "~P17.jpg",
+    ),
+    *("~$P17.jpg", "P17.jpg.partial", "P17.jpg.download", "P17.jpg.!ut", "P17.JPG.PART", ".P17.jpg.Xa1b2C"),
+)
+
+
+@pytest.mark.parametrize("temporary", TEMPORARY)
+def test_an_upload_under_a_temporary_name_is_one_part_once_it_is_renamed(
+    bench: Bench, temporary: str
+) -> None:
+    path = bench.put(temporary)
+    assert bench.look(3) == []
+    path.rename(bench.folder / "P17.jpg")
+    assert bench.look(3) == ["P17"]
+
+
+def test_an_upload_that_was_broken_off_is_named_in_the_log(bench: Bench) -> None:
+    bench.put("P17.jpg.part", at_s=1e9)
+    with structlog.testing.capture_logs() as logs:
+        assert bench.look(3) == []
+    assert [log["name"] for log in logs] == ["P17.jpg.part"]
+
+
+def test_subfolders_are_watched_and_stand_in_the_names_of_their_parts(bench: Bench) -> None:
+    bench.put("part-1.png", at_s=1e9)
+    bench.put("2026-11-29/part-1.png", at_s=1e9 + 1)
+    bench.put("2026-11-30/tray 7/part-1.light-1.png", at_s=1e9 + 2)
+    bench.put("2026-11-30/tray 7/part-1.light-2.png", at_s=1e9 + 2)
+    bench.put("uploading.tmp/part-1.png")
+    names = ["part-1", "2026-11-29/part-1", "2026-11-30/tray 7/part-1"]
+    assert bench.look(3) == names
+    assert len(bench.sent(2)) == 2
+    (bench.folder / "uploading.tmp").rename(bench.folder / "2026-12-01")
+    assert bench.look(3) == [*names, "2026-12-01/part-1"]
+    bench.anew()
+    assert len(bench.look(3)) == 4
+
+
+def test_a_photograph_that_is_moved_into_a_subfolder_is_not_read_again(bench: Bench) -> None:
+    path = bench.put("a.png")
+    bench.look()
+    (bench.folder / "done").mkdir()
+    path.rename(bench.folder / "done" / "a.png")
+    assert bench.look(3) == ["a"]
+    bench.anew()
+    assert bench.look(3) == ["a"]
+
+
+def test_subfolders_that_are_not_watched_are_named(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, recurse=False)
+    bench.put("a.png")
+    bench.put("day/b.png")
+    with structlog.testing.capture_logs() as logs:
+        assert bench.look(3) == ["a"]
+    assert [(log["name"], log["why"]) for log in logs if "passed over" in log["event"]] == [
+        ("day", "is a folder, and watch.recurse is off")
+    ]
+
+
+def test_a_text_beside_a_photograph_is_the_serial_expected_of_it(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, expected=True)
+    bench.put("day/a.txt", b"\xef\xbb\xbfKX407251\r\nmore\r\n")
+    bench.put("day/a.png")
+    bench.put("b.png")
+    bench.look(2)
+    assert {part.name: part.expected for part in bench.parts} == {"day/a": "KX407251", "b": ""}
+
+
+def test_only_the_latest_photograph_that_came_just_now_is_felt_at_once(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touches: dict[str, Touch] = {}
+    receive = bench.intake.receive
+
+    async def noted(new: NewPart, photos: Sequence[Upload], **more: Any) -> Received:
+        touches[new.name] = new.touch
+        return await receive(new, photos, **more)
+
+    monkeypatch.setattr(bench.intake, "receive", noted)
+    bench.put("there before.png")
+    bench.look()
+    bench.put("first.png", at_s=1e9)
+    bench.put("second.png", at_s=1e9 + 1)
+    bench.look()
+    assert touches == {"there before": Touch.ASKED, "first": Touch.ASKED, "second": Touch.STAGE}
 
 
 def test_a_file_that_has_become_a_link_or_a_pipe_is_neither_followed_nor_waited_for(tmp_path: Path) -> None:
@@ -237,14 +366,34 @@ def test_a_file_that_has_become_a_link_or_a_pipe_is_neither_followed_nor_waited_
         assert not stream.read(1)
 
 
-def test_a_photograph_that_cannot_be_read_is_left_until_it_changes(bench: Bench) -> None:
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        (FileError("a.png", "is cut short", "copy it again"), "is cut short"),
+        (WorkerLostError("the part took longer than 9 s and was stopped", timed_out=True), "longer than 9 s"),
+        (WorkerLostError("the worker has ended (exit code -9)"), "it has ended 2 workers"),
+    ],
+)
+def test_a_photograph_that_cannot_be_read_is_a_part_for_a_person_once(
+    bench: Bench, served: Served, fault: Exception, why: str
+) -> None:
+    pool, tries = served[0].pool, []
+
+    def fail(*_: object) -> ReadPart:
+        tries.append(1)
+        raise fault
+
     bench.put("a.png")
-    bench.problem = Problem(422, "a.png is cut short")
-    assert bench.look(4) == []
-    bench.problem = None
-    assert bench.look(3) == []
+    read, pool.instead = pool.instead, fail  # type: ignore[attr-defined]
+    bench.look(4)
+    assert why in bench.why_unread("a")
+    assert bench.sent(0) == [("a.png", PNG)]
+    assert len(tries) == (2 if "ended 2 workers" in why else 1)
+    bench.anew()
+    assert bench.look(4) == ["a"]
+    pool.instead = read  # type: ignore[attr-defined]
     bench.put("a.png", PNG + b"the rest")
-    assert bench.look(3) == ["a"]
+    wait_until(lambda: bench.look(1) == ["a", "a"])  # after lost workers a clean part is read first
 
 
 def test_what_cannot_be_taken_now_waits(bench: Bench) -> None:
@@ -278,9 +427,24 @@ def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
     with structlog.testing.capture_logs() as logs:
         bench.look(3)
     assert [one["event"] for one in logs] == ["watched folder cannot be looked at"]
+    assert "the watched folder cannot be looked at (No such file or directory)" in bench.watched.trouble
     os.rename(tmp_path / "away", bench.folder)
     bench.put("b.png")
     assert bench.look(3) == ["a", "b"]
+    assert bench.watched.trouble == ""
+
+
+def test_without_its_watched_folder_a_service_is_not_ready_and_says_why(tmp_path: Path) -> None:
+    watched = tmp_path / "in"
+    watched.mkdir()
+    settings = {"folder": watched, "every_s": 0.05}
+    with inline_service(tmp_path / "service", watch=settings) as (_, client):
+        wait_until(lambda: client.get("/readyz").status_code == 200)
+        watched.rename(tmp_path / "away")
+        wait_until(lambda: client.get("/readyz").status_code == 503)
+        assert "the watched folder cannot be looked at" in client.get("/readyz").json()["detail"]
+        (tmp_path / "away").rename(watched)
+        wait_until(lambda: client.get("/readyz").status_code == 200)
 
 
 def test_what_has_left_is_forgotten_and_what_comes_back_is_not_read_again(
@@ -294,7 +458,8 @@ def test_what_has_left_is_forgotten_and_what_comes_back_is_not_read_again(
     for k in range(7):
         os.rename(bench.folder / f"{k}.png", aside / f"{k}.png")
     bench.look(1)
-    assert [key.rpartition("/")[2] for key in bench.watched._known] == ["7.png"]
+    assert sum(key.endswith("/7.png") for key in bench.watched._known) == 1
+    assert len(bench.watched._known) == 2
     for k in range(7):
         os.rename(aside / f"{k}.png", bench.folder / f"{k}.png")
     assert len(bench.look(3)) == 8
@@ -396,4 +561,4 @@ def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
         bench.put(f"a.shot-{number}.png")
     ((why,),) = bench.left().values()
     assert "12 of a part" in why
-    assert bench.names == []
+    assert "12 of a part" in bench.why_unread("a")

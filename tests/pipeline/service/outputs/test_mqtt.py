@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import logging
 import signal
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from random import Random
 
+import paho.mqtt.client as paho
 import pytest
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
 
-from pipeline.common.records import Delivery
+from pipeline.common.reading_records import to_json
+from pipeline.common.records import Delivery, PartRecord, PartState
+from pipeline.service.inputs.mqtt_calls import MqttCalls
 from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
 from pipeline.service.tasks import end_tasks
+from pipeline.service.web.problem import Problem
 from tests.support.line_broker import Broker, GuardedBroker, Listener
-from tests.support.line_fakes import LONG_S, Outbox, until
+from tests.support.line_fakes import LONG_S, Outbox, part, reading, until
 from tests.support.self_signed import certificates
 from tests.support.waiting import free_port, wait_until
 
@@ -92,6 +99,86 @@ async def test_a_result_is_published_and_the_status_follows(
     late = listen(broker.port)
     wait_until(lambda: len(late.messages) == 1)
     assert late.messages == [("plant/line-4/status", b"offline", True)]
+
+
+async def test_a_short_payload_has_few_fields_and_a_candidate_while_a_person_is_awaited(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant", payload="short")
+    accepted = to_json(part())
+    in_review = to_json(part(state=PartState.REVIEW, reading=reading("KX40", decision="review")))
+    in_review |= {"text": "", "candidate": "KX40"}
+    for number, record in enumerate((accepted, in_review)):
+        await sender.send(Delivery(number, "mqtt", "PART1", record))
+    await sender.send(Delivery(3, "mqtt", "PART1", {"alert": "drift", "state": "raised"}))
+    await sender.close()
+    wait_until(lambda: len(listener.results()) == 2)
+    first, second = listener.results()
+    assert first == {
+        "id": part().id, "name": "P17", "state": "accepted", "decision": "ACCEPT", "text": "KX407251",
+        "candidate": "", "confidence": 0.9984, "source": "fused", "delivery_id": 0,
+    }  # fmt: skip
+    assert (second["decision"], second["text"], second["candidate"]) == ("REVIEW", "", "KX40")
+    wait_until(lambda: any(topic == "plant/alerts/drift" for topic, *_ in listener.messages))
+
+
+class Line:
+    """Calls that a controller makes; they come back as parts that say what was asked for."""
+
+    async def trigger(self, name: str, job: str = "", *, expected: str = "", **_: object) -> PartRecord:
+        if name == "nobody":
+            raise Problem(422, "there is no photograph of nobody")
+        return part(name, text=f"{job}/{expected}")
+
+    async def release(self, name: str, **_: object) -> PartRecord:
+        return part(name, text="FELT")
+
+
+async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+    settings = MqttSettings.model_construct(
+        url=f"mqtt://127.0.0.1:{broker.port}", prefix="plant", triggers=True
+    )
+    caller = paho.Client(paho.CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
+    caller.connect("127.0.0.1", broker.port)
+    caller.loop_start()
+    caller.publish("plant/trigger", b"of yesterday", qos=1, retain=True).wait_for_publish()
+    sender = MqttSender(settings, MqttCalls(Line()).answer)  # type: ignore[arg-type]
+
+    def answers(topic: str = "plant/answer") -> list[dict[str, str]]:
+        return [json.loads(body) for at, body, _ in listener.messages if at == topic]
+
+    async with looked_after(sender):
+        await until(lambda: "plant/touch" in broker.log)
+        reply = Properties(PacketTypes.PUBLISH)
+        reply.ResponseTopic, reply.CorrelationData = "plc/7", b"17"
+        for call, content in (
+            ("trigger", b"P17\r\n"),
+            ("trigger", b'{"name": "P18", "job": "left", "expected": "KX4"}'),
+            ("touch", b'{"part": "P19"}'),
+            ("trigger", b"nobody"),
+            ("trigger", b'{"name": 7}'),
+            ("trigger", b"[" * 5000),
+        ):
+            caller.publish(f"plant/{call}", content, qos=1)
+        caller.publish("plant/touch", b"P20", qos=1, properties=reply)
+        await until(lambda: len(answers()) == 6 and len(answers("plc/7")) == 1)
+    await sender.close()
+    caller.disconnect()
+    caller.loop_stop()
+    told = {(answer.get("name", ""), answer.get("text", ""), answer.get("error", "")) for answer in answers()}
+    assert {("P17", "/", ""), ("P18", "left/KX4", ""), ("P19", "FELT", "")} < told
+    assert {error for *_, error in told if error} == {
+        "there is no photograph of nobody",
+        "a call has the fields name, part, job and expected, with texts",
+        "a call has at most 2000 bytes",
+    }
+    assert [answer["text"] for answer in answers("plc/7")] == ["FELT"]
 
 
 async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(

@@ -1,0 +1,18 @@
+"""Recognise a file that has not changed since an earlier look, and a picture that was read before."""
+
+from __future__ import annotations
+
+import os
+
+FileStamp = tuple[int, int]
+"""Size and modification time of a file, ns, at one look."""
+
+
+def stamp_of(status: os.stat_result) -> FileStamp:
+    """The stamp of a file, from the system's answer."""
+    return status.st_size, status.st_mtime_ns
+
+
+def picture_key(path: str, stamp: FileStamp) -> str:
+    """The key of a picture that a part was read from: the store keeps it, so that no other part is read from it."""
+    return f"watch {stamp[0]} {stamp[1]} {path}"

@@ -1,0 +1,70 @@
+"""Triggers and releases that come by MQTT: a call in, its answer out.
+
+trigger  {"name": "P17", "job": "left", "expected": "KX407251"}, or only a name  -->  the short result
+touch    {"part": "P17"}, a name or an id, or only that                          -->  the same
+anything else                                                                    -->  {"error": ...}
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Mapping
+from typing import Any
+
+from glyphs.plain_text import is_hidden
+from pipeline.common.line_decision import short_result
+from pipeline.common.records import PartRecord
+from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
+from pipeline.service.web.problem import Problem
+
+_MOST_BYTES = 2000
+_FIELDS = {"name", "part", "job", "expected"}
+
+
+class MqttCalls:
+    """Answer calls."""
+
+    def __init__(self, calls: LineCalls) -> None:
+        self._calls = calls
+
+    async def answer(self, call: str, payload: bytes) -> bytes:
+        """Carry out a call, trigger or touch, and return its answer as JSON."""
+        answer: dict[str, Any] = {"call": call}
+        try:
+            answer |= _fields_of(payload)
+            calling = asyncio.ensure_future(self._carry_out(call, answer))
+            # the part is read to its end though nobody waits: it may already be counted on elsewhere
+            done, _ = await asyncio.wait({calling}, timeout=ANSWER_S)
+            if not done:
+                raise Problem(503, "no result in time; the part is still being read")
+            answer |= short_result(calling.result())
+        except Exception as error:
+            answer["error"] = in_words(error)
+        return json.dumps(answer, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
+
+    def _carry_out(self, call: str, content: Mapping[str, str]) -> Awaitable[PartRecord]:
+        name, expected = content.get("name", ""), content.get("expected", "")
+        if call == "touch":
+            return self._calls.release(content.get("part", name), within_s=ANSWER_S)
+        return self._calls.trigger(name, content.get("job", ""), expected=expected, within_s=ANSWER_S)
+
+
+def _fields_of(payload: bytes) -> dict[str, str]:
+    """The fields of a call.
+
+    Raises:
+        Problem: it is neither text nor such an object of JSON.
+    """
+    if len(payload) > _MOST_BYTES:
+        raise Problem(413, f"a call has at most {_MOST_BYTES} bytes")
+    try:
+        text = payload.decode("utf-8").strip("\0\r\n ")
+        content: dict[str, str] = json.loads(text) if text.startswith("{") else {"name": text}
+    except ValueError as error:
+        raise Problem(422, 'a call is a name, or JSON such as {"name": "P17"}') from error
+    if not content.keys() <= _FIELDS or not all(isinstance(value, str) for value in content.values()):
+        raise Problem(422, "a call has the fields name, part, job and expected, with texts")
+    if any(is_hidden(char) for value in content.values() for char in value):
+        raise Problem(422, "a call has no control characters")
+    return content
