@@ -220,7 +220,7 @@ async def test_silence_and_slowness_end_a_connection() -> None:
 async def test_more_triggers_than_connections_may_be_are_told_so() -> None:
     go = asyncio.Event()
 
-    async def trigger(name: str, job: str = "") -> PartRecord:
+    async def trigger(name: str, job: str = "", **_: object) -> PartRecord:
         await go.wait()
         return part(name)
 
