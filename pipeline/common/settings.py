@@ -322,9 +322,9 @@ class Limits(Settings):
 class ReadSettings(MapSettings):
     """Settings of reading."""
 
-    mode: Annotated[Literal["tactile", "vision", "fused", "auto"] | None, BeforeValidator(_mode)] = None
-    """Senses to read with: touch (tactile), the camera (vision), both together (fused), or all that a part has files
-    for (auto). Default: touch, and the camera for a part that has only a photograph."""
+    mode: Annotated[Literal["tactile", "vision", "fused", "auto"], BeforeValidator(_mode)] = "auto"
+    """Senses to read with: touch (tactile), the camera (vision), both together (fused), or those that each part has
+    files for (auto). A photograph beside a named map or scan is read with vision and fused only."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file; may be repeated. Any font is read; marks are also compared with the shapes of the
     fonts named here."""

@@ -237,7 +237,7 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     names = [p.name for p in parts]
     if len(set(names)) == len(names):
         return parts
-    above = [split_name(p.files[0])[0].replace("://", "/").split("/") if p.files else [] for p in parts]
+    above = [_folders_above(part) for part in parts]
     for depth in range(1, max(map(len, above)) + 1):
         counts = Counter(names)
         for i, part in enumerate(parts):
@@ -251,3 +251,11 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
             names[i] = next(one for one in free if one not in taken)
             taken.add(names[i])
     return [replace(p, name=name) for p, name in zip(parts, names, strict=True)]
+
+
+def _folders_above(part: PartFiles) -> list[str]:
+    """The folders of a part's first file, without those that its name has already."""
+    if not part.files:
+        return []
+    folders, named = split_name(part.files[0])[0].replace("://", "/").split("/"), part.name.split("/")[:-1]
+    return folders[: -len(named)] if named and folders[-len(named) :] == named else folders

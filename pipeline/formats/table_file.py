@@ -16,7 +16,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
 
-from pipeline.common.texts import unescape_formula
+from pipeline.common.texts import INVISIBLE, unescape_formula
 from pipeline.errors import DataError
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
@@ -30,8 +30,6 @@ _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
 # ="000123" keeps a spreadsheet from taking a serial for a number; 1.23457E+11 is what it makes of one otherwise
 _KEPT_AS_TEXT, _ROUNDED = re.compile(r'="([^"]*)"'), re.compile(r"\d[.,]?\d*[eE]\+\d+")
-# marks of direction and of byte order, and spaces without width
-_INVISIBLE = "\u200b\u200e\u200f\u2060\ufeff"
 # characters; more than any line of a table has, so that a file without line ends is not loaded whole
 _MOST_LINE = 10_000_000
 # bytes from which the encoding is detected, and lines from which the delimiter is
@@ -99,7 +97,7 @@ def table_lines(
 
 def _text_of(written: str) -> str:
     """The text of a cell, without blanks and invisible signs around it; ="000123" gives 000123."""
-    cell = written.strip().strip(_INVISIBLE).strip()
+    cell = written.strip().strip(INVISIBLE).strip()
     kept = _KEPT_AS_TEXT.fullmatch(cell)
     return unescape_formula(cell if kept is None else kept[1])
 

@@ -47,5 +47,4 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
             )
         files[kind], part = path, with_file(part, kind, str(path))
-    parts = PartReader(reader_of(checked), checked.model_copy(update={"mode": checked.mode or "auto"}))
-    return parts.read(part, expected=expected)
+    return PartReader(reader_of(checked), checked).read(part, expected=expected)

@@ -17,6 +17,7 @@ class RunOptions:
     Attributes:
         manifest: Table (.csv) of parts, with the columns part, height_map, scan, photo, expected, format,
             font; any of them may be missing; may be repeated. File names are relative to the table.
+        recurse: Search the subfolders of folders, too. Their parts have the subfolder in their names.
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
         order: Production order: a file of serials one per line, or ranges such as KX400000..KX409999. A part that is
@@ -32,6 +33,7 @@ class RunOptions:
     """
 
     manifest: tuple[str, ...] = ()
+    recurse: bool = True
     verify: str | None = None
     order: Path | None = None
     truth: Path | None = None

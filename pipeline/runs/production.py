@@ -35,19 +35,21 @@ MOST_SHOWN = 200
 """Most parts whose rows are printed. For more parts only the counts are printed; the table has all rows."""
 
 
-def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()) -> Listing:
+def parts_for(
+    inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = (), recurse: bool = True
+) -> Listing:
     """List the parts of a command line that its mode can read.
 
     Raises:
         NothingFoundError: no part was found.
         FileError: a manifest cannot be used.
     """
-    vision = settings.mode in ("vision", "fused", "auto")
     return discover(
         inputs,
         manifests=manifests,
-        photos=vision and settings.mode != "fused",
-        beside=vision,
+        recurse=recurse,
+        photos=settings.mode in ("vision", "auto"),
+        beside=settings.mode in ("vision", "fused"),
         height_images=settings.height_image,
     )
 
@@ -71,7 +73,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         ValueError: the settings, a font, the format or the database cannot be used.
     """
     options.check()
-    found = parts_for(inputs, settings, manifests=options.manifest)
+    found = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)
     tables = [table for table in (options.verify, options.order, options.truth) if table is not None]
     passed_over = found.passed_over.without([*files_of(settings), *tables])
     if options.out is not None and options.store is None:
@@ -109,6 +111,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     description = {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*inputs, *options.manifest],
+        "recurse": options.recurse,
         "verify": options.verify,
         "program": program_version(),
         "learn_die": learning,

@@ -22,6 +22,7 @@ import pytest
 from PIL import Image
 
 from glyphs import stamp
+from tests.support.csv_table import csv_rows
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -170,5 +171,5 @@ def test_a_part_is_read(installed: Installed) -> None:
     Image.fromarray(photo.pixels).save(installed.work / "part.png")
     given = ("--font", "gothic", "--format", "99", "--height-mm", "5", "--jobs", "1", "--experts", "network")
     installed.run("tactile-marks", "read", "part.png", *given, "--out", "rows.csv")
-    row = (installed.work / "rows.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
-    assert row[:2] == ["part", "74"]
+    (row,) = csv_rows(installed.work / "rows.csv")
+    assert (row["part"], row["text"]) == ("part", "74")

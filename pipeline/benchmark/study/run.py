@@ -22,10 +22,10 @@ from pipeline.benchmark.study.study import Study
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.texts import first_of, without_blanks
 from pipeline.common.version import program_mark
-from pipeline.formats.find_parts import discover
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import PartTexts, load_part_lines, load_truth
 from pipeline.reading.readers import reader_of
+from pipeline.runs.production import parts_for
 from pipeline.runs.progress import Progress
 from pipeline.workers.options import WorkerSettings
 
@@ -59,7 +59,7 @@ def run_study(
     """
     settings = plan.settings
     reader_of(settings)  # reject invalid settings before anything is read
-    listed = discover(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
+    listed = parts_for(inputs, settings)
     parts = studied_parts(listed)
     names = {part.name for part in parts}
     answers, unknown = load_reviews(reviewers, names) if reviewers else ([], ())

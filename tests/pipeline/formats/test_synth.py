@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import get_args
 
@@ -49,8 +48,7 @@ def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*files, "truth.csv"]
     with np.load(tmp_path / "out" / "part-000.npz") as content:
         assert sorted(content.files) == ["pitch_mm", "rows", "z_mm"]
-    with (tmp_path / "out" / "truth.csv").open(newline="") as stream:
-        assert next(csv.reader(stream)) == ["part", "text"]
+    assert [*csv_rows(tmp_path / "out" / "truth.csv")[0]] == ["part", "text"]
 
 
 def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
