@@ -48,9 +48,10 @@ def split_commas(text: str) -> tuple[str, ...]:
     return tuple(item.strip() for item in text.split(",") if item.strip())
 
 
-def first_of(names: Sequence[str]) -> str:
-    """Join the first five names; "..." stands for the others."""
-    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+def first_of(names: Sequence[str], most: int = 5) -> str:
+    """Join the first names, and count the others."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def csv_line(cells: Iterable[object]) -> str:

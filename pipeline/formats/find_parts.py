@@ -21,6 +21,7 @@ from typing import Any
 
 from glyphs.errors import FileError, MarksError
 from glyphs.plain_text import visible
+from pipeline.common.texts import first_of
 from pipeline.errors import is_url, is_web, problem_of
 from pipeline.formats.kinds import PHOTO_SUFFIXES, READ_NAMES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
@@ -80,23 +81,19 @@ class PassedOver:
         if self.files:
             kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix != "folder"}
             counts = ", ".join(f"{n} {suffix}" for suffix, n in kinds.items())
-            names = _first(split_name(file)[1] for file in self.files)
+            names = first_of([split_name(file)[1] for file in self.files], _MOST_NAMES)
             texts = [f"passed over {_number(self.files, 'file')} ({counts}): {names}"]
             texts += [hint for suffixes, hint in _HINTS if not kinds.keys().isdisjoint(suffixes)]
         if self.folders:
-            names = _first(f"{split_name(place)[1]} ({why})" for place, why in self.folders.items())
+            names = first_of(
+                [f"{split_name(place)[1]} ({why})" for place, why in self.folders.items()], _MOST_NAMES
+            )
             texts.append(f"passed over {_number(self.folders, 'folder')}: {names}")
         return visible("; ".join(texts))
 
 
 def _number(counted: Collection[str], noun: str) -> str:
     return f"1 {noun}" if len(counted) == 1 else f"{len(counted):,} {noun}s"
-
-
-def _first(names: Iterable[str]) -> str:
-    shown = list(names)
-    more = f" and {len(shown) - _MOST_NAMES:,} more" if len(shown) > _MOST_NAMES else ""
-    return ", ".join(shown[:_MOST_NAMES]) + more
 
 
 class Listing(list[PartFiles]):

@@ -15,6 +15,7 @@ from pipeline.common.job_file import files_of
 from pipeline.common.output_paths import write_json
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
+from pipeline.common.texts import first_of
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, discover
 from pipeline.formats.part_files import PartFiles
@@ -79,17 +80,20 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
-    lot = LotCheck(read_order(options.order)) if options.order is not None else None
+    grammar = None
+    if options.order is not None or options.truth is not None or options.verify is not None:
+        from pipeline.common.serial_format import serial_format  # slow to import, like all of recognition
+
+        grammar = serial_format(settings)
+    lot = LotCheck(read_order(options.order, grammar)) if options.order is not None else None
     watch = None
     if settings.certificate is not None:
-        from pipeline.reading.drift import watch_of  # slow to import, like all of recognition
+        from pipeline.reading.drift import watch_of  # likewise
 
         watch = watch_of(settings)
     expected = None
     if options.verify is not None:
-        from pipeline.common.serial_format import serial_format  # likewise
-
-        expected = load_expected(options.verify, serial_format(settings))
+        expected = load_expected(options.verify, grammar)
     parts: Sequence[PartFiles] = found
     if expected is not None:
         by_part = expected.text_of if isinstance(expected, PartTexts) else lambda _: expected
@@ -163,7 +167,10 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         print(visible(line))
     _print_outputs(run, options, counts)
     if scores is not None:
-        print(scores.describe())
+        print("\n".join(map(visible, scores.lines())))
+        named = {part.name for part in parts if not part.format}
+        if grammar is not None and (broken := scores.outside(grammar, named)):
+            print(visible(f"{options.truth}: {first_of(broken)}; correct the table or --format"))
     if isinstance(expected, PartTexts):
         read = {expected.name_of(part.name) for part in parts}
         if missing := [name for name in expected if name not in read]:

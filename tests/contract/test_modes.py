@@ -25,7 +25,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read(parts: Path, *more: str) -> tuple[int, dict[str, Any]]:
-    told = ["--font", "gothic", "--format", FORMAT, "--height-mm", "5", "--out", "t.jsonl"]
+    told = ["--font", "gothic", "--format", FORMAT, "--height-mm", "5", "--out", "t.jsonl", "--force"]
     status = main(["read", str(parts), *told, *more])
     (line,) = Path("t.jsonl").read_text(encoding="utf-8").splitlines()
     return status, json.loads(line)

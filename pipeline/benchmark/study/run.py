@@ -111,6 +111,7 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
         FileError: the table is of another kind, a line has no reviewer, no part is in the study, or a reviewer did not
             read every part equally often.
     """
+    known = PartTexts(dict.fromkeys(parts, ""))
     answers: list[Trial] = []
     times: dict[str, Counter[str]] = {}
     unknown: dict[str, None] = {}
@@ -118,12 +119,12 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
         who = next((line.others[name] for name in _HEADINGS if line.others.get(name)), "")
         if not who:
             raise FileError(path, f"line {line.line} names no reviewer", "fill the column reviewer")
-        if line.part not in parts:
+        if (part := known.name_of(line.part)) is None:
             unknown[line.part] = None
             continue
-        times.setdefault(who, Counter())[line.part] += 1
-        number, text = times[who][line.part], without_blanks(line.text)
-        answers.append(Trial(line.part, number, {RECORDED: True}, who, truth="", text=text))
+        times.setdefault(who, Counter())[part] += 1
+        number, text = times[who][part], without_blanks(line.text)
+        answers.append(Trial(part, number, {RECORDED: True}, who, truth="", text=text))
     if not answers:
         raise FileError(
             path, "answers no part of the study", f"name the parts as {next(iter(parts), 'they are')}"
