@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 
 from glyphs.errors import MarksError
-from pipeline.common.parsed import Strict, json_of, shown
+from pipeline.common.parsed import Strict, advice, json_of, shown
 from pipeline.common.texts import split_commas
 
 
@@ -103,9 +103,8 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
         called: returns the name by which the user knows a setting.
     """
     first = error.errors()[0]
-    message = first["msg"].removeprefix("Value error, ")
     if not first["loc"]:  # settings that contradict each other
-        return SettingsError(message)
+        return SettingsError(first["msg"].removeprefix("Value error, "))
     name = ".".join(key for key in first["loc"] if isinstance(key, str))
     if first["type"] in ("dataclass_type", "model_type"):
         what = f"{called(name)} is {shown(first['input'])}, but it is a group of settings"
@@ -113,7 +112,7 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     given = first["input"]
     if isinstance(given, (list, tuple)) and len(given) == 1:
         (given,) = given  # a flag that may be repeated, given once
-    return SettingsError(f"{called(name)} is {shown(given)}: {message[:1].lower()}{message[1:]}")
+    return SettingsError(f"{called(name)} is {shown(given)}: {advice(first)}")
 
 
 def _by_commas(value: Any) -> Any:

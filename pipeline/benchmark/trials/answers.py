@@ -63,7 +63,7 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
     for line in load_part_lines(path):
         part = _part_of(line.part, known)
         if part is None:
-            unknown.append(line.part)
+            unknown.append(line.part.rpartition("/")[2])
             continue
         if part in answered:
             earlier = answered[part].line
