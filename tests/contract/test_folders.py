@@ -51,7 +51,7 @@ def test_every_part_of_a_tree_is_read_by_the_senses_that_it_has_files_for(
         (days / place).mkdir(parents=True)
     shutil.copy(height_map, days / "1.npz")
     shutil.copy(height_map, days / "tray-1" / "1.npz")
-    write_photo(days / "tray-1" / "1.png", stamp("K7", font="gothic", height_mm=4.0, seed=3).photograph())
+    write_photo(days / "tray-1" / "1.png", stamp("K7", fonts="gothic", height_mm=4.0, seed=3).photograph())
     shutil.copy(days / "tray-1" / "1.png", days / "tray-2" / "night" / "1.png")
     rows = tmp_path / "rows.csv"
     assert (

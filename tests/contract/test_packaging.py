@@ -167,7 +167,7 @@ def test_the_command_comes_from_the_wheel_and_answers(installed: Installed) -> N
 
 def test_a_part_is_read(installed: Installed) -> None:
     """By camera and network: touch and templates would compile their kernels anew, which takes most of a minute."""
-    photo = stamp("74", font="gothic", height_mm=5.0, seed=1).photograph()
+    photo = stamp("74", fonts="gothic", height_mm=5.0, seed=1).photograph()
     Image.fromarray(photo.pixels).save(installed.work / "part.png")
     given = ("--font", "gothic", "--format", "99", "--height-mm", "5", "--jobs", "1", "--experts", "network")
     installed.run("tactile-marks", "read", "part.png", *given, "--out", "rows.csv")

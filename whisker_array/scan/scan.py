@@ -8,6 +8,7 @@ from typing import Unpack
 import numpy as np
 
 from glyphs.ranges import Positive, Validated
+from glyphs.signatures import lists_options
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
@@ -88,6 +89,7 @@ class Scan(OneLine, Validated, error=MapError):
         return tuple(s.plan.direction for s in self.sweeps)
 
 
+@lists_options(mount, VirtualBench.__annotations__)
 def trace_scan(
     height_map: HeightMap,
     *,
