@@ -182,13 +182,13 @@ class FoundFiles:
         Raises:
             FileError: a folder cannot be listed.
         """
-        path = str(Path(given))
+        path = Path(given).as_posix()
         if os.path.isdir(path):
             self._add_folder(path, root=path)
         elif os.path.exists(given) or not glob.has_magic(given):
             self.add([path, *(self._photos_of(path) if beside else ())], named=True)
         else:
-            found = sorted(str(Path(p)) for p in glob.glob(given, recursive=True))
+            found = sorted(Path(p).as_posix() for p in glob.glob(given, recursive=True))
             folders = [name for name in found if os.path.isdir(name)]
             self.add([name for name in found if os.path.isfile(name)])
             for folder in folders if "**" not in given else ():
@@ -262,7 +262,7 @@ class FoundFiles:
         key, kind = self._key_and_kind(path)
         if key is None or kind == "photo" or not os.path.isfile(path):
             return []
-        folder = str(Path(path).parent)
+        folder = Path(path).parent.as_posix()
         if folder not in self._beside:
             stems = self._beside[folder] = {}
             for found in _entries(folder)[0]:
@@ -276,7 +276,7 @@ def _entries(folder: str) -> tuple[list[str], list[str]]:
     """Files and folders in a folder, each sorted by name, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
-            found = sorted((str(Path(e.path)), _is_file(e)) for e in entries)
+            found = sorted((Path(e.path).as_posix(), _is_file(e)) for e in entries)
     except OSError as error:
         what = f"cannot be listed ({error.strerror or error})"
         raise FileError(folder, what, "check its permissions") from error

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
@@ -32,9 +32,9 @@ _KEPT_FOLDERS = 16
 _MOST_NAMED = 5
 
 
-def split_name(name: str | Path) -> tuple[str, str]:
+def split_name(name: str | PurePath) -> tuple[str, str]:
     """Folder and last part of a path or URL, without the query of a web address."""
-    name = str(name)
+    name = name.as_posix() if isinstance(name, PurePath) else name
     if not is_url(name):
         folder, slash, last = name.rpartition("/")
         return (folder or slash, last)

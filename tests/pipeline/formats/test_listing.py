@@ -7,7 +7,7 @@ import pickle
 import sys
 import uuid
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import pytest
@@ -140,6 +140,8 @@ def test_what_a_name_says() -> None:
     assert split_name("https://h/lot/a.npz?list=/x/y.csv#z") == ("https://h/lot", "a.npz")
     assert split_name("s3://b/lot?/a#.npz") == ("s3://b/lot?", "a#.npz")
     assert split_name("/a.npz") == ("/", "a.npz")
+    assert split_name(PureWindowsPath(r"C:\lot\tray 7\a.npz")) == ("C:/lot/tray 7", "a.npz")
+    assert split_name(PureWindowsPath(r"\\press\lots\a.npz")) == ("//press/lots", "a.npz")
     assert without_secrets("https://me:secret@h/a.npz?X-Signature=secret") == "https://***@h/a.npz"
     assert without_secrets("abfs://box@account/a?b") == "abfs://box@account/a?b"
     with pytest.raises(ValueError, match="without a name"):
