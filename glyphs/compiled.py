@@ -24,7 +24,7 @@ from numba.core.caching import NullCache
 from numpy.typing import DTypeLike, NDArray
 
 from glyphs.compiling import report_end, report_start
-from glyphs.kernel_cache import cache_of
+from glyphs.kernel_cache import cache_of, first_on_this_machine
 
 Function: TypeAlias = Callable[..., Any]
 
@@ -80,7 +80,7 @@ class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
     def on_start(self, event: Any) -> None:
         self._began_s.append(time.monotonic())
         if len(self._began_s) == 1:
-            report_start(kept=self.kept)
+            report_start(kept=self.kept, first=first_on_this_machine)
 
     def on_end(self, event: Any) -> None:
         began_s = self._began_s.pop()

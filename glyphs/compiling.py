@@ -12,8 +12,6 @@ COMPILE_EVERY_RUN = (
 
 PROGRESS_S = 5.0
 """Seconds of compiling between two progress messages."""
-LEAST_S = 1.0
-"""Shorter compilations, s, are shown only the first time."""
 
 
 class _Watch:
@@ -39,16 +37,19 @@ def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
         _Watch.show = before
 
 
-def report_start(*, kept: bool = True) -> None:
+def report_start(*, kept: bool = True, first: Callable[[], bool] = lambda: True) -> None:
     """Show that a kernel is being compiled, because it is not in this machine's cache.
 
     Args:
         kept: whether it will be cached.
+        first: whether none was compiled on this machine before; a later command that needs other kernels shows only
+            long compilations.
     """
     if not _Watch.announced and _Watch.show is not None:
-        _Watch.show(COMPILE_ONCE if kept else COMPILE_EVERY_RUN)
         _Watch.announced = True
-        _Watch.shown_s = -LEAST_S  # always show the end of the first compilation
+        if not kept or first():
+            _Watch.show(COMPILE_ONCE if kept else COMPILE_EVERY_RUN)
+            _Watch.shown_s = -PROGRESS_S  # the end is shown, too, however soon it comes
     _Watch.compiled = True
 
 
@@ -62,6 +63,6 @@ def report_end(seconds: float) -> None:
 
 def end_part() -> None:
     """Show the compiling time of a finished part of the work."""
-    if _Watch.compiled and _Watch.show is not None and (_Watch.shown_s or _Watch.seconds >= LEAST_S):
+    if _Watch.compiled and _Watch.show is not None and _Watch.shown_s:
         _Watch.show(f"kernels compiled in {_Watch.seconds:.0f} s")
     _Watch.compiled, _Watch.seconds, _Watch.shown_s = False, 0.0, 0.0

@@ -89,3 +89,15 @@ def folder_of(function: Callable[..., Any]) -> Path | None:
         return Path(locator.get_cache_path())
     except (RuntimeError, OSError):
         return None
+
+
+def first_on_this_machine() -> bool:
+    """Whether this is the first process that compiles for its cache; true only once, for one of several processes."""
+    folder = folder_of(cache_of)
+    if folder is None:
+        return True
+    try:
+        (folder / "kernels-compiled").touch(exist_ok=False)
+    except OSError:
+        return False
+    return True

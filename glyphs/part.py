@@ -128,7 +128,7 @@ def stamp(
     text: str | None = None,
     *,
     format: str | None = None,
-    font: str | Path | Font = "gothic",
+    fonts: str | Path | Font | Sequence[str | Path | Font] = "gothic",
     height_mm: float = 5.0,
     depth_mm: float | None = None,
     face: Face | str = Face.FLAT,
@@ -150,7 +150,7 @@ def stamp(
     Args:
         text: the serial; or
         format: format of a serial to draw (`A` a letter, `9` a digit, `*` either).
-        font: built-in name, font file or font.
+        fonts: built-in name, font file or font; one, as a line is stamped with one.
         height_mm: character height.
         depth_mm: depth of the mark; default: usual for the height.
         face: face of the die.
@@ -181,7 +181,10 @@ def stamp(
     if min(key, default=-1) < 0:
         raise StampError(f"seed is {seed}", hint="give one or more numbers that are not negative")
     rng = np.random.default_rng(key)
-    letters = font if isinstance(font, Font) else load_font(font)
+    several = (fonts,) if isinstance(fonts, str | Path | Font) else tuple(fonts)
+    if len(several) != 1:
+        raise StampError(f"{len(several)} fonts are given", hint="a line is stamped with one: give one")
+    letters = several[0] if isinstance(several[0], Font) else load_font(several[0])
     line = random_text(format, rng=rng) if format is not None else text or ""
     if variation is not None and practice is not None:
         raise StampError(

@@ -17,6 +17,7 @@ from .formats.glyph_database import (
     load_database,
     save_database,
 )
+from .formats.npz import write_npz
 from .formats.part_files import PartFiles
 from .formats.photos import read_photo, write_photo
 from .formats.touch_file import read_height_map, read_scan
@@ -53,5 +54,6 @@ __all__ = [
     "reading_record",
     "run_benchmark",
     "save_database",
+    "write_npz",
     "write_photo",
 ]

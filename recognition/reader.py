@@ -9,8 +9,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Unpack
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
 
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.signatures import lists_options
 from recognition.decision.contracts import as_certified
 from recognition.decision.reading import Reading
 from recognition.language.grammar import Grammar
@@ -18,11 +23,14 @@ from recognition.senses.settings import ReaderOptions, ReaderSettings, Repertoir
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
+    from glyphs.part import Part
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from recognition.senses.camera import VisionReader
     from recognition.senses.touch import TactileReader
     from whisker_array.scan.scan import Scan
+
+    Readable: TypeAlias = HeightMap | Scan | Photo | Part | NDArray[Any]
 
 
 class Reader:
@@ -30,12 +38,13 @@ class Reader:
 
     Example::
 
-        reading = Reader(fonts=["gothic"], format="AA999999").read(part.height_map)
+        reading = Reader(fonts="gothic", format="AA999999").read(part)
 
     Attributes:
         settings: settings of the reader.
     """
 
+    @lists_options(ReaderSettings, ReaderOptions.__annotations__)
     def __init__(self, settings: ReaderSettings | None = None, /, **options: Unpack[ReaderOptions]) -> None:
         """Check the settings and load the fonts; templates are made when a sense first needs them.
 
@@ -81,40 +90,42 @@ class Reader:
 
     def read(
         self,
-        part: HeightMap | Scan | Photo,
+        part: Readable,
         /,
-        *more: HeightMap | Scan | Photo,
+        *more: Readable,
+        pitch_mm: float | None = None,
         soil: Soil | None = None,
         part_id: str = "",
     ) -> Reading:
-        """Read one part from all given data.
+        """Read one part from all given data; files are read by `pipeline.read`.
 
         A scan goes before a height map; touch and photographs are fused. Several photographs, from one place under
         other lights or at other exposures, are read as one. The middle of a photograph of known scale is taken to lie
-        over the middle of the height map.
+        over the middle of the height map. A simulated part is felt with its dirt; its photograph is given beside it.
 
         Args:
-            part: its height map, scan or photograph.
+            part: its height map, scan or photograph, or a simulated part. An array of floats is a map of heights in
+                mm, one of uint8 or uint16 a photograph.
             more: others of the same part, one of a kind; any number of photographs.
+            pitch_mm: distance of the samples of an array; heights need it.
             soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
             part_id: name of the part.
 
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid, photographs of different sizes.
-            TypeError: something else than a height map, a scan or a photograph.
-            ValueError: two height maps or scans.
+            TypeError: something else, such as a file name.
+            ValueError: two height maps or scans, or heights without a pitch.
         """
         from glyphs.camera.photo import Photo
+        from glyphs.part import Part
         from glyphs.surface.maps import HeightMap
         from whisker_array.scan.scan import Scan
 
-        given = (part, *more)
-        for one in given:
-            if not isinstance(one, HeightMap | Scan | Photo):
-                raise TypeError(f"a {type(one).__name__} cannot be read; give a HeightMap, a Scan or a Photo")
-        surfaces = [one for one in given if isinstance(one, HeightMap)]
-        scans = [one for one in given if isinstance(one, Scan)]
-        photos = [one for one in given if isinstance(one, Photo)]
+        data = [_typed(item, pitch_mm) for item in (part, *more)]
+        soil = next((item.soil for item in (part, *more) if isinstance(item, Part)), soil)
+        surfaces = [item for item in data if isinstance(item, HeightMap)]
+        scans = [item for item in data if isinstance(item, Scan)]
+        photos = [item for item in data if isinstance(item, Photo)]
         for kind in (surfaces, scans):
             if len(kind) > 1:
                 raise ValueError(f"two of {type(kind[0]).__name__} are given; read one part at a time")
@@ -157,6 +168,30 @@ class Reader:
         if touch is not None and vision is not None:
             lattice = fused_lattice(touch, vision, before_format=True) or lattice
         return with_verification(reading, lattice, expected, grammar=self.grammar)
+
+
+def _typed(item: Readable, pitch_mm: float | None) -> HeightMap | Scan | Photo:
+    from glyphs.camera.photo import Photo
+    from glyphs.part import Part
+    from glyphs.surface.maps import HeightMap
+    from whisker_array.scan.scan import Scan
+
+    if isinstance(item, Part):
+        return item.height_map
+    if isinstance(item, np.ndarray):
+        if item.dtype in (np.uint8, np.uint16):
+            return Photo(item, pitch_mm)
+        if pitch_mm is None:
+            raise ValueError("an array of heights has no pitch; give pitch_mm, the distance of its samples")
+        return HeightMap(item, pitch_mm)
+    if isinstance(item, HeightMap | Scan | Photo):
+        return item
+    hint = (
+        "pipeline.read reads files"
+        if isinstance(item, str | PurePath)
+        else "give a HeightMap, Scan, Photo or Part"
+    )
+    raise TypeError(f"a {type(item).__name__} cannot be read; {hint}")
 
 
 def centre_on(photo: Photo, surface: HeightMap) -> Photo:

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
 
 PLATES: dict[str, dict[str, Any]] = {
-    "flat-gothic": {"text": "KX407251", "font": "gothic", "face": "flat"},
-    "sharp-turned": {"text": "8B3S0D26", "font": "gothic", "face": "sharp", "line_rotation_deg": 2.0},
-    "round-roman": {"text": "TA19R645", "font": "timesr", "face": "round", "height_mm": 7.0},
-    "raised": {"text": "HM52G793", "font": "futural", "face": "flat", "raised": True},
+    "flat-gothic": {"text": "KX407251", "fonts": "gothic", "face": "flat"},
+    "sharp-turned": {"text": "8B3S0D26", "fonts": "gothic", "face": "sharp", "line_rotation_deg": 2.0},
+    "round-roman": {"text": "TA19R645", "fonts": "timesr", "face": "round", "height_mm": 7.0},
+    "raised": {"text": "HM52G793", "fonts": "futural", "face": "flat", "raised": True},
 }
 """Stamping of each plate, by name."""
 SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)

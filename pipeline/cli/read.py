@@ -50,7 +50,7 @@ def inspect(
 ) -> None:
     """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
 
-    A photograph with the same name beside the file is also shown, if it is read.
+    A photograph with the same name beside the file is also shown, if --mode is vision or fused.
 
     Parameters
     ----------
@@ -76,13 +76,13 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
         FileError: the file cannot be used.
         CommandError: the file has several parts.
     """
-    from pipeline.formats.find_parts import discover
     from pipeline.plots.pictures import save_figure
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import open_reader
+    from pipeline.runs.production import parts_for
     from recognition.decision.picture import reading_figure
 
-    parts = discover([file], beside=True, height_images=settings.height_image)
+    parts = parts_for([str(file)], settings)
     if len(parts) > 1:
         raise CommandError(f"{file}: has {len(parts)} parts", hint="inspect draws one part: name its file")
     (part,) = parts

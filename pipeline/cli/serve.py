@@ -49,7 +49,7 @@ def serve(
     if init_config is not None:
         _write_settings((*init_config, DEFAULT_FILE)[0])
         return 0
-    if reading.mode is not None:
+    if reading.mode != "auto":
         raise UsageError(
             "serve: mode is set, but a service reads with the camera first and then by touch",
             "leave mode out",

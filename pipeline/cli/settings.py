@@ -235,26 +235,22 @@ def _toml_of(file: Path) -> dict[str, Any]:
 def settings_file() -> str:
     """A `tactile-marks.toml` with every setting at its default, commented out.
 
-    Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. A setting without a
-    default has its type in place of a value:
+    Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. There are no tables, so
+    that other lines can be pasted anywhere. A setting without a default has its type in place of a value:
 
     # Port of the web interface; 0 takes any free one.
-    #port = 8417
+    #service.port = 8417
 
     # Folder into which the camera puts its pictures: NAME.png is the part called NAME.
-    #camera =    # file or folder
+    #service.camera.folder =    # file or folder
     """
     return "\n".join((_BEGINNING, *map(_table_of_file, MODELS)))
 
 
 def _table_of_file(model: type[Settings]) -> str:
-    written = [f"[{model.table}]\n"] if model.table else []
-    last = ""
+    written = []
     for path, field in model.leaves().items():
-        section, _, name = path.rpartition(".")
-        if section != last:
-            written.append(f"[{model.table}.{section}]\n")
-            last = section
+        name = f"{model.table}.{path}".lstrip(".")
         lines = textwrap.wrap(str(field.description), 98, break_on_hyphens=False)
         default = to_jsonable_python(field.get_default(call_default_factory=True))
         unset = default is None or (field.default_factory is not None and default)

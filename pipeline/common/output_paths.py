@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import tempfile
 from collections.abc import Collection, Iterable, Sequence
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.common.texts import escape_formula
+from pipeline.common.texts import CSV_BEGIN, csv_line
 
 PICTURES = (".png", ".svg", ".pdf")
 """Suffixes of pictures that can be drawn."""
@@ -71,7 +70,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV table whose cells no spreadsheet takes for formulas; lone surrogates are written as escapes.
+    """Write a CSV table for spreadsheets; lone surrogates, which file names may hold, are written as escapes.
 
     Args:
         path: path of the table.
@@ -84,6 +83,5 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
         replacing(path) as temporary,
         temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream,
     ):
-        writer = csv.writer(stream)
-        for row in rows:
-            writer.writerow([escape_formula(cell) if isinstance(cell, str) else cell for cell in row])
+        stream.write(CSV_BEGIN)
+        stream.writelines(map(csv_line, rows))

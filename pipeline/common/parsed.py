@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from glyphs.errors import FileError
 from pipeline.common.output_paths import write_text
@@ -24,6 +25,11 @@ MOST_BYTES = 1_000_000
 _MOST_SHOWN = 200
 _TOO_DEEP = re.compile(r"""(?<!["'\w-])(?:["'\w-]++[ \t]*+\.[ \t]*+){201}""")
 """A key with too many dots: the parser's time and memory grow with their square."""
+_TWICE = re.compile(
+    r"Cannot (?:declare|redefine namespace|mutate immutable namespace) \((.*?),?\).*at (line \d+)"
+)
+"""What the parser says of a table that is there twice, or as dotted keys, too."""
+_OVERWRITTEN = re.compile(r"Cannot overwrite a value \(at ([^,)]+)")
 
 Model = TypeVar("Model")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -54,7 +60,18 @@ def toml_of(path: Path) -> dict[str, Any]:
         raise FileError(path, "nests brackets too deeply for TOML", "take them out") from error
     except UnicodeDecodeError as error:
         raise FileError(path, "is not UTF-8 text", "save it as UTF-8") from error
-    except ValueError as error:  # also for numbers that are too long
+    except tomllib.TOMLDecodeError as error:
+        if twice := _TWICE.search(str(error)):
+            table = ".".join(re.findall(r"'([^']+)'", twice[1]))
+            what, hint = (
+                f"begins [{table}] a second time in {twice[2]}",
+                "keep all that it holds in one place",
+            )
+            raise FileError(path, what, hint) from error
+        if again := _OVERWRITTEN.search(str(error)):
+            raise FileError(path, f"has a name for the second time in {again[1]}", "take one out") from error
+        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
+    except ValueError as error:  # for numbers that are too long
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
 
 
@@ -137,12 +154,38 @@ def wrong_key(error: ValidationError, hidden: Collection[str] = ()) -> tuple[str
         says = f"has the {tag} {shown(given)}{place}" if given else f"has no {tag}{place}"
         tags = first["ctx"].get("expected_tags")
         return says, f"write {tag} = one of {tags}" if tags else f"add {tag}"
-    mend = first["msg"].removeprefix("Value error, ")
+    mend = advice(first)
     if (
         first["type"] == "value_error"
     ):  # concerns a whole table: too long to show, and the message names the keys
         return f"is invalid{f' in [{key}]' if key else ''}: {mend}", "correct it"
-    return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend[:1].lower()}{mend[1:]}"
+    return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend}"
+
+
+_WANTED = {
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "string": "text",
+    "tuple": "a list",
+    "dict": "a table of names and values",
+}
+_BOUNDS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
+
+
+def advice(error: ErrorDetails) -> str:
+    """What to write in place of a value that pydantic refuses, in plain words."""
+    kind, limits = error["type"], error.get("ctx", {})
+    if kind == "literal_error":
+        return f"write {limits['expected']}"
+    if bound := next((name for name in _BOUNDS if name in limits), ""):
+        return f"write a number {_BOUNDS[bound]} {limits[bound]:g}"
+    if kind == "finite_number":
+        return "write a finite number"
+    if wanted := _WANTED.get(kind.partition("_")[0]):
+        return f"write {wanted}"
+    message = error["msg"].removeprefix("Value error, ")
+    return f"{message[:1].lower()}{message[1:]}"
 
 
 def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:

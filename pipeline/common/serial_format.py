@@ -45,7 +45,7 @@ def outside_format(text: str, settings: ReadSettings) -> str:
     """
     grammar = serial_format(settings)
     objections = () if grammar is None or not text else grammar.objections(text)
-    return "; ".join(objections).replace("mask:", "")
+    return "; ".join(objections)
 
 
 def read_lexicon(path: Path) -> frozenset[str]:

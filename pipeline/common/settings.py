@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 
 from glyphs.errors import MarksError
-from pipeline.common.parsed import Strict, json_of, shown
+from pipeline.common.parsed import Strict, advice, json_of, shown
 from pipeline.common.texts import split_commas
 
 
@@ -103,9 +103,8 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
         called: returns the name by which the user knows a setting.
     """
     first = error.errors()[0]
-    message = first["msg"].removeprefix("Value error, ")
     if not first["loc"]:  # settings that contradict each other
-        return SettingsError(message)
+        return SettingsError(first["msg"].removeprefix("Value error, "))
     name = ".".join(key for key in first["loc"] if isinstance(key, str))
     if first["type"] in ("dataclass_type", "model_type"):
         what = f"{called(name)} is {shown(first['input'])}, but it is a group of settings"
@@ -113,7 +112,7 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     given = first["input"]
     if isinstance(given, (list, tuple)) and len(given) == 1:
         (given,) = given  # a flag that may be repeated, given once
-    return SettingsError(f"{called(name)} is {shown(given)}: {message[:1].lower()}{message[1:]}")
+    return SettingsError(f"{called(name)} is {shown(given)}: {advice(first)}")
 
 
 def _by_commas(value: Any) -> Any:
@@ -322,9 +321,9 @@ class Limits(Settings):
 class ReadSettings(MapSettings):
     """Settings of reading."""
 
-    mode: Annotated[Literal["tactile", "vision", "fused", "auto"] | None, BeforeValidator(_mode)] = None
-    """Senses to read with: touch (tactile), the camera (vision), both together (fused), or all that a part has files
-    for (auto). Default: touch, and the camera for a part that has only a photograph."""
+    mode: Annotated[Literal["tactile", "vision", "fused", "auto"], BeforeValidator(_mode)] = "auto"
+    """Senses to read with: touch (tactile), the camera (vision), both together (fused), or those that each part has
+    files for (auto). A photograph beside a named map or scan is read with vision and fused only."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file; may be repeated. Any font is read; marks are also compared with the shapes of the
     fonts named here."""

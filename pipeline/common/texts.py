@@ -1,6 +1,7 @@
 """Texts: stamped form, cells of a table, and alignment of a true serial with the one that was read.
 
-Cells of CSV that a spreadsheet takes for formulas are text with an apostrophe in front: =1+1 <-> '=1+1.
+Lines of CSV are safe to open in any spreadsheet. Every cell is quoted, and text that it would take for a formula has an
+apostrophe in front, also where a spreadsheet of another country splits a cell: =1+1 <-> '=1+1, x;=1 <-> x;'=1.
 
 Serials of equal length are compared place by place. Others are aligned with the fewest edits (Levenshtein), with EXTRA
 or MISSING beside a character that has no partner::
@@ -12,12 +13,20 @@ or MISSING beside a character that has no partner::
 
 from __future__ import annotations
 
+import csv
+import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-# beginnings that spreadsheets take for formulas; East Asian editions also accept the full-width signs
-_FORMULA = re.compile(r"'*[=+\-@\t\r\n＝＋－＠]")
+INVISIBLE = "\u200b\u200e\u200f\u2060\ufeff"
+"""Marks of direction and of byte order, and spaces without width."""
+# start of a cell, or of a piece that another delimiter makes of it, that spreadsheets take for a formula; blanks before
+# the sign are ignored, and East Asian editions also accept the full-width signs
+_FORMULA = r"(?:^|(?<=[;|\t\r\n])){}(?=['\"\s" + INVISIBLE + r"]*[=+\-@\t\r\n＝＋－＠])"
+_BARE, _MARKED = re.compile(_FORMULA.format("")), re.compile(_FORMULA.format("'"))
+CSV_BEGIN = "\ufeff"
+"""First character of a CSV file: the byte order mark, without which Excel does not read it as UTF-8."""
 MISSING = "nothing"
 """Stands for the missing reading of a stamped character."""
 EXTRA = "nothing stamped"
@@ -39,19 +48,23 @@ def split_commas(text: str) -> tuple[str, ...]:
     return tuple(item.strip() for item in text.split(",") if item.strip())
 
 
-def first_of(names: Sequence[str]) -> str:
-    """Join the first five names; "..." stands for the others."""
-    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+def first_of(names: Sequence[str], most: int = 5) -> str:
+    """Join the first names, and count the others."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
-def escape_formula(text: str) -> str:
-    """A text for a cell, marked with an apostrophe if a spreadsheet would take it for a formula."""
-    return f"'{text}" if _FORMULA.match(text) else text
+def csv_line(cells: Iterable[object]) -> str:
+    """A line of a CSV table with its line end; None is an empty cell."""
+    marked = [_BARE.sub("'", cell) if isinstance(cell, str) else cell for cell in cells]
+    line = io.StringIO()
+    csv.writer(line, quoting=csv.QUOTE_ALL).writerow(marked)
+    return line.getvalue()
 
 
 def unescape_formula(cell: str) -> str:
-    """Recover the text from a cell that `escape_formula` has made."""
-    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
+    """Recover the text from a cell that `csv_line` has written."""
+    return _MARKED.sub("", cell) if "'" in cell else cell
 
 
 @dataclass(frozen=True)

@@ -97,10 +97,13 @@ def _differences(was: Mapping[str, Any], now: Mapping[str, Any], *, within: str)
         if isinstance(old, Mapping) and isinstance(new, Mapping):
             yield from _differences(old, new, within=f"{within}{key}.")
         elif old != new:
-            yield f"{within}{key} was {in_short(old)}, now {in_short(new)}"
+            name = f"{within}{key}".removeprefix("settings.")
+            yield f"{name} was {in_short(old)}, now {in_short(new)}"
 
 
 def in_short(value: object) -> str:
-    """A value as JSON, shortened."""
-    text = json.dumps(value)
+    """A value in plain words, shortened."""
+    if value in (None, "", [], {}):
+        return "not set"
+    text = ", ".join(map(str, value)) if isinstance(value, list) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= _MOST_CHARACTERS else text[: _MOST_CHARACTERS - 3] + "..."

@@ -1,6 +1,7 @@
 """Find the parts of a run from file names, without opening files: files of one stem in one folder are one part.
 
     part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, scanned and photographed under two lights
+    tray-7/part-003.h5                                          tray-7/part-003, in a subfolder
 
 files, folders, globs --.
 URLs of any of these ---+--FoundFiles--> PartFiles, names made unique
@@ -12,7 +13,7 @@ from __future__ import annotations
 import glob
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any
 
 from glyphs.errors import FileError, MarksError
 from glyphs.plain_text import visible
+from pipeline.common.texts import first_of
 from pipeline.errors import is_url, is_web, problem_of
 from pipeline.formats.kinds import PHOTO_SUFFIXES, READ_NAMES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
@@ -36,7 +38,7 @@ from pipeline.formats.part_files import (
 _MOST_NAME = 80
 _MOST_NAMES = 20
 _HINTS = (
-    (PHOTO_SUFFIXES, "lone photographs are read with --mode auto, heights in pictures with --height-image"),
+    (PHOTO_SUFFIXES, "lone photographs are read without --mode, heights in pictures with --height-image"),
     (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
     (TABLE_SUFFIXES, "tables of heights are only read if they are named themselves"),
 )
@@ -55,37 +57,47 @@ class NothingFoundError(MarksError):
 
 @dataclass(frozen=True)
 class PassedOver:
-    """Files of folders that belong to no part."""
+    """Files of folders that belong to no part, and folders that were not searched, with the reason."""
 
     files: list[str] = field(default_factory=list)
+    folders: dict[str, str] = field(default_factory=dict)
 
     def without(self, used: Iterable[str | Path]) -> PassedOver:
         """The same files without those that are used otherwise, such as the table of an order."""
         known = {os.path.realpath(file) for file in used}
-        return PassedOver(
-            [file for file in self.files if is_url(file) or os.path.realpath(file) not in known]
-        )
+        files = [file for file in self.files if is_url(file) or os.path.realpath(file) not in known]
+        return replace(self, files=files)
 
     @property
     def counts(self) -> Counter[str]:
-        """Number of files by suffix."""
+        """Number of files by suffix, and of folders."""
         suffixes = (os.path.splitext(split_name(file)[1])[1] for file in self.files)
-        return Counter(suffix.lower()[:20] or "no suffix" for suffix in suffixes)
+        counts = Counter(suffix.lower()[:20] or "no suffix" for suffix in suffixes)
+        return counts + Counter(folder=len(self.folders))
 
     def describe(self) -> str:
         """One line of text; empty if nothing was ignored."""
-        if not (total := len(self.files)):
-            return ""
-        kinds = ", ".join(f"{n} {suffix}" for suffix, n in sorted(self.counts.items()))
-        names = ", ".join(split_name(file)[1] for file in self.files[:_MOST_NAMES])
-        more = f" and {total - _MOST_NAMES:,} more" if total > _MOST_NAMES else ""
-        hints = [hint for suffixes, hint in _HINTS if not self.counts.keys().isdisjoint(suffixes)]
-        files = "1 file" if total == 1 else f"{total:,} files"
-        return visible("; ".join([f"passed over {files} ({kinds}): {names}{more}", *hints]))
+        texts = []
+        if self.files:
+            kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix != "folder"}
+            counts = ", ".join(f"{n} {suffix}" for suffix, n in kinds.items())
+            names = first_of([split_name(file)[1] for file in self.files], _MOST_NAMES)
+            texts = [f"passed over {_number(self.files, 'file')} ({counts}): {names}"]
+            texts += [hint for suffixes, hint in _HINTS if not kinds.keys().isdisjoint(suffixes)]
+        if self.folders:
+            names = first_of(
+                [f"{split_name(place)[1]} ({why})" for place, why in self.folders.items()], _MOST_NAMES
+            )
+            texts.append(f"passed over {_number(self.folders, 'folder')}: {names}")
+        return visible("; ".join(texts))
+
+
+def _number(counted: Collection[str], noun: str) -> str:
+    return f"1 {noun}" if len(counted) == 1 else f"{len(counted):,} {noun}s"
 
 
 class Listing(list[PartFiles]):
-    """Found parts, and the files of their folders that belong to no part."""
+    """Found parts, and the files and folders that were passed over."""
 
     def __init__(self, parts: Iterable[PartFiles], passed_over: PassedOver) -> None:
         super().__init__(parts)
@@ -96,21 +108,22 @@ def discover(
     inputs: Sequence[str | Path],
     *,
     manifests: Sequence[str] = (),
-    photos: bool = False,
+    recurse: bool = True,
+    photos: bool = True,
     beside: bool = False,
     height_images: bool = False,
 ) -> Listing:
     """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
-    Files of other kinds are skipped in a folder or glob. Named on their own they are parts with a problem, as are
-    missing files. Beside height maps or scans, a photograph without its own map or scan is not a part by default:
-    it may be any picture. A URL with the suffix of a known kind counts as a file without a check; any other URL is
-    listed.
+    Files of other kinds are passed over in a folder or glob. Named on their own they are parts with a problem, as are
+    missing files. A part in a subfolder has the subfolder in its name. Hidden folders and links to folders are not
+    searched. A URL with the suffix of a known kind counts as a file without a check; any other URL is listed.
 
     Args:
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
         manifests: more manifests, of any file name.
-        photos: photographs in folders are parts of their own even beside height maps and scans.
+        recurse: search the subfolders of folders, too; those of a web server are not searched.
+        photos: photographs without a height map or scan are parts; otherwise those of folders are passed over.
         beside: photographs beside a named local file with the same stem belong to its part.
         height_images: .png and .tif are height maps, not photographs.
 
@@ -124,19 +137,21 @@ def discover(
     names = [local_name(str(given)) for given in inputs]
     if len(names) + len(manifests) == 1 and (manifests or is_manifest(names[0])):
         return Listing(read_manifest((*names, *manifests)[0]), PassedOver())
-    found = FoundFiles(photos=photos, height_images=height_images)
+    found = FoundFiles(recurse=recurse, photos=photos, height_images=height_images)
     for name in names:
-        if len(names) > 1 and names_no_files(name):
-            continue  # a glob that the shell has expanded
-        if is_manifest(name):
+        if len(names) > 1 and names_no_files(name):  # of a glob that the shell has expanded
+            found.passed_over.files.append(name)
+        elif is_manifest(name):
             found.add_listed(read_manifest(name))
         elif not is_url(name):
             found.add_local(name, beside=beside)
         elif not has_magic(name) and not name.endswith("/") and (is_web(name) or key_and_kind(name)[1]):
             found.add([name], named=True)
         else:
-            files = list_remote(name)
-            found.add(files, named=files == [name])
+            groups, folders = list_remote(name, recurse=recurse)
+            for root, files in groups:
+                found.add(files, named=files == [name], root=root)
+            found.passed_over.folders.update(folders)
     for manifest in manifests:
         found.add_listed(read_manifest(manifest))
     parts = found.parts()
@@ -149,21 +164,16 @@ class FoundFiles:
     """Found files, grouped to parts by folder and stem.
 
     Attributes:
-        passed_over: files of folders that belong to no part; complete after `parts`.
+        passed_over: files of folders that belong to no part, and folders; complete after `parts`.
     """
 
-    def __init__(self, *, photos: bool = False, height_images: bool = False) -> None:
-        """Start without files.
-
-        Args:
-            photos: photographs in folders are parts of their own even beside height maps and scans.
-            height_images: .png and .tif are height maps, not photographs.
-        """
-        self._photos = photos
+    def __init__(self, *, recurse: bool, photos: bool, height_images: bool) -> None:
+        """Start without files; the arguments are those of `discover`."""
+        self._recurse, self._photos = recurse, photos
         self._key_and_kind = partial(key_and_kind, height_images=height_images)
         self.passed_over = PassedOver()
         self._parts: dict[tuple[str, ...], PartFiles] = {}
-        self._meant: set[tuple[str, ...]] = set()
+        self._named: set[tuple[str, ...]] = set()
         self._beside: dict[str, dict[str, list[str]]] = {}
 
     def add_local(self, given: str, *, beside: bool = False) -> None:
@@ -172,45 +182,73 @@ class FoundFiles:
         Raises:
             FileError: a folder cannot be listed.
         """
-        path = str(Path(given))
+        path = Path(given).as_posix()
         if os.path.isdir(path):
-            self.add(_files_in(path))
+            self._add_folder(path, root=path)
         elif os.path.exists(given) or not glob.has_magic(given):
             self.add([path, *(self._photos_of(path) if beside else ())], named=True)
         else:
-            self.add(sorted(str(Path(p)) for p in glob.glob(given) if os.path.isfile(p)))
+            found = sorted(Path(p).as_posix() for p in glob.glob(given, recursive=True))
+            folders = [name for name in found if os.path.isdir(name)]
+            self.add([name for name in found if os.path.isfile(name)])
+            for folder in folders if "**" not in given else ():
+                self._add_folder(folder, root=folder)
 
-    def add(self, files: Sequence[str], *, named: bool = False) -> None:
-        """Add the files of one folder or glob, or one file named on its own with the photographs beside it.
+    def _add_folder(self, folder: str, *, root: str) -> None:
+        files, folders = _entries(folder)
+        self.add(files, root=root)
+        for below in folders:
+            why = "" if self._recurse else "--no-recurse"
+            why = (
+                "hidden"
+                if split_name(below)[1].startswith(".")
+                else "a link"
+                if os.path.islink(below)
+                else why
+            )
+            try:
+                if not why:
+                    self._add_folder(below, root=root)
+            except FileError as error:
+                why = error.what
+            if why:
+                self.passed_over.folders[below] = why
+
+    def add(self, files: Sequence[str], *, named: bool = False, root: str = "") -> None:
+        """Add the files of folders or of a glob, or one file named on its own with the photographs beside it.
 
         Args:
             files: paths or URLs; hidden ones are skipped.
             named: the first file is named on its own: it is a part whatever its kind.
+            root: folder that the user named; parts below it have their subfolder in their names.
         """
-        seen = [(key, kind, f) for f in files for key, kind in (self._key_and_kind(f),) if key is not None]
-        if named:
-            seen = [(key, kind or kind_of_named(f), f) for key, kind, f in seen]
-        if self._photos or named or not any(kind in ("height_map", "scan") for _, kind, _ in seen):
-            self._meant.update(key for key, kind, _ in seen if kind == "photo")
-        for key, kind, file in seen:
-            if kind:
-                self._parts[key] = with_file(
-                    self._parts.get(key) or PartFiles(_stem_name(key[1])), kind, file
-                )
-            else:
+        for file in files:
+            key, kind = self._key_and_kind(file)
+            if key is None:
+                continue
+            if named:
+                kind = kind or kind_of_named(file)
+                self._named.add(key)
+            if not kind:
                 self.passed_over.files.append(file)
+                continue
+            if (part := self._parts.get(key)) is None:
+                below = key[0].removeprefix(root).strip("/") if root else ""
+                part = PartFiles(f"{below}/{_stem_name(key[1])}".lstrip("/"))
+            self._parts[key] = with_file(part, kind, file)
 
     def add_listed(self, parts: Iterable[PartFiles]) -> None:
         """Add the parts of a manifest."""
         for part in parts:
-            self._meant.add(key := ("", "", str(len(self._parts))))
+            key = ("", "", str(len(self._parts)))
+            self._named.add(key)
             self._parts[key] = part
 
     def parts(self) -> list[PartFiles]:
         """The parts in the order in which their first files were found, each once."""
         parts: dict[tuple[str, ...], PartFiles] = {}
         for key, part in self._parts.items():
-            if not (part.felt or part.problem or key in self._meant):
+            if not (self._photos or part.felt or part.problem or key in self._named):
                 self.passed_over.files.extend(part.files)
                 continue
             same = (part.name, *(part.files or (str(part.problem),)))
@@ -224,24 +262,27 @@ class FoundFiles:
         key, kind = self._key_and_kind(path)
         if key is None or kind == "photo" or not os.path.isfile(path):
             return []
-        folder = str(Path(path).parent)
+        folder = Path(path).parent.as_posix()
         if folder not in self._beside:
             stems = self._beside[folder] = {}
-            for found in _files_in(folder):
+            for found in _entries(folder)[0]:
                 other, kind = self._key_and_kind(found)
                 if other is not None and kind == "photo":
                     stems.setdefault(other[1], []).append(found)
         return self._beside[folder].get(key[1], [])
 
 
-def _files_in(folder: str) -> list[str]:
-    """Files of a folder, sorted by name, without a system call for each."""
+def _entries(folder: str) -> tuple[list[str], list[str]]:
+    """Files and folders in a folder, each sorted by name, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
-            return sorted(str(Path(e.path)) for e in entries if _is_file(e))
+            found = sorted((Path(e.path).as_posix(), _is_file(e)) for e in entries)
     except OSError as error:
         what = f"cannot be listed ({error.strerror or error})"
         raise FileError(folder, what, "check its permissions") from error
+    return [name for name, file in found if file], [
+        name for name, file in found if not file and os.path.isdir(name)
+    ]
 
 
 def _is_file(entry: os.DirEntry[str]) -> bool:

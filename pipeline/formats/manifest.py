@@ -56,7 +56,8 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\[^\\]+")
 
 def is_manifest(name: str) -> bool:
     """Whether a path or URL names a table of parts, not a folder or a table of heights."""
-    if not split_name(name)[1].lower().endswith(".csv") or os.path.isdir(name):
+    suffix = os.path.splitext(split_name(name)[1])[1].lower()
+    if suffix not in (".csv", ".xlsx") or os.path.isdir(name):
         return False
     from pipeline.formats.text_maps import is_number_table  # slow, and few inputs are tables
 
@@ -64,9 +65,9 @@ def is_manifest(name: str) -> bool:
 
 
 def names_no_files(name: str) -> bool:
-    """Whether a local CSV lists texts of parts but no files, as a table of truths or of readings does."""
+    """Whether a local table lists texts of parts but no files, as a table of truths or of readings does."""
     path = Path(name)
-    if path.suffix.lower() != ".csv" or not path.is_file():
+    if path.suffix.lower() not in (".csv", ".xlsx") or not path.is_file():
         return False
     try:
         head = next(iter(table_lines(path)), None)

@@ -186,7 +186,7 @@ def soil_members(soil: Soil) -> dict[str, object]:
     return {"friction": soil.friction, "soft_mm": soil.thickness_mm, "hardness_mpa": soil.hardness_mpa}
 
 
-def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:
+def write_npz(path: str | Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:
     """Write a height map; the file appears whole or not at all.
 
     Raises:
@@ -194,5 +194,5 @@ def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] |
     """
     pitch = np.float64(height_map.pitch_mm)
     arrays = {"z_mm": height_map.z_mm, "pitch_mm": pitch, "rows": np.str_("top-first"), **(more or {})}
-    with replacing(path) as temporary, temporary.open("wb") as stream:
+    with replacing(Path(path)) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]

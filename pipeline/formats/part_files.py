@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
@@ -33,9 +33,9 @@ _KEPT_FOLDERS = 16
 _MOST_NAMED = 5
 
 
-def split_name(name: str | Path) -> tuple[str, str]:
+def split_name(name: str | PurePath) -> tuple[str, str]:
     """Folder and last part of a path or URL, without the query of a web address."""
-    name = str(name)
+    name = name.as_posix() if isinstance(name, PurePath) else name
     if not is_url(name):
         folder, slash, last = name.rpartition("/")
         return (folder or slash, last)
@@ -233,7 +233,7 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     names = [p.name for p in parts]
     if len(set(names)) == len(names):
         return parts
-    above = [split_name(p.files[0])[0].replace("://", "/").split("/") if p.files else [] for p in parts]
+    above = [_folders_above(part) for part in parts]
     for depth in range(1, max(map(len, above)) + 1):
         counts = Counter(names)
         for i, part in enumerate(parts):
@@ -247,3 +247,11 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
             names[i] = next(one for one in free if one not in taken)
             taken.add(names[i])
     return [replace(p, name=name) for p, name in zip(parts, names, strict=True)]
+
+
+def _folders_above(part: PartFiles) -> list[str]:
+    """The folders of a part's first file, without those that its name has already."""
+    if not part.files:
+        return []
+    folders, named = split_name(part.files[0])[0].replace("://", "/").split("/"), part.name.split("/")[:-1]
+    return folders[: -len(named)] if named and folders[-len(named) :] == named else folders

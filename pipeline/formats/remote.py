@@ -50,10 +50,15 @@ _QUERY = re.compile(r"\?[^\s'\"]+")
 """Query of an address in a library's message; it may hold a signature."""
 
 
-def list_remote(url: str) -> list[str]:
-    """Files of a folder (not of folders in it) or of a glob, as URLs in the order of their names.
+def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]], dict[str, str]]:
+    """List the files of a folder, or of a glob and of the folders that it matches, sorted by name.
 
-    A URL of a file gives that file. A folder of a web server ends in a slash; its files are the links on its page.
+    A URL of a file gives that file. A folder of a web server ends in a slash; its files are the links on its page, and
+    its subfolders are not searched.
+
+    Returns:
+        (folder, URLs of its files and of those below it) of every folder that is named, the files of a glob below an
+        empty name; and the folders that were not searched, with the reason.
 
     Raises:
         FileError: no such place, or it cannot be listed.
@@ -64,12 +69,34 @@ def list_remote(url: str) -> list[str]:
         path = str(files._strip_protocol(url.rstrip("/")))
         if is_web(url) and url.endswith("/"):
             path += "/"
-        entries = files.glob(path, detail=True).values() if has_magic(url) else files.ls(path, detail=True)
-        found = [str(entry["name"]) for entry in entries if _is_file(entry)]
-        bare, path = url.rstrip("/"), path.rstrip("/")
-        if bare.endswith(path):  # the names lack the beginning: s3://, sftp://host
-            return sorted({bare.removesuffix(path) + name for name in found})
-        return sorted({str(files.unstrip_protocol(name)) for name in found})
+        bare, start = url.rstrip("/"), path.rstrip("/")
+
+        def url_of(entry: dict[str, Any]) -> str:
+            if bare.endswith(start):  # the names lack the beginning: s3://, sftp://host
+                return bare.removesuffix(start) + str(entry["name"]).rstrip("/")
+            return str(files.unstrip_protocol(str(entry["name"]).rstrip("/")))
+
+        found: dict[str, list[str]] = {}
+        skipped: dict[str, str] = {}
+
+        def add(root: str, path: str, entries: list[dict[str, Any]]) -> None:
+            found.setdefault(root, []).extend(sorted(url_of(entry) for entry in entries if _is_file(entry)))
+            # a store may list a folder among its own entries
+            folders = {str(e["name"]).rstrip("/"): url_of(e) for e in entries if not _is_file(e)}
+            for below, folder in sorted(folders.items()):
+                why = "" if recurse or not root else "--no-recurse"
+                why = "a folder of a web server" if is_web(url) else why
+                why = "hidden" if split_name(folder)[1].startswith(".") else why
+                if why:
+                    skipped[folder] = why
+                elif below != path.rstrip("/") and "**" not in url:
+                    add(root or folder, below, files.ls(below, detail=True))
+
+        if has_magic(url):
+            add("", path, list(files.glob(path, detail=True).values()))
+        else:
+            add(bare, path, files.ls(path, detail=True))
+        return list(found.items()), skipped
 
 
 @contextlib.contextmanager

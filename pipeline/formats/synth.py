@@ -40,7 +40,7 @@ TRUTH_FILE = "truth.csv"
 MAX_PARTS = 1_000_000
 MOST_LIGHTS = 12
 _STAMP_SETTINGS = (
-    *("format", "font", "height_mm", "depth_mm", "face", "bevel_deg", "raised"),
+    *("format", "height_mm", "depth_mm", "face", "bevel_deg", "raised"),
     *("practice", "die", "plate", "layout"),
 )
 """Settings of a part that are passed to `stamp` unchanged."""
@@ -100,6 +100,7 @@ def make_part(spec: SynthSpec, number: int) -> Part:
     """Make the part with a number; it does not depend on parts made before."""
     return stamp(
         **{name: getattr(spec, name) for name in _STAMP_SETTINGS},
+        fonts=spec.font,
         variation=None if spec.variation else StampingVariation.none(),
         dirt=spec.soiling.severity if spec.soiling.mixture is None else spec.soiling.mixture,
         soil=spec.soiling.soils,

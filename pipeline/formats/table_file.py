@@ -1,6 +1,7 @@
-"""Read tables that people save from a spreadsheet, in every form of CSV that spreadsheets write.
+"""Read tables that people save from a spreadsheet: workbooks, and every form of CSV that spreadsheets write.
 
-bytes --byte order mark--> text (UTF-8, UTF-16) --"sep=" line, or count--> delimiter --quotes--> TableLine
+bytes --byte order mark--> text --"sep=" line, or count--> delimiter --quotes--> TableLine
+.xlsx --first sheet--> cells as they are shown ---------------------------------> TableLine
 
 All tables from users are read here: manifests, expected texts, production orders, answers to an exam.
 """
@@ -10,19 +11,22 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+import zipfile
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
-from pipeline.common.texts import unescape_formula
+from pipeline.common.texts import INVISIBLE, unescape_formula
 from pipeline.errors import DataError
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
 """Columns that name a part; the first one found counts."""
+RIGHT_SERIAL = "right_serial"
+"""Column of our workbooks in which a person writes what a part really reads, where that was checked."""
 TEXT_HEADINGS = (
-    *("text", "serial", "serials", "serial_number", "expected", "truth", "label"),
+    *(RIGHT_SERIAL, "text", "serial", "serials", "serial_number", "expected", "truth", "label"),
     *("seriennummer", "seriennr"),
 )
 """Columns with the text of a part; the first one found counts."""
@@ -30,12 +34,14 @@ _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
 # ="000123" keeps a spreadsheet from taking a serial for a number; 1.23457E+11 is what it makes of one otherwise
 _KEPT_AS_TEXT, _ROUNDED = re.compile(r'="([^"]*)"'), re.compile(r"\d[.,]?\d*[eE]\+\d+")
-# marks of direction and of byte order, and spaces without width
-_INVISIBLE = "\u200b\u200e\u200f\u2060\ufeff"
 # characters; more than any line of a table has, so that a file without line ends is not loaded whole
 _MOST_LINE = 10_000_000
 # bytes from which the encoding is detected, and lines from which the delimiter is
 _SAMPLE_BYTES, _SAMPLE_LINES = 4096, 20
+_OLD_WORKBOOK = b"\xd0\xcf\x11\xe0"
+_MOST_SHEET_BYTES = 1_000_000_000
+# a number of a sheet has 15 digits; a longer serial in it has been rounded
+_EXACT_NUMBERS = 10**15
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,27 +62,42 @@ class TableLine:
 
 
 def table_lines(
-    path: Path, *, comments: bool = False, delimiter: str = "", skip_lines: int = 0, errors: str = "strict"
+    path: Path, *, comments: bool = False, delimiter: str = "", skip_lines: int = 0
 ) -> Iterator[TableLine]:
     """Read the lines of a table, headings (if any) included; one line is in memory at a time.
 
+    Bytes that are not UTF-8 are taken for those of programs on Windows.
+
     Args:
-        path: the file.
+        path: CSV file or workbook.
         comments: skip lines that begin with #.
         delimiter: between cells (default: detected).
         skip_lines: lines to skip at the start, where the delimiter is given.
-        errors: error handler for invalid bytes, such as `CP1252`.
 
     Raises:
-        DataError: it is a workbook, not UTF-8 or UTF-16 text, or not CSV; names the line.
+        DataError: it is neither text nor a workbook, or not CSV; names the line.
     """
-    number = skip_lines
     with path.open("rb") as start:
         head = start.read(_SAMPLE_BYTES)
-    if head.startswith(b"PK\x03\x04"):
-        raise DataError("is a workbook and not a CSV table", "save its sheet as CSV UTF-8")
+    lines = (
+        _sheet_lines(path)
+        if head.startswith(b"PK\x03\x04")
+        else _csv_lines(path, head, delimiter, skip_lines, comments)
+    )
+    for line in lines:
+        if any(line.cells) and not (comments and line.cells[0].startswith("#")):
+            yield line
+
+
+def _csv_lines(
+    path: Path, head: bytes, delimiter: str, skip_lines: int, comments: bool
+) -> Iterator[TableLine]:
+    number, encoding = skip_lines, encoding_of(head)
+    if head.startswith(_OLD_WORKBOOK):
+        raise DataError("is a workbook of an old kind", "save it as .xlsx or CSV")
     try:
-        with path.open(encoding=encoding_of(head), errors=errors, newline="") as stream:
+        errors = CP1252 if encoding == "utf-8-sig" else "strict"
+        with path.open(encoding=encoding, errors=errors, newline="") as stream:
             lines: Iterator[str] = islice(_bounded_lines(stream), skip_lines, None)
             skipped = skip_lines
             if not delimiter:
@@ -87,19 +108,48 @@ def table_lines(
             reader = csv.reader(tidy, delimiter=delimiter, skipinitialspace=True, strict=True)
             for row in reader:
                 number = reader.line_num + skipped
-                cells = tuple(_text_of(cell) for cell in row)
-                if any(cells) and not (comments and cells[0].startswith("#")):
-                    yield TableLine(number, cells)
+                yield TableLine(number, tuple(_text_of(cell) for cell in row))
     except UnicodeError as error:
-        raise DataError("is not UTF-8 text", "save it as CSV (UTF-8)") from error
+        raise DataError("is not UTF-16 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
         what = f"is not a CSV table after line {number} ({error})"
         raise DataError(what, "check its quotes, save it as CSV (UTF-8)") from error
 
 
+def _sheet_lines(path: Path) -> Iterator[TableLine]:
+    from openpyxl import load_workbook
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(member.file_size for member in archive.infolist()) > _MOST_SHEET_BYTES:
+                raise DataError("is too large a workbook", "save its sheet as CSV (UTF-8)")
+        book = load_workbook(path, read_only=True, data_only=True)
+        sheet = book.worksheets[0]
+        sheet.reset_dimensions()  # other programs state it wrongly
+        for number, row in enumerate(sheet.iter_rows(), start=1):
+            yield TableLine(number, tuple(_text_of(_text_of_cell(cell)) for cell in row))
+    except DataError:
+        raise
+    # a damaged workbook may end in any error of the library
+    except Exception as error:
+        raise DataError("is not a workbook (.xlsx), or damaged", "save its sheet as CSV (UTF-8)") from error
+
+
+def _text_of_cell(cell: Any) -> str:
+    """The text that a sheet shows: 000123 for the number 123 in the format 000000."""
+    value = cell.value
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if isinstance(value, int) and not isinstance(value, bool):
+        if abs(value) >= _EXACT_NUMBERS:
+            return f"{value:.5E}"
+        return str(value).zfill(len(cell.number_format)) if set(cell.number_format) == {"0"} else str(value)
+    return "" if value is None else str(value)
+
+
 def _text_of(written: str) -> str:
     """The text of a cell, without blanks and invisible signs around it; ="000123" gives 000123."""
-    cell = written.strip().strip(_INVISIBLE).strip()
+    cell = written.strip().strip(INVISIBLE).strip()
     kept = _KEPT_AS_TEXT.fullmatch(cell)
     return unescape_formula(cell if kept is None else kept[1])
 

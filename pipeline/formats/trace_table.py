@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glyphs.errors import MissingExtraError
 from glyphs.surface.display import one_line
 from pipeline.errors import DataError
-from pipeline.formats.table_file import CP1252, TableLine, table_lines
+from pipeline.formats.table_file import TableLine, table_lines
 from pipeline.formats.traces_file import Column, Columns, Csv, TracesFile
 from whisker_array.scan.read_recording import OVERLOAD
 
@@ -107,7 +107,7 @@ def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
 
 def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
     wanted = asked.named()
-    lines = table_lines(path, delimiter=how.delimiter, skip_lines=how.skip_lines, errors=CP1252)
+    lines = table_lines(path, delimiter=how.delimiter, skip_lines=how.skip_lines)
     header, first_line = TableLine(how.skip_lines, ()), how.skip_lines + 1
     if any(isinstance(c, str) for c in wanted):
         header = next(lines, TableLine(first_line, ()))

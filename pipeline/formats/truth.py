@@ -3,36 +3,45 @@
 *Character accuracy* is 1 - (sum of edit distances) / (sum of true lengths), not below 0: an edit is one
 character wrong, missing or too many (Levenshtein). *Serial accuracy* is the share of parts whose whole text
 is right. Spaces count for neither: they are not stamped. A part with an error counts as read empty.
+
+Parts in subfolders: the table may name tray-7/part-3 or part-3.jpg; the longest common end of both paths decides.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path, PurePath, PureWindowsPath
+from typing import TYPE_CHECKING
 
 from rapidfuzz.distance import Levenshtein
 
 from pipeline.common.names import folded
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_serial
-from pipeline.common.texts import without_blanks
+from pipeline.common.texts import first_of, without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import file_kind
-from pipeline.formats.part_files import by_spelling
 from pipeline.formats.table_file import (
     PART_HEADINGS,
+    RIGHT_SERIAL,
     TEXT_HEADINGS,
     TableLine,
     check_serial,
     column_of,
+    heading,
     is_data,
     table_lines,
 )
 
+if TYPE_CHECKING:
+    from recognition.language.grammar import Grammar
+
 _MAX_FILE_BYTES = 200_000_000
+_MOST_NAMED = 20
 
 
 @dataclass
@@ -47,6 +56,9 @@ class Accuracy:
         edits: characters wrong, missing or too many.
         without_truth: number of parts that were read but have no truth.
         seen: names of the parts with a truth, as the table has them.
+        wrong: parts with any error, as PART (TRUTH read as TEXT).
+        accepted_wrong: names of the accepted parts among these.
+        accepted: number of accepted parts with a truth.
     """
 
     truth: PartTexts
@@ -56,6 +68,9 @@ class Accuracy:
     edits: int = 0
     without_truth: int = 0
     seen: set[str] = field(default_factory=set)
+    wrong: list[str] = field(default_factory=list)
+    accepted_wrong: list[str] = field(default_factory=list)
+    accepted: int = 0
 
     def add(self, record: ReadingRecord) -> None:
         """Count one reading."""
@@ -66,24 +81,45 @@ class Accuracy:
         self.seen.add(name)
         stamped = without_blanks(self.truth[name])
         distance = Levenshtein.distance(stamped, without_blanks(record.text))
+        accepted = record.decision == "accept"
+        self.accepted += accepted
+        if distance:
+            self.wrong.append(f"{record.part} ({stamped} read as {record.text or 'nothing'})")
+            self.accepted_wrong += [record.part] if accepted else []
         self.parts += 1
         self.parts_right += distance == 0
         self.characters += len(stamped)
         self.edits += distance
 
-    def describe(self) -> str:
-        """One line for a person."""
+    def outside(self, grammar: Grammar, parts: Collection[str]) -> list[str]:
+        """The truths of these parts that do not fit the format, with the reason."""
+        texts = {part: self.truth.text_of(part) or "" for part in parts}
+        broken = {part: grammar.objections(text) for part, text in texts.items() if text}
+        return [
+            f"{part} should read {texts[part]!r}, but {'; '.join(clauses)}"
+            for part, clauses in sorted(broken.items())
+            if clauses
+        ]
+
+    def lines(self) -> list[str]:
+        """The accuracy, and which parts were wrong."""
         if not self.parts:
-            return "no part that was read has a truth"
+            return ["no part that was read has a truth"]
         not_read = len(self.truth) - len(self.seen)
         more = [f"{self.without_truth} without a truth"] if self.without_truth else []
         more += [f"{not_read} of the truth not read"] if not_read else []
         characters = max(0.0, 1.0 - self.edits / max(1, self.characters))
-        said = (
+        shares = (
             f"characters {characters:.2%} ({self.edits} edits in {self.characters})",
             f"serials {self.parts_right / self.parts:.2%} ({self.parts_right} of {self.parts})",
         )
-        return "; ".join([", ".join(said), *([", ".join(more)] if more else [])])
+        lines = ["; ".join([", ".join(shares), *([", ".join(more)] if more else [])])]
+        if self.wrong:
+            lines.append(f"wrong: {first_of(self.wrong, _MOST_NAMED)}")
+        if self.accepted:
+            names = f": {first_of(self.accepted_wrong, _MOST_NAMED)}" if self.accepted_wrong else ""
+            lines.append(f"accepted and wrong: {len(self.accepted_wrong)} of {self.accepted}{names}")
+        return lines
 
 
 @dataclass(frozen=True)
@@ -107,14 +143,24 @@ class PartTexts(dict[str, str]):
     """Texts by the names of parts, independent of composition (NFC, NFD) and case."""
 
     @cached_property
-    def _names(self) -> dict[str, list[str]]:
-        return by_spelling(self)
+    def _by_last(self) -> dict[str, list[str]]:
+        """The names by their last component."""
+        alike: dict[str, list[str]] = {}
+        for name in self:
+            alike.setdefault(folded(name).rpartition("/")[2], []).append(name)
+        return alike
 
     def name_of(self, part: str) -> str | None:
-        """The name of a part in the table, with or without its folder; None if it has none, or several."""
-        names = (part, part.rpartition("/")[2])
-        found = ([name] if name in self else self._names.get(folded(name), []) for name in names)
-        return next((alike[0] for alike in found if len(alike) == 1), None)
+        """The name of a part in the table, with more or fewer of its folders; None if it has none, or several."""
+        if part in self:
+            return part
+        wanted = f"/{folded(part)}"
+        paths = {name: f"/{folded(name)}" for name in self._by_last.get(wanted.rpartition("/")[2], ())}
+        shorter = [name for name, path in paths.items() if wanted.endswith(path)]
+        longest = max(map(len, shorter), default=0)
+        nearest = [name for name in shorter if len(name) == longest]
+        nearest = nearest or [name for name, path in paths.items() if path.endswith(wanted)]
+        return nearest[0] if len(nearest) == 1 else None
 
     def text_of(self, part: str) -> str | None:
         """The text of a part; None where the table has none."""
@@ -151,7 +197,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         seen: set[str] = set()
         for line in lines:
             name, value = line.cell(part), check_serial(line.number, line.cell(text))
-            if not name and not value:
+            if not value and (not name or heading(head.cell(text)) == RIGHT_SERIAL):
                 continue
             if not name or len(line.cells) <= text:
                 raise DataError(f"line {line.number} is not complete", "give a part and its text")
@@ -164,25 +210,28 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
             found.append(PartLine(line.number, name, value, others))
             seen.add(name)
         if not found:
-            raise DataError("holds no part", "give a line for each part")
+            raise DataError("holds no part", "give a line for each part and its text")
     return found
 
 
 def part_name(cell: str) -> str:
     """The part that a cell names, directly or by a file name or path of any system."""
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
-    return path.stem if file_kind(path.suffix) else cell
+    return path.with_suffix("").as_posix() if file_kind(path.suffix) else cell
 
 
 _MOST_BYTES = 50_000_000
 _SEPARATE = "separate all columns by the same comma, semicolon or tab, and call the one meant serial"
-_RANGE = re.compile(r"\s*(\S+?)\s*\.\.\s*(\S+)\s*")
+_RANGE = re.compile(r"\s*(\S+?)\s*(?:\.\.+|…)\s*(\S+)\s*")
+_DASH = re.compile(r"\s*[-\u2013\u2014]\s*")
 # characters that no stamp has, but that the cells of a wrongly parsed table have
 _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 
 
-def read_order(path: Path) -> ProductionOrder:
+def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
     """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099.
+
+    A range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do.
 
     Raises:
         FileError: the file is missing or not text, no single column holds the serials, a cell is not a serial, or a
@@ -199,11 +248,12 @@ def read_order(path: Path) -> ProductionOrder:
             if (odd := _ODD.search(cell)) is not None:
                 what = f"line {line.number} holds {cell!r}, and {odd[0]!r} stands in no serial"
                 raise DataError(what, _SEPARATE)
-            match = _RANGE.fullmatch(cell)
-            if match is None:
-                serials.add(without_blanks(cell))
-            else:
+            if (match := _RANGE.fullmatch(cell)) is not None:
                 ranges.append(_range(line, *match.groups()))
+            elif (ends := _dashed_range(line, cell, grammar)) is not None:
+                ranges.append(ends)
+            else:
+                serials.add(without_blanks(cell))
         if not serials and not ranges:
             raise DataError("holds no serial", "write one per line, or ranges such as KX400000..KX409999")
     return ProductionOrder(path.name, frozenset(serials), tuple(ranges))
@@ -223,6 +273,28 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
         hint = "call it serial in the first line"
         raise DataError(f"{what}, and it is unclear which column holds the serials", hint)
     return filled[0], lines
+
+
+def _dashed_range(
+    line: TableLine, cell: str, grammar: Grammar | None
+) -> tuple[NumberedSerial, NumberedSerial] | None:
+    """The ends of a range that is written with a dash; None for a serial.
+
+    Raises:
+        DataError: it may be either.
+    """
+    for dash in _DASH.finditer(cell):
+        first, last = cell[: dash.start()], cell[dash.end() :]
+        low, high = split_serial(first), split_serial(last)
+        if low is None or high is None or low.series != high.series or low.number >= high.number:
+            continue
+        if grammar is not None and not grammar.objections(cell):
+            return None
+        if grammar is not None and not (grammar.objections(first) or grammar.objections(last)):
+            return low, high
+        what = f"line {line.number}: {cell} may be one serial, or all serials from {first} to {last}"
+        raise DataError(what, f"write {first}..{last} for a range; one serial needs a --format that it fits")
+    return None
 
 
 def _range(line: TableLine, first: str, last: str) -> tuple[NumberedSerial, NumberedSerial]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
-from pipeline.common.settings import ReadSettings
+from glyphs.signatures import lists_options
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.find_parts import kind_of_named, with_file
 from pipeline.formats.part_files import PartFiles, key_and_kind
 
@@ -14,12 +16,20 @@ if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
 
-def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings: Any) -> Reading:
+@lists_options(ReadSettings, {*ReadSettings.model_fields} - {"font"})
+def read(
+    file: str | Path,
+    /,
+    *more: str | Path,
+    fonts: str | Sequence[str] = (),
+    expected: str = "",
+    **settings: Any,
+) -> Reading:
     """Read one part from its height map, scan or photograph, or from several of these.
 
     Example::
 
-        reading = pipeline.read("part.npz", font="gothic", format="AA999999")
+        reading = pipeline.read("part.npz", fonts="gothic", format="AA999999")
 
     Soil in an `.npz` is used. Several files are all read: touch and a photograph are fused. Readers and their
     templates are cached for the next call with the same settings.
@@ -27,8 +37,9 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
     Args:
         file: a file of the part.
         more: further files of the same part, at most one of each kind.
+        fonts: built-in fonts, or font files, whose shapes the marks are compared with; one may be a string.
         expected: expected text of the part; the verdict is `reading.trace.verification`.
-        settings: fields of `ReadSettings`, such as font, format, height_mm, mode.
+        settings: fields of `ReadSettings`, such as format, height_mm, mode.
 
     Raises:
         FileError: a file cannot be used, or there are two of a kind.
@@ -38,7 +49,9 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
-    checked = ReadSettings.of(**settings)
+    if "font" in settings:
+        raise SettingsError("unknown setting font", hint="did you mean fonts?")
+    checked = ReadSettings.of(font=fonts, **settings)
     part, files = PartFiles(Path(file).stem), dict[str, Path]()
     for path in map(Path, (file, *more)):
         kind = key_and_kind(str(path), height_images=checked.height_image)[1] or kind_of_named(str(path))
@@ -47,5 +60,4 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
             )
         files[kind], part = path, with_file(part, kind, str(path))
-    parts = PartReader(reader_of(checked), checked.model_copy(update={"mode": checked.mode or "auto"}))
-    return parts.read(part, expected=expected)
+    return PartReader(reader_of(checked), checked).read(part, expected=expected)

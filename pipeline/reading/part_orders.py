@@ -95,7 +95,7 @@ def read_order(
     reader = _reader(settings, order.folder, after_photo=order.earlier)
     started, expected = time.perf_counter(), part.expected.strip()
     with sender_names(order.folder, order.shown):
-        mode = "fused" if tactile and part.photo else None
+        mode = "fused" if tactile and part.photo else "auto"
         parts = PartReader(reader, settings.model_copy(update={"mode": mode}), limits=limits)
         found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]

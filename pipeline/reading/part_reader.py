@@ -3,7 +3,6 @@
     files --load, within limits--> HeightMap, Scan, Photo --Reader--> Reading --verify--> Reading with a verdict
 
 mode       height map or scan   photograph only   both
-none       touch                vision            touch
 tactile    touch                -                 touch
 vision     -                    vision            vision
 fused      -                    -                 touch and vision, fused
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
 
 
-def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
+def senses_of(part: PartFiles, mode: str) -> tuple[bool, bool]:
     """Whether touch reads a part, and whether vision does.
 
     Raises:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
 from pipeline.common.settings import SettingsError
 from pipeline.runs.store_target import is_store
@@ -17,6 +18,7 @@ class RunOptions:
     Attributes:
         manifest: Table (.csv) of parts, with the columns part, height_map, scan, photo, expected, format,
             font; any of them may be missing; may be repeated. File names are relative to the table.
+        recurse: Search the subfolders of folders, too. Their parts have the subfolder in their names.
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
         order: Production order: a file of serials one per line, or ranges such as KX400000..KX409999. A part that is
@@ -26,6 +28,7 @@ class RunOptions:
         truth: CSV with the columns part and text, to print the accuracy.
         out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
+        force: Replace the finished table of an earlier run, which is kept as NAME~.
         evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
         learn_die: Learn the shapes of the lot's own die from the parts that were read with certainty, read the others
             again with them, and write them beside the table, as NAME.die.glyphs. Default: for a dozen or more height
@@ -34,11 +37,13 @@ class RunOptions:
     """
 
     manifest: tuple[str, ...] = ()
+    recurse: bool = True
     verify: str | None = None
     order: Path | None = None
     repeats: bool = False
     truth: Path | None = None
     out: str | None = None
+    force: bool = False
     evidence: Path | None = None
     learn_die: bool | None = None
     summary: Path | None = None
@@ -52,14 +57,18 @@ class RunOptions:
         """Check, before the work starts, that the outputs can be written.
 
         Raises:
-            FileError: the suffix is unknown, or an output cannot be written.
+            FileError: the suffix is unknown, or an output is finished or cannot be written.
             SettingsError: an evidence folder is set without a store.
         """
+        from pipeline.runs.run_journal import has_rows, unfinished
         from pipeline.runs.tables import SUFFIXES
 
         if self.evidence is not None and self.store is None:
             raise SettingsError("--evidence goes with a store", hint="such as --out sqlite:///parts.db")
         if self.out is not None and self.store is None:
-            check_writable(Path(self.out), SUFFIXES)
+            table = Path(self.out)
+            check_writable(table, SUFFIXES)
+            if has_rows(table) and not (self.force or unfinished(table).exists()):
+                raise FileError(table, "is finished", "name another table, or replace it with --force")
         if self.summary is not None:
             check_writable(self.summary)

@@ -16,6 +16,7 @@ from pipeline.common.output_paths import write_json
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import SerialRules
 from pipeline.common.settings import ReadSettings
+from pipeline.common.texts import first_of
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, discover
 from pipeline.formats.part_files import PartFiles
@@ -35,19 +36,21 @@ MOST_SHOWN = 200
 """Most parts whose rows are printed. For more parts only the counts are printed; the table has all rows."""
 
 
-def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()) -> Listing:
+def parts_for(
+    inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = (), recurse: bool = True
+) -> Listing:
     """List the parts of a command line that its mode can read.
 
     Raises:
         NothingFoundError: no part was found.
         FileError: a manifest cannot be used.
     """
-    vision = settings.mode in ("vision", "fused", "auto")
     return discover(
         inputs,
         manifests=manifests,
-        photos=vision and settings.mode != "fused",
-        beside=vision,
+        recurse=recurse,
+        photos=settings.mode in ("vision", "auto"),
+        beside=settings.mode in ("vision", "fused"),
         height_images=settings.height_image,
     )
 
@@ -71,23 +74,26 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         ValueError: the settings, a font, the format or the database cannot be used.
     """
     options.check()
-    found = parts_for(inputs, settings, manifests=options.manifest)
+    found = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)
     tables = [table for table in (options.verify, options.order, options.truth) if table is not None]
     passed_over = found.passed_over.without([*files_of(settings), *tables])
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
-    serials = None if options.order is None else read_order(options.order)
+    grammar = None
+    if options.order is not None or options.truth is not None or options.verify is not None:
+        from pipeline.common.serial_format import serial_format  # slow to import, like all of recognition
+
+        grammar = serial_format(settings)
+    serials = None if options.order is None else read_order(options.order, grammar)
     watch = None
     if settings.certificate is not None:
-        from pipeline.reading.drift import watch_of  # slow to import, like all of recognition
+        from pipeline.reading.drift import watch_of  # likewise
 
         watch = watch_of(settings)
     expected = None
     if options.verify is not None:
-        from pipeline.common.serial_format import serial_format  # likewise
-
-        expected = load_expected(options.verify, serial_format(settings))
+        expected = load_expected(options.verify, grammar)
     parts: Sequence[PartFiles] = found
     if expected is not None:
         by_part = expected.text_of if isinstance(expected, PartTexts) else lambda _: expected
@@ -109,6 +115,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     description = {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*inputs, *options.manifest],
+        "recurse": options.recurse,
         "verify": options.verify,
         "program": program_version(),
         "learn_die": learning,
@@ -161,7 +168,10 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         print(visible(line))
     _print_outputs(run, options, counts)
     if scores is not None:
-        print(scores.describe())
+        print("\n".join(map(visible, scores.lines())))
+        named = {part.name for part in parts if not part.format}
+        if grammar is not None and (broken := scores.outside(grammar, named)):
+            print(visible(f"{options.truth}: {first_of(broken)}; correct the table or --format"))
     if isinstance(expected, PartTexts):
         read = {expected.name_of(part.name) for part in parts}
         if missing := [name for name in expected if name not in read]:

@@ -33,6 +33,11 @@ def unfinished(table: Path) -> Path:
     return table.with_name(f"{table.name}.unfinished")
 
 
+def has_rows(table: Path) -> bool:
+    """Whether a table exists and holds more than its headings."""
+    return table.exists() and table.stat().st_size > (len(form_of(table).head) if grows(table) else 0)
+
+
 class RunJournal(Journal[ReadingRecord]):
     """The records of one run, and the table that grows with them, for one thread at a time.
 

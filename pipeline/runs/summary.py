@@ -12,6 +12,8 @@ from typing import Any
 from pipeline.common.reading_records import ReadingRecord
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
+GLOSSARY = "docs/pages/reference/glossary.md"
+"""Page of the sources that explains decisions, grades, actions and reasons."""
 MOST_REASONS = 8
 _MOST_KINDS = 500
 _MOST_KIND = 160
@@ -87,6 +89,8 @@ class Summary:
             lines += [f"  {n:>6,}  {kind}" for kind, n in shown]
             if len(counter) > len(shown):
                 lines.append(f"  ... and {len(counter) - len(shown)} more kinds")
+        if self.reasons:
+            lines.append(f"what these words mean: {GLOSSARY}")
         if read_now and elapsed_s > 0.0:
             at_once = f" with {workers} workers" if workers > 1 else ""
             lines += [

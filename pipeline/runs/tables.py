@@ -8,13 +8,11 @@ A character of a JSON line or of Parquet has `char`, `probability` and `score`, 
 the other fields of `CharacterRecord`.
 
 Unknown values are empty fields or null. Lone surrogates, which file names may hold, and NUL, at which many programs
-stop, are written as escapes such as \\udcff and \\u0000; a backslash that would begin one is written \\u005c. In CSV, a
-text that a spreadsheet would take for a formula has an apostrophe in front.
+stop, are written as escapes such as \\udcff and \\u0000; a backslash that would begin one is written \\u005c.
 """
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import math
@@ -30,7 +28,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from glyphs.atomic import replacing
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.row import row_of
-from pipeline.common.texts import escape_formula
+from pipeline.common.texts import CSV_BEGIN, csv_line
 
 CSV_COLUMNS = tuple(row_of(ReadingRecord.failed("", "")))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
@@ -117,13 +115,6 @@ def _fitting(value: Any, part: str) -> Any:
     return value
 
 
-def csv_line(cells: Iterable[Any]) -> bytes:
-    """A line of a CSV table, whose texts no spreadsheet takes for formulas."""
-    line = io.StringIO()
-    csv.writer(line).writerow([escape_formula(cell) if isinstance(cell, str) else cell for cell in cells])
-    return line.getvalue().encode()
-
-
 def _json_line(record: ReadingRecord) -> bytes:
     whole = to_json(record)
     values = {name: whole[name] for name in COLUMNS}
@@ -141,7 +132,9 @@ def _flat(place: dict[str, Any]) -> dict[str, Any]:
 
 
 LINE_FORMS = {
-    ".csv": LineForm(csv_line(CSV_COLUMNS), lambda record: csv_line(csv_cells(record))),
+    ".csv": LineForm(
+        f"{CSV_BEGIN}{csv_line(CSV_COLUMNS)}".encode(), lambda record: csv_line(csv_cells(record)).encode()
+    ),
     ".jsonl": LineForm(b"", _json_line),
 }
 WORKBOOK = ".xlsx"

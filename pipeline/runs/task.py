@@ -92,7 +92,7 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
 
     settings, digest = order.settings, ""
     reader = _reader_for(order, listed)
-    with local_copies(listed, photos=settings.mode not in (None, "tactile")) as part:
+    with local_copies(listed, photos=settings.mode != "tactile") as part:
         reading = PartReader(reader, settings).read(part, expected=listed.expected)
         if order.digests:
             texts = [*(file_sha256(Path(path)) for path in part.files), listed.format, listed.font]

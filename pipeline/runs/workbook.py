@@ -1,6 +1,7 @@
 """Write an Excel workbook of a run: a short sheet for people first, then everything.
 
-Parts        part, serial, decision, confidence, why it is not accepted: one line per part
+Parts        part, serial, decision, why it is not accepted: one line per part. A person fills in the right serial where
+             it was checked; `enroll --truth` and `read --truth` take the workbook then
 All columns  the columns of the CSV
 Characters   one line per character, with its candidates and their probabilities side by side
 Run          time, program and settings
@@ -20,6 +21,7 @@ from typing import Any
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.settings import NamedLine
 from pipeline.runs.read_table import notes
 from pipeline.runs.tables import CSV_COLUMNS, WORKBOOK, csv_cells
 
@@ -28,7 +30,12 @@ MOST_PARTS = 1_048_575
 # characters of a cell, a limit of Excel
 _MOST_TEXT = 32_767
 _CANDIDATES = 5
-_PARTS = {"Part": 28, "Serial": 18, "Decision": 11, "Confidence": 12, "Why": 90}
+_BEFORE, _AFTER = (
+    ("Part", "Serial", "Right serial", "Decision", "Confidence"),
+    ("Expected", "Verdict", "Depth mm", "Why"),
+)
+_WIDTHS = {"Part": 28, "Decision": 11, "Confidence": 12, "Verdict": 11, "Depth mm": 10, "Why": 90}
+_USUAL_WIDTH = 18
 _CHARACTERS = (
     "Part", "Place", "Read", "Probability",
     *(name for k in range(2, _CANDIDATES + 1) for name in (f"Candidate {k}", f"Probability {k}")),
@@ -65,7 +72,9 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
     from openpyxl import Workbook
 
     book = Workbook(write_only=True)
-    parts = _Sheet(book, "Parts", list(_PARTS), widths=list(_PARTS.values()))
+    names = [NamedLine.parse(line).name for line in about.get("settings", {}).get("line", ())]
+    headings = (*_BEFORE, *names, *_AFTER)
+    parts = _Sheet(book, "Parts", headings, widths=[_WIDTHS.get(name, _USUAL_WIDTH) for name in headings])
     columns = _Sheet(book, "All columns", CSV_COLUMNS)
     characters = _Sheet(book, "Characters", _CHARACTERS)
     times: list[datetime] = []
@@ -75,8 +84,17 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
         decision = record.decision or "error"
         confidence = None if record.error else record.confidence
         why = record.error or notes(record)
-        parts.add((record.part, record.text, decision, confidence, why), decision=decision)
-        columns.add(csv_cells(record))
+        texts = {line.name: line.text for line in record.lines}
+        row = csv_cells(record)
+        depth_mm = row[CSV_COLUMNS.index("depth_min_mm")]
+        parts.add(
+            (
+                record.part, record.text, None, decision, confidence, *(texts.get(name) for name in names),
+                record.expected, record.verdict, depth_mm, why,
+            ),
+            decision=decision,
+        )  # fmt: skip
+        columns.add(row)
         for cells in _characters(record):
             if characters.lines < MOST_PARTS:
                 characters.add(cells)

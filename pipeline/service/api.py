@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path as FilePath
@@ -34,7 +32,7 @@ from pipeline.common.records import (
     Statistics,
 )
 from pipeline.common.settings import ReadSettings
-from pipeline.common.texts import escape_formula
+from pipeline.common.texts import CSV_BEGIN, csv_line
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.jobs import JobAnswer, written_job
@@ -399,12 +397,9 @@ def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
 
 
 def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterator[str]:
-    rows: list[Iterable[str]] = [COLUMNS]
-    while rows:
-        text = io.StringIO(newline="")
-        csv.writer(text).writerows(rows)
-        yield text.getvalue()
-        rows = [[escape_formula(_cell(part, path)) for path in COLUMNS.values()] for part in page]
+    yield CSV_BEGIN + csv_line(COLUMNS)
+    while page:
+        yield "".join(csv_line(_cell(part, path) for path in COLUMNS.values()) for part in page)
         page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE) if page else ()
 
 

@@ -162,7 +162,7 @@ def _outside_format(openly: Lattice, grammar: Grammar | None) -> tuple[Finding, 
     broken = () if grammar is None or not openly.text else grammar.objections(openly.text)
     if not broken or openly.surest < LEAST_READ:
         return ()
-    why = "; ".join(broken).replace("mask:", "the format ")
+    why = "; ".join(broken)
     what = f"{_describe_found(openly.text)}: {why} (check the part and the format)"
     return (Finding(ReadingFlag.NO_CHARACTERS, what),)
 

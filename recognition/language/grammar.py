@@ -180,7 +180,7 @@ class Grammar:
             broken.append("it is not in the lexicon")
         for part in self._parts():
             if not _core_accepts(part, plain):
-                broken.append(f"it does not fit {part}")
+                broken.append(f"it does not fit {str(part).replace('mask:', 'the format ')}")
         broken.extend(
             f"{check} has {check.length} characters"
             if check.length not in (None, len(plain))

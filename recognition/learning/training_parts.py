@@ -126,7 +126,7 @@ def draw_part(
     layout = _draw_layout(font, text, height_mm, rng)
     part = stamp(
         text,
-        font=font,
+        fonts=font,
         height_mm=height_mm,
         pitch_mm=height_mm / float(rng.uniform(50.0, 75.0)),
         die=die,

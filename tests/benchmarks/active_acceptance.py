@@ -61,7 +61,7 @@ def main(
             drawn = texts(np.random.default_rng((seed, len(rows))))
             for number in range(parts):
                 text, own_seed = next(drawn), (seed, len(rows))
-                part = stamp(text, font=font, dirt=severity, seed=own_seed)
+                part = stamp(text, fonts=font, dirt=severity, seed=own_seed)
                 one = read_actively(
                     reader, part.height_map, budget_s=budget_s, soil=part.soil, part_id=f"{number}"
                 )

@@ -38,7 +38,7 @@ def errors_mm(
         seed = (23, k, round(10 * height_mm))
         part = stamp(
             random_text(FORMAT, rng=np.random.default_rng(seed)),
-            font="gothic",
+            fonts="gothic",
             height_mm=height_mm,
             face=face,
             variation=StampingVariation.none(),

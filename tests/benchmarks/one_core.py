@@ -37,7 +37,7 @@ HEIGHT_MM = 5.0
 
 def a_part(text: str, seed: int) -> HeightMap:
     """A stamped part with all its variation."""
-    return stamp(text, font="gothic", height_mm=HEIGHT_MM, seed=seed).height_map
+    return stamp(text, fonts="gothic", height_mm=HEIGHT_MM, seed=seed).height_map
 
 
 def task(name: str) -> Callable[[], str]:

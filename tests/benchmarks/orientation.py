@@ -102,7 +102,7 @@ def plates(
     for serials, mask in lots:
         for number, text in enumerate(serials):
             for font in fonts.split(","):
-                part = stamp(text, font=font, height_mm=HEIGHT_MM, seed=(seed, number))
+                part = stamp(text, fonts=font, height_mm=HEIGHT_MM, seed=(seed, number))
                 for orientation in Orientation:
                     reader = Reader(format=mask, orientation=orientation)
                     for rows_known in (True, False):
@@ -139,7 +139,7 @@ def characters(*, texts: int = 4, seed: int = 1, fonts: str = FONTS) -> None:
     seen = {way: Counter() for way in Way}
     for number in range(texts):
         text = "".join(rng.permutation(list(ALPHANUMERIC))[:PLACES])
-        part = stamp(text, font=faces[number % len(faces)], seed=(seed, number))
+        part = stamp(text, fonts=faces[number % len(faces)], seed=(seed, number))
         surface, photo = level(part.height_map), part.photograph()
         for way in Way:
             order = text[::-1] if way.reverses else text

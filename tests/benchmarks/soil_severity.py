@@ -76,7 +76,7 @@ def losses_of(task: Task) -> Curves:
     key = (task.seed, task.number)
     part = stamp(
         format=FORMAT,
-        font=task.fonts[task.number % len(task.fonts)],
+        fonts=task.fonts[task.number % len(task.fonts)],
         height_mm=HEIGHTS_MM[task.number % len(HEIGHTS_MM)],
         seed=key,
     ).stamped

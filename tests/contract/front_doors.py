@@ -154,7 +154,7 @@ def status_of(url: str) -> int:
 
 def save_height_map(path: Path, text: str, *, height_mm: float = 4.0) -> Path:
     """Stamp a clean plate and save its heights as npz."""
-    surface = stamp(text, font="gothic", height_mm=height_mm, seed=3).height_map
+    surface = stamp(text, fonts="gothic", height_mm=height_mm, seed=3).height_map
     np.savez(path, z_mm=surface.z_mm, pitch_mm=surface.pitch_mm)
     return path
 

@@ -39,7 +39,7 @@ def test_an_accepted_part_was_felt_along_both_axes(command: Command, tmp_path: P
 
 @pytest.mark.parametrize("cut_heights", [0.1, 0.2])
 def test_a_character_that_the_scan_cuts_is_neither_graded_nor_accepted(cut_heights: float) -> None:
-    part = stamp("K8", font="gothic", height_mm=4.0, seed=3)
+    part = stamp("K8", fonts="gothic", height_mm=4.0, seed=3)
     surface, reader = part.height_map, Reader(format="A9", fonts=["gothic"], height_mm=4.0)
     right_mm = part.stamped.boxes_mm[-1][2]
     kept = int((right_mm - cut_heights * 4.0) / surface.pitch_mm)

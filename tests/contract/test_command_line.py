@@ -189,5 +189,5 @@ def test_output_that_is_no_text_is_shown_all_the_same(tmp_path: Path) -> None:
     assert b"Traceback" not in shown.stderr
     assert b"part-\\udcff" in shown.stdout
     row = (tmp_path / "rows.csv").read_bytes().splitlines()[1]
-    assert row.startswith(b"part-?,")
-    assert b",part-\\u005cudcff.npz: is damaged" in row
+    assert row.startswith(b'"part-?",')
+    assert b',"part-\\u005cudcff.npz: is damaged' in row

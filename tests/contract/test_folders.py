@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline import NothingFoundError, discover, read_height_map
+from glyphs import stamp
+from pipeline import NothingFoundError, discover, read_height_map, write_photo
 from tests.contract.front_doors import Command
+from tests.support.csv_table import csv_rows
 
 
 @pytest.fixture
@@ -31,11 +34,31 @@ def test_files_that_are_passed_over_are_counted_and_named(exports: Path, command
     summary = exports.parent / "summary.json"
     ended = command("read", exports, "--format", "A9", "--summary", summary, "--jobs", "1")
     said = next(line for line in ended.out.splitlines() if line.startswith("passed over"))
-    assert said.startswith("passed over 6 files (1 .docx, 1 .heic, 1 .png, 1 .txt, 1 .xlsx, 1 no suffix): ")
-    for name in ("b.heic", "c.txt", "notes.docx", "d.xlsx", "no_suffix", "lone.png"):
+    assert said.startswith("passed over 5 files (1 .docx, 1 .heic, 1 .txt, 1 .xlsx, 1 no suffix): ")
+    for name in ("b.heic", "c.txt", "notes.docx", "d.xlsx", "no_suffix"):
         assert name in said
-    assert "--mode auto" in said
     assert json.loads(summary.read_text())["passed_over"][".heic"] == 1
+    by_touch = command("read", exports, "--format", "A9", "--mode", "tactile", "--jobs", "1").out
+    assert "passed over 6 files (1 .docx, 1 .heic, 1 .png" in by_touch
+    assert "lone photographs are read without --mode" in by_touch
+
+
+def test_every_part_of_a_tree_is_read_by_the_senses_that_it_has_files_for(
+    height_map: Path, tmp_path: Path, command: Command
+) -> None:
+    days = tmp_path / "days"
+    for place in ("tray-1", "tray-2/night"):
+        (days / place).mkdir(parents=True)
+    shutil.copy(height_map, days / "1.npz")
+    shutil.copy(height_map, days / "tray-1" / "1.npz")
+    write_photo(days / "tray-1" / "1.png", stamp("K7", fonts="gothic", height_mm=4.0, seed=3).photograph())
+    shutil.copy(days / "tray-1" / "1.png", days / "tray-2" / "night" / "1.png")
+    rows = tmp_path / "rows.csv"
+    assert (
+        command("read", days, "--format", "A9", "--font", "gothic", "--jobs", "1", "--out", rows).status == 0
+    )
+    read = {row["part"]: (row["text"], row["source"]) for row in csv_rows(rows)}
+    assert read == {"1": ("K7", "tactile"), "tray-1/1": ("K7", "fused"), "tray-2/night/1": ("K7", "vision")}
 
 
 def test_a_folder_without_parts_says_what_lies_in_it(exports: Path) -> None:

@@ -25,7 +25,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read(parts: Path, *more: str) -> tuple[int, dict[str, Any]]:
-    told = ["--font", "gothic", "--format", FORMAT, "--height-mm", "5", "--out", "t.jsonl"]
+    told = ["--font", "gothic", "--format", FORMAT, "--height-mm", "5", "--out", "t.jsonl", "--force"]
     status = main(["read", str(parts), *told, *more])
     (line,) = Path("t.jsonl").read_text(encoding="utf-8").splitlines()
     return status, json.loads(line)
@@ -33,11 +33,11 @@ def read(parts: Path, *more: str) -> tuple[int, dict[str, Any]]:
 
 def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (truth,) = truth_of(parts).values()
-    status, row = read(parts, "--mode", "auto", "--truth", str(parts / "truth.csv"))
+    status, row = read(parts, "--truth", str(parts / "truth.csv"))
     assert (status, row["text"], row["source"]) == (0, truth, "fused")
     assert "serials 100.00% (1 of 1)" in capsys.readouterr().out
-    # without a mode touch reads; it grades the mark, a letter a character
-    status, row = read(parts, "--verify", str(parts / "truth.csv"))
+    # touch grades the mark, a letter a character
+    status, row = read(parts, "--mode", "tactile", "--verify", str(parts / "truth.csv"))
     assert (status, row["text"], row["source"], row["verdict"]) == (0, truth, "tactile", "confirmed")
     assert [c["char"] for c in row["characters"]] == list(truth)
     assert all(c["grade"] in "ABCDF" for c in row["characters"])

@@ -11,7 +11,7 @@ from glyphs import HeightMap, stamp
 from recognition import Decision, Grammar, Reader, Reading
 
 TEXT, TURNED = "9608", "8096"
-PART = stamp(TEXT, font="gothic", height_mm=4.0, seed=5)
+PART = stamp(TEXT, fonts="gothic", height_mm=4.0, seed=5)
 SURFACE, PHOTO = PART.height_map, PART.photograph()
 
 
@@ -60,7 +60,7 @@ def test_a_list_of_serials_with_one_of_the_two_shows_which_way_up_a_part_lies(up
 
 
 def test_a_text_that_reads_one_way_is_accepted_upside_down() -> None:
-    photo = stamp("K4R7", font="gothic", height_mm=4.0, seed=6).photograph()
+    photo = stamp("K4R7", fonts="gothic", height_mm=4.0, seed=6).photograph()
     read = Reader(format="A9A9", height_mm=4.0).read(replace(photo, pixels=half_turned(photo.pixels)))
     assert (read.text, read.decision) == ("K4R7", Decision.ACCEPT)
     assert abs(read.rotation_deg) > 170.0

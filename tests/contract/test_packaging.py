@@ -23,6 +23,7 @@ import pytest
 from PIL import Image
 
 from glyphs import stamp
+from tests.support.csv_table import csv_rows
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -201,9 +202,9 @@ def test_without_git_the_version_is_the_plain_one(tmp_path: Path) -> None:
 
 def test_a_part_is_read(installed: Installed) -> None:
     """By camera and network: touch and templates would compile their kernels anew, which takes most of a minute."""
-    photo = stamp("74", font="gothic", height_mm=5.0, seed=1).photograph()
+    photo = stamp("74", fonts="gothic", height_mm=5.0, seed=1).photograph()
     Image.fromarray(photo.pixels).save(installed.work / "part.png")
     given = ("--font", "gothic", "--format", "99", "--height-mm", "5", "--jobs", "1", "--experts", "network")
     installed.run("tactile-marks", "read", "part.png", *given, "--out", "rows.csv")
-    row = (installed.work / "rows.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
-    assert row[:2] == ["part", "74"]
+    (row,) = csv_rows(installed.work / "rows.csv")
+    assert (row["part"], row["text"]) == ("part", "74")

@@ -23,7 +23,9 @@ OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4", "--watch.every-s
 def picture() -> bytes:
     """A photograph of a clean plate, as PNG."""
     buffer = io.BytesIO()
-    Image.fromarray(stamp("K7", font="gothic", height_mm=4.0, seed=3).photograph().pixels).save(buffer, "png")
+    Image.fromarray(stamp("K7", fonts="gothic", height_mm=4.0, seed=3).photograph().pixels).save(
+        buffer, "png"
+    )
     return buffer.getvalue()
 
 

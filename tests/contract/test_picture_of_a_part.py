@@ -13,7 +13,7 @@ mpl.use("Agg")
 
 @pytest.mark.parametrize(("text", "format"), [("7", "9"), ("KX407251", "AA999999")])
 def test_words_are_not_cut_and_panels_fill_the_width(text: str, format: str) -> None:
-    part = stamp(text, font="gothic", height_mm=4.0, seed=3)
+    part = stamp(text, fonts="gothic", height_mm=4.0, seed=3)
     figure = (
         Reader(format=format, fonts=["gothic"], height_mm=4.0, experts=("network",))
         .read(part.height_map)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import inspect
+import pydoc
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +13,8 @@ import pytest
 
 import whisker_array
 from glyphs import FileError, FontError, FormatError, HeightMap, MapError, Photo, stamp
-from pipeline import read
-from recognition import Reader, Reading, Verdict
+from pipeline import SettingsError, read
+from recognition import Reader, ReaderSettings, Reading, Verdict
 
 PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")
 
@@ -23,7 +26,7 @@ def reader() -> Reader:
 
 @pytest.fixture(scope="module")
 def reading(reader: Reader) -> Reading:
-    return reader.read(stamp("K7", font="gothic", height_mm=4.0, seed=3).height_map)
+    return reader.read(stamp("K7", fonts="gothic", height_mm=4.0, seed=3).height_map)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -46,7 +49,7 @@ def test_a_clean_plate_is_accepted_with_places_and_candidates(reading: Reading) 
 
 
 def test_the_same_part_is_read_alike_twice(reader: Reader, reading: Reading) -> None:
-    again = reader.read(stamp("K7", font="gothic", height_mm=4.0, seed=3).height_map)
+    again = reader.read(stamp("K7", fonts="gothic", height_mm=4.0, seed=3).height_map)
     assert (again.text, again.confidence) == (reading.text, reading.confidence)
 
 
@@ -57,8 +60,61 @@ def test_another_text_is_refuted_and_the_same_confirmed(reader: Reader, reading:
         assert verification.verdict is verdict
 
 
+def test_a_part_an_array_and_a_map_read_alike(reader: Reader, reading: Reading) -> None:
+    part = stamp("K7", fonts=["gothic"], height_mm=4.0, seed=3)
+    heights = np.asarray(part.height_map.z_mm)
+    for again in (reader.read(part), reader.read(heights, pitch_mm=part.height_map.pitch_mm)):
+        assert (again.text, again.confidence) == (reading.text, reading.confidence)
+
+
+def test_a_picture_is_a_photograph(reader: Reader) -> None:
+    photo = stamp("K7", fonts="gothic", height_mm=4.0, seed=3).photograph()
+    seen = reader.read(np.array(photo.pixels), pitch_mm=photo.pitch_mm)
+    assert (seen.source, seen.text, seen.confidence) == ("vision", "K7", reader.read(photo).confidence)
+
+
+@pytest.mark.parametrize(
+    ("item", "error", "told"),
+    [
+        ("part.npz", TypeError, "a str cannot be read; pipeline.read reads files"),
+        (Path("part.npz"), TypeError, "pipeline.read reads files"),
+        (np.zeros((40, 40)), ValueError, "has no pitch; give pitch_mm"),
+        (7, TypeError, "give a HeightMap, Scan, Photo or Part"),
+    ],
+)
+def test_what_is_not_data_of_a_part_is_told(
+    item: object, error: type[Exception], told: str, reader: Reader
+) -> None:
+    with pytest.raises(error, match=told):
+        reader.read(item)  # type: ignore[arg-type]
+
+
+def test_fonts_are_spelled_alike_and_one_may_be_a_string() -> None:
+    for spelling in ("gothic", ["gothic"], ("gothic",)):
+        assert stamp("K7", fonts=spelling).stamped.font_name == "gothic"
+        assert Reader(fonts=spelling).settings.fonts == ("gothic",)
+    assert "fonts" in inspect.signature(read).parameters
+    with pytest.raises(SettingsError, match="unknown setting font; did you mean fonts"):
+        read("part.npz", font="gothic")
+
+
+@pytest.mark.parametrize(
+    ("function", "options"),
+    [
+        (Reader, {field.name for field in fields(ReaderSettings)}),
+        (whisker_array.trace_scan, {"fidelity", "friction", "soil", "sensor", "stage", "rng"}),
+        (read, {"format", "height_mm", "mode", "unit", "pitch_mm", "fonts"}),
+    ],
+)
+def test_options_are_listed_where_one_types(function: object, options: set[str]) -> None:
+    parameters = inspect.signature(function).parameters  # type: ignore[arg-type]
+    assert options <= set(parameters)
+    assert not [p for p in parameters.values() if p.kind is inspect.Parameter.VAR_KEYWORD]
+    assert "fidelity" in pydoc.render_doc(function)
+
+
 def test_a_scan_reads_as_its_height_map_does(tmp_path: Path, reader: Reader, reading: Reading) -> None:
-    surface = stamp("K7", font="gothic", height_mm=4.0, seed=3).height_map
+    surface = stamp("K7", fonts="gothic", height_mm=4.0, seed=3).height_map
     touch = whisker_array.default_touch(4.0)
     plan = whisker_array.default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=4.0)
     scan = whisker_array.trace_scan(surface, touch=touch, plan=plan)
@@ -83,7 +139,7 @@ def test_a_wrong_option_is_a_typed_error(options: dict[str, object], error: type
 
 
 def test_what_is_no_part_is_a_typed_error(reader: Reader) -> None:
-    with pytest.raises(TypeError, match="a str cannot be read; give a HeightMap, a Scan or a Photo"):
+    with pytest.raises(TypeError, match=r"a str cannot be read; pipeline\.read reads files"):
         reader.read("part.npz")  # type: ignore[arg-type]
     flat = HeightMap(np.zeros((40, 60), dtype=np.float32), 0.05)
     with pytest.raises(ValueError, match="two of HeightMap"):

@@ -17,7 +17,7 @@ SETTINGS = {"format": "****", "height_mm": 4.0, "font": "gothic", "orientation":
 
 
 def surface(text: str) -> tuple[np.ndarray, float]:
-    made = stamp(text, font="gothic", height_mm=4.0, seed=5).height_map
+    made = stamp(text, fonts="gothic", height_mm=4.0, seed=5).height_map
     return made.z_mm, made.pitch_mm
 
 

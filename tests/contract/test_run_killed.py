@@ -106,4 +106,4 @@ def test_a_run_that_is_broken_off_killed_and_loses_a_worker_reads_every_part_onc
 def read_table(path: Path) -> list[dict[str, object]]:
     """The whole rows of a table that may be being written."""
     whole = b"".join(line for line in lines(path) if line.endswith(b"\n"))
-    return list(csv.DictReader(whole.decode().splitlines()))
+    return list(csv.DictReader(whole.decode("utf-8-sig").splitlines()))

@@ -13,7 +13,7 @@ from tests.contract.front_doors import Command
 
 
 def photograph(path: Path, text: str) -> None:
-    Image.fromarray(stamp(text, font="gothic", height_mm=4.0, seed=3).photograph().pixels).save(path)
+    Image.fromarray(stamp(text, fonts="gothic", height_mm=4.0, seed=3).photograph().pixels).save(path)
 
 
 def stored(folder: Path) -> list[str]:

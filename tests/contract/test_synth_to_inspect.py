@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 
-from tests.contract.front_doors import main
+from tests.contract.front_doors import main, truth_of
 from whisker_array import load_scan
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
@@ -22,7 +22,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("fidelity", ["pointwise", "contact"])
 def test_stamped_parts_are_read(fidelity: str, parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    known = f"--font gothic --format AA99 --fidelity {fidelity} --jobs 1".split()
+    known = f"--mode tactile --font gothic --format AA99 --fidelity {fidelity} --jobs 1".split()
     assert main(["read", str(parts), *known, "--truth", str(parts / "truth.csv"), "--out", "t.parquet"]) == 0
     shown = capsys.readouterr().out
     assert "characters 100.00% (0 edits in 8), serials 100.00% (2 of 2)" in shown
@@ -33,7 +33,7 @@ def test_stamped_parts_are_read(fidelity: str, parts: Path, capsys: pytest.Captu
 
 
 def test_a_part_is_scanned_calibrated_read_and_drawn(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    truth = dict(line.split(",") for line in (parts / "truth.csv").read_text().split()[1:])
+    truth = truth_of(parts)
     assert main(["scan", str(parts / "part-000.npz"), "--out", "part-000.h5", "--height-mm", "5"]) == 0
     assert "samples" in capsys.readouterr().out
     scan = load_scan("part-000.h5")

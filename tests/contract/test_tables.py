@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+import openpyxl
 import pytest
 
 from tests.contract.front_doors import Command, Ended
@@ -83,6 +84,30 @@ def test_a_part_of_the_order_is_accepted(
     assert "accept" in done.out
     assert "confirmed" in done.out
     assert "(1 of 1)" in done.out
+
+
+def test_a_table_in_the_code_page_of_windows_is_read(tmp_path: Path, command: Command) -> None:
+    damaged(tmp_path / "Gehäuse-1.npz")
+    (tmp_path / "lot.csv").write_bytes("part;height_map\nA-ö;Gehäuse-1.npz\n".encode("cp1252"))
+    assert found(command("read", tmp_path / "lot.csv", *READ), "A-ö")
+
+
+def test_a_manifest_may_be_a_workbook(tmp_path: Path, command: Command) -> None:
+    damaged(tmp_path / "a.npz")
+    book = openpyxl.Workbook()
+    for row in (("Part", "height_map", "Expected"), ("A-1", "a.npz", "K7")):
+        book.active.append(row)
+    book.save(tmp_path / "lot.xlsx")
+    assert found(command("read", tmp_path / "lot.xlsx", *READ), "A-1")
+
+
+def test_a_truth_that_is_no_serial_of_the_format_is_told(tmp_path: Path, command: Command) -> None:
+    truth = saved(tmp_path, "truth.csv", "part,text\na,KO\nb,K7")
+    done = command("read", damaged(tmp_path / "a.npz"), *READ, "--truth", truth)
+    assert (
+        "truth.csv: a should read 'KO', but it does not fit the format A9; correct the table or --format"
+        in done.out
+    )
 
 
 def test_names_of_files_as_other_systems_spell_them(tmp_path: Path, command: Command) -> None:

@@ -42,7 +42,10 @@ def test_a_workbook_opens_on_what_a_person_wants(lot: Path, tmp_path: Path, comm
     assert book.sheetnames == ["Parts", "All columns", "Characters", "Run"]
 
     bad, good = lines(book["Parts"])
-    assert list(good) == ["Part", "Serial", "Decision", "Confidence", "Why"]
+    assert list(good) == [
+        "Part", "Serial", "Right serial", "Decision", "Confidence", "Expected", "Verdict", "Depth mm", "Why",
+    ]  # fmt: skip
+    assert 0.05 < good["Depth mm"].value < 0.5
     # text, which Excel takes neither for a number nor for a formula
     assert (good["Serial"].value, good["Serial"].data_type, good["Serial"].number_format) == (
         "1997",
@@ -55,7 +58,7 @@ def test_a_workbook_opens_on_what_a_person_wants(lot: Path, tmp_path: Path, comm
     assert not good["Why"].value
     assert "is damaged" in bad["Why"].value
     assert bad["Confidence"].value is None
-    assert (book["Parts"].freeze_panes, book["Parts"].auto_filter.ref) == ("A2", "A1:E3")
+    assert (book["Parts"].freeze_panes, book["Parts"].auto_filter.ref) == ("A2", "A1:I3")
 
     whole = lines(book["All columns"])[1]
     assert whole["text"].value == "1997"
@@ -88,9 +91,34 @@ def test_a_table_says_when_by_what_and_how_it_was_read(lot: Path, tmp_path: Path
     assert len(good["settings"]) == 16
 
 
-def test_a_workbook_that_was_there_is_kept(lot: Path, tmp_path: Path, command: Command) -> None:
+def test_the_right_serial_that_a_person_fills_in_is_the_truth(
+    lot: Path, tmp_path: Path, command: Command
+) -> None:
     out = tmp_path / "lot.xlsx"
-    out.write_bytes(b"mine")
+    flags = ("--line", "lot=AAA99", "--verify", "1997")
+    command("read", lot / "A-1.npz", *READ, *flags, "--out", out)
+    book = openpyxl.load_workbook(out)
+    (row,) = lines(book["Parts"])
+    assert (row["Expected"].value, row["Verdict"].value, row["lot"].value) == ("1997", "confirmed", None)
+    unchecked = command("read", lot / "A-1.npz", *READ, "--truth", out)
+    assert unchecked.status == 1
+    assert "lot.xlsx: holds no part" in unchecked.err
+    row["Right serial"].value = "1998"
+    book.save(out)
+    done = command("read", lot / "A-1.npz", *READ, "--truth", out)
+    assert "wrong: A-1 (1998 read as 1997)" in done.out
+    assert "accepted and wrong: 1 of 1: A-1" in done.out
+
+
+@pytest.mark.parametrize("name", ["lot.xlsx", "lot.csv"])
+def test_a_finished_table_is_replaced_by_force_alone(
+    name: str, lot: Path, tmp_path: Path, command: Command
+) -> None:
+    out = tmp_path / name
+    out.write_bytes(b"mine" * 1000)
     done = command("read", lot / "=1+1.npz", *READ, "--out", out)
+    assert (done.status, out.read_bytes()) == (1, b"mine" * 1000)
+    assert f"{name}: is finished; name another table, or replace it with --force" in done.err
+    done = command("read", lot / "=1+1.npz", *READ, "--out", out, "--force")
     assert "it is kept as" in done.out
-    assert (tmp_path / "lot.xlsx~").read_bytes() == b"mine"
+    assert (tmp_path / f"{name}~").read_bytes() == b"mine" * 1000

@@ -18,7 +18,9 @@ from pipeline.cli.main import app
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted((DOCS / "pages").rglob("*.md")), *sorted((DOCS / "notes").glob("*.md")))
-COMMAND = re.compile(r"^ *tactile-marks ([a-z][^|\n]*)$|`tactile-marks ([a-z][^`|]*)`", re.MULTILINE)
+COMMAND = re.compile(
+    r"^ *(?:tactile-marks|py -m pipeline) ([a-z][^|\n]*)$|`tactile-marks ([a-z][^`|]*)`", re.MULTILINE
+)
 SCRIPT = re.compile(r"(<!-- not run: [^\n]+ -->\n+)?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from glyphs.compiled import kernel, read_only
 from glyphs.compiling import COMPILE_ONCE, end_part, report_end, report_start, show_compiling
+from glyphs.kernel_cache import first_on_this_machine
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, write_part
 
@@ -66,14 +67,23 @@ def test_compiling_is_announced_once_and_its_progress_shown() -> None:
         report_start()
         report_end(0.2)
         end_part()  # too short to be worth a line
-        report_start()
-        report_end(2.0)
-        end_part()
+    assert lines == [COMPILE_ONCE, "compiling kernels: 7 s so far", "kernels compiled in 8 s"]
+
+
+def test_commands_that_follow_do_not_announce_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+    lines: list[str] = []
+    for seconds in (2.0, 3.0, 6.0):  # three commands, each with kernels of its own
+        with show_compiling(lines.append):
+            report_start(first=first_on_this_machine)
+            report_end(seconds)
     assert lines == [
         COMPILE_ONCE,
-        "compiling kernels: 7 s so far",
-        "kernels compiled in 8 s",
         "kernels compiled in 2 s",
+        "compiling kernels: 6 s so far",
+        "kernels compiled in 6 s",
     ]
 
 

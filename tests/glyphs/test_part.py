@@ -56,10 +56,11 @@ def test_light_and_camera_may_be_given() -> None:
         (StampError, "there is no text to stamp", {"text": ""}),
         (StampError, "unknown face 'oval'; use one of sharp, flat, round, dotted", {"face": "oval"}),
         (FormatError, "is empty", {"text": None, "format": ""}),
-        (FontError, "unknown font 'comic'", {"font": "comic"}),
+        (FontError, "unknown font 'comic'", {"fonts": "comic"}),
         (FontError, "has no character 'é'", {"text": "é"}),
         (StampError, "severity is 2", {"dirt": 2}),
         (StampError, "seed is -1", {"seed": -1}),
+        (StampError, "2 fonts are given; a line is stamped with one", {"fonts": ["gothic", "timesr"]}),
     ],
 )
 def test_what_cannot_be_stamped(error: type[Exception], message: str, wrong: dict[str, object]) -> None:

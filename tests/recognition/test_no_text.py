@@ -86,7 +86,7 @@ def test_a_picture_of_something_else_has_no_text(reader: Readers, name: str) -> 
 def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters(
     reader: Readers, text: str, accepted: bool
 ) -> None:
-    part = stamp(text, font=DEJAVU, height_mm=HEIGHT_MM, seed=3)
+    part = stamp(text, fonts=DEJAVU, height_mm=HEIGHT_MM, seed=3)
     found = reader(format="AA99", height_mm=HEIGHT_MM).touch.read_height_map(part.height_map)
     assert (found.decision is Decision.ACCEPT) == accepted
     place = 1 + next((k for k, char in enumerate(text) if not char.isalnum()), -1)

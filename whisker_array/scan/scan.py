@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
+from glyphs.signatures import lists_options
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
@@ -90,6 +91,7 @@ class Scan(OneLine, Validated, error=MapError):
         return tuple(s.plan.direction for s in self.sweeps)
 
 
+@lists_options(mount, VirtualBench.__annotations__)
 def trace_scan(
     height_map: HeightMap,
     *,

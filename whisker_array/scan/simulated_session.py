@@ -7,6 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
+from glyphs.signatures import lists_options
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
 from whisker_array.scan.mounting import Mounted, VirtualBench, mount
@@ -82,6 +83,7 @@ class SimulatedSession:
         felt_s: stage seconds of the passes so far.
     """
 
+    @lists_options(mount, VirtualBench.__annotations__)
     def __init__(
         self,
         height_map: HeightMap,

@@ -12,8 +12,6 @@ A line that must not be read has the transcription "###", which both kinds of sc
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,6 +22,7 @@ from typing import Any
 from pipeline.benchmark.exam.condition import font_name, level_name
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.export.exported_part import polygon_px
+from pipeline.common.texts import CSV_BEGIN, csv_line
 from pipeline.common.version import library_versions, program_mark, program_version
 
 RECOGNITION, DETECTION, LINES, TABLE = "rec_gt.txt", "det_gt.txt", "truth.jsonl", "truth.csv"
@@ -77,13 +76,11 @@ def _picture(label: dict[str, Any], view: str) -> dict[str, Any]:
 
 def _table(labels: Sequence[dict[str, Any]]) -> str:
     factors = list(dict.fromkeys(name for label in labels for name in label["levels"]))
-    stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(("part", "text", *factors))
-    for label in labels:
-        levels = label["levels"]
-        writer.writerow((label["part"], label["text"], *(levels.get(name, "") for name in factors)))
-    return stream.getvalue()
+    rows = (
+        (label["part"], label["text"], *(label["levels"].get(name, "") for name in factors))
+        for label in labels
+    )
+    return CSV_BEGIN + "".join(map(csv_line, (("part", "text", *factors), *rows)))
 
 
 def _lines(lines: Iterable[str]) -> str:

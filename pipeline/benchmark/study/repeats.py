@@ -165,7 +165,7 @@ def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Re
     from pipeline.reading.readers import reader_of
 
     reader = reader_of(settings_of(settings, listed))
-    with local_copies(listed, photos=settings.mode not in (None, "tactile")) as files:
+    with local_copies(listed, photos=settings.mode != "tactile") as files:
         return PartReader(reader, settings.model_copy(update={"active": False})).unverified(
             files, again=again
         )

@@ -22,10 +22,10 @@ from pipeline.benchmark.study.study import Study
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.texts import first_of, without_blanks
 from pipeline.common.version import program_mark
-from pipeline.formats.find_parts import discover
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import PartTexts, load_part_lines, load_truth
 from pipeline.reading.readers import reader_of
+from pipeline.runs.production import parts_for
 from pipeline.runs.progress import Progress
 from pipeline.workers.options import WorkerSettings
 
@@ -59,7 +59,7 @@ def run_study(
     """
     settings = plan.settings
     reader_of(settings)  # reject invalid settings before anything is read
-    listed = discover(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
+    listed = parts_for(inputs, settings)
     parts = studied_parts(listed)
     names = {part.name for part in parts}
     answers, unknown = load_reviews(reviewers, names) if reviewers else ([], ())
@@ -111,6 +111,7 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
         FileError: the table is of another kind, a line has no reviewer, no part is in the study, or a reviewer did not
             read every part equally often.
     """
+    known = PartTexts(dict.fromkeys(parts, ""))
     answers: list[Trial] = []
     times: dict[str, Counter[str]] = {}
     unknown: dict[str, None] = {}
@@ -118,12 +119,12 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
         who = next((line.others[name] for name in _HEADINGS if line.others.get(name)), "")
         if not who:
             raise FileError(path, f"line {line.line} names no reviewer", "fill the column reviewer")
-        if line.part not in parts:
+        if (part := known.name_of(line.part)) is None:
             unknown[line.part] = None
             continue
-        times.setdefault(who, Counter())[line.part] += 1
-        number, text = times[who][line.part], without_blanks(line.text)
-        answers.append(Trial(line.part, number, {RECORDED: True}, who, truth="", text=text))
+        times.setdefault(who, Counter())[part] += 1
+        number, text = times[who][part], without_blanks(line.text)
+        answers.append(Trial(part, number, {RECORDED: True}, who, truth="", text=text))
     if not answers:
         raise FileError(
             path, "answers no part of the study", f"name the parts as {next(iter(parts), 'they are')}"

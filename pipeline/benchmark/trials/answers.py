@@ -22,7 +22,7 @@ from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.benchmark.trials.journal import Trial, answer_of
 from pipeline.formats.table_file import number_of
-from pipeline.formats.truth import PartLine, load_part_lines
+from pipeline.formats.truth import PartLine, PartTexts, load_part_lines
 
 
 def designed_items(parts: DesignedParts) -> list[Item]:
@@ -57,13 +57,13 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
     Raises:
         FileError: there is no such table, a part has two lines, or a value is invalid; names the line.
     """
-    known = {item.part for item in items}
+    known = PartTexts((item.part, item.truth) for item in items)
     answered: dict[str, PartLine] = {}
     unknown = []
     for line in load_part_lines(path):
         part = _part_of(line.part, known)
-        if part not in known:
-            unknown.append(part)
+        if part is None:
+            unknown.append(line.part.rpartition("/")[2])
             continue
         if part in answered:
             earlier = answered[part].line
@@ -84,10 +84,10 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
     return Answers(tuple(trials), missing, tuple(unknown))
 
 
-def _part_of(name: str, known: set[str]) -> str:
+def _part_of(name: str, known: PartTexts) -> str | None:
     """Part of a name in the table; the name of an exported picture ends with its view."""
     stem, _, view = name.rpartition("-")
-    return stem if name not in known and view in PICTURES and stem in known else name
+    return known.name_of(name) or (known.name_of(stem) if view in PICTURES else None)
 
 
 class _Cells(BaseModel):

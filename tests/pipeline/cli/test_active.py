@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("inline")
 @pytest.fixture(scope="module")
 def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("parts") / "part.npz"
-    write_npz(path, stamp("KX40", font="gothic", height_mm=5.0, seed=3).height_map)
+    write_npz(path, stamp("KX40", fonts="gothic", height_mm=5.0, seed=3).height_map)
     return path
 
 

@@ -190,7 +190,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
             r"unknown section \[service.stge\] in .*did you mean \[service.stage\]",
         ),
         ("[wrokers]\njobs = 2", r"did you mean \[workers\]"),
-        ("height_mm = -5", r"height_mm in tactile-marks\.toml is '-5': input should be greater than 0"),
+        ("height_mm = -5", r"height_mm in tactile-marks\.toml is '-5': write a number above 0"),
         ('height_mm = "tall"', "height_mm in .* is 'tall'"),
         ("height_mm = {a = 1}", "height_mm in "),
         ('fidelity = "exact"', "fidelity"),
@@ -270,7 +270,7 @@ def test_an_unknown_flag_names_the_nearest_one_or_none(
 @pytest.mark.parametrize(
     ("variable", "value", "message"),
     [
-        ("TACTILE_MARKS_HEIGHT_MM", "0", "TACTILE_MARKS_HEIGHT_MM is '0': input should be greater"),
+        ("TACTILE_MARKS_HEIGHT_MM", "0", "TACTILE_MARKS_HEIGHT_MM is '0': write a number above 0"),
         ("TACTILE_MARKS_FIDELTY", "contact", "TACTILE_MARKS_FIDELTY.*did you mean fidelity"),
         ("TACTILE_MARKS_LINE", '{"lot"', "TACTILE_MARKS_LINE is"),
         ("TACTILE_MARKS_SERVICE_PROT", "1", "TACTILE_MARKS_SERVICE_PROT.*did you mean port"),
@@ -347,17 +347,67 @@ def test_every_setting_has_a_description_and_stands_in_help(
     ] == []
 
 
+PASTED = """
+format = ["AA99"]
+[service]
+port = 8420
+watch.folder = "camera"
+[service.tcp]
+port = 8421
+"""
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_settings_may_be_pasted_into_the_file_to_begin_with(order: int) -> None:
+    assert main(["serve", "--init-config"]) == 0
+    FILE.write_text("\n".join([FILE.read_text(encoding="utf-8"), PASTED][::order]), encoding="utf-8")
+    service, reading = serving()
+    assert (service.port, service.tcp.port, service.watch.folder) == (8420, 8421, Path("camera"))
+    assert reading.format == ("AA99",)
+
+
+@pytest.mark.parametrize(
+    ("toml", "message"),
+    [
+        (
+            "[service]\nport = 1\n[service]\nhost = 'x'\n",
+            r"begins \[service\] a second time in line 3; keep all",
+        ),
+        ("service.tcp.port = 1\n[service.tcp]\n", r"begins \[service\.tcp\] a second time in line 2"),
+        ("[service.tcp]\nport = 1\n[service]\ntcp.port = 2\n", r"begins \[service\.tcp\] a second time"),
+        (
+            "service.port = 1\nservice.port = 2\nfont = []\n",
+            "has a name for the second time in line 2; take one out",
+        ),
+        ("height_mm = 'x'", "height_mm in .* is 'x': write a number$"),
+        ("service.port = 1.5", "port in .* is '1.5': write a whole number$"),
+        ("service.port = 99999999", "port in .* is '99999999': write a number of at most 65535$"),
+        ("accept_risk = 0", "accept_risk in .* is '0': write a number above 0$"),
+        ("active = 'maybe'", "active in .* is 'maybe': write true or false$"),
+        ("budget_s = inf", "budget_s in .* is 'inf': write a "),
+        ("mode = 'smell'", "mode in .* is 'smell': write 'tactile', 'vision', 'fused' or 'auto'$"),
+        ("service.opcua.users = 5", "opcua.users in .* is 5: write a table of names and values$"),
+    ],
+)
+def test_a_fault_of_the_file_is_told_in_plain_words(
+    toml: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    FILE.write_text(toml, encoding="utf-8")
+    assert main(["serve"]) == 2
+    assert re.search(message, capsys.readouterr().err.strip())
+
+
 def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["serve", "--init-config"]) == 0
     text = FILE.read_text(encoding="utf-8")
     assert serving() == (ServiceSettings(), ReadSettings())
     for model in (ReadSettings, ServiceSettings):
         for name, field in model.leaves().items():
-            assert f"\n#{name.rpartition('.')[2]} = " in text
+            assert f"\n#{model.table and f'{model.table}.'}{name} = " in text
             assert str(field.description)[:60] in text
     in_force = re.sub(r"^#(?=[a-z])", "", text, flags=re.MULTILINE)  # every setting that has a value
-    FILE.write_text(re.sub(r"^\w+ = +# .*$", "", in_force, flags=re.MULTILINE), encoding="utf-8")
-    assert "port = 8417" in FILE.read_text(encoding="utf-8").splitlines()
+    FILE.write_text(re.sub(r"^[\w.]+ = +# .*$", "", in_force, flags=re.MULTILINE), encoding="utf-8")
+    assert "service.port = 8417" in FILE.read_text(encoding="utf-8").splitlines()
     assert serving() == (ServiceSettings(), ReadSettings())
     capsys.readouterr()
     assert main(["serve", "--init-config", "other.toml"]) == 0

@@ -47,7 +47,7 @@ def test_a_job_is_settings_of_reading_and_names_files_beside_itself(tmp_path: Pa
         ("format = ", "a.toml", "is not TOML .*; correct that line"),
         ("x = {" + "a." * 50_000 + "a = 1}", "a.toml", r"is not TOML \(a key of more than 200 dots\)"),
         ('formt = "AA"', "a.toml", "unknown setting formt; did you mean format"),
-        ("height_mm = -1", "a.toml", "height_mm is -1: input should be greater than 0"),
+        ("height_mm = -1", "a.toml", "height_mm is -1: write a number above 0"),
         ('mode = "vision"', "a.toml", "sets mode, which a job cannot; take it out"),
         ('database = "die.glyphs"', "a.toml", "names the database .*die.glyphs, which is not there; put it"),
         ("[service]\nport = 1", "a.toml", "unknown setting service"),

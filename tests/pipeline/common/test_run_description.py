@@ -12,9 +12,13 @@ def test_the_order_of_entries_does_not_matter() -> None:
 def test_what_differs_is_told_in_short() -> None:
     was = {"same": 1, "gone": True, "long": "x" * 99}
     told = differences(was, {"same": 1, "new": [1, 2], "long": "y"})
-    assert told == f'gone was true, now null; long was "{"x" * 56}..., now "y"; new was null, now [1, 2]'
+    assert told == f'gone was true, now not set; long was "{"x" * 56}..., now "y"; new was not set, now 1, 2'
     assert (
         differences({"a": {"b": 1, "long": "x" * 99}}, {"a": {"b": 2, "long": "x" * 99}})
         == "a.b was 1, now 2"
+    )
+    assert (
+        differences({"settings": {}}, {"settings": {"format": ["A9", "vin"]}})
+        == "format was not set, now A9, vin"
     )
     assert differences({"a": [1, 2]}, {"a": (1, 2)}) == ""  # as JSON has it

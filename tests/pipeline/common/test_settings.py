@@ -26,7 +26,7 @@ def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> 
     assert ReadSettings.of(font="gothic, futural", format="sets:AB,0-9", check="luhn") == settings
     with pytest.raises(SettingsError, match="unknown setting hight_mm; did you mean height_mm"):
         ReadSettings.of(hight_mm=5.0)
-    with pytest.raises(SettingsError, match=r"height_mm is -5\.0: input should be greater than 0"):
+    with pytest.raises(SettingsError, match=r"height_mm is -5\.0: write a number above 0"):
         ReadSettings.of(height_mm=-5.0)
     with pytest.raises(ValidationError, match="frozen"):
         settings.height_mm = 5.0

@@ -235,7 +235,7 @@ def test_what_is_wrong_is_said_with_its_place(scan: Scan, tmp_path: Path, spoil:
     [
         ("speed = 3", "has the unknown key speed; take it out"),
         ("position_unit = 'yard'", "says position_unit = 'yard'"),
-        ("moment_unit = 'mV'", "input should be 'N*mm', 'mN*m', 'N*m' or 'V'"),
+        ("moment_unit = 'mV'", "write 'N*mm', 'mN*m', 'N*m' or 'V'"),
         ("across_mm = [0.0]", "has 1 numbers in across_mm, and 2 whiskers"),
         ("behind_mm = [1.0, 2.0]", "has no whisker with 0 in behind_mm"),
         ("part_mm = [1.0, 0.0, 0.5, 2.0]", "has part_mm"),

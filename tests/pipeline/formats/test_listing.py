@@ -7,7 +7,8 @@ import pickle
 import sys
 import uuid
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -43,13 +44,16 @@ def store() -> str:
     return root
 
 
-@pytest.mark.parametrize("photos", [False, True])
+@pytest.mark.parametrize(("recurse", "photos"), [(True, True), (True, False), (False, True)])
 @pytest.mark.parametrize(
-    "inputs", [["{}"], ["{}/"], ["{}/*"], ["{}/*.png"], ["{}/a.npz", "{}/deeper"], ["{}/b.png", "{}/b.npz"]]
+    "inputs",
+    [["{}"], ["{}/"], ["{}/*"], ["{}/**"], ["{}/*.npz"], ["{}/a.npz", "{}/deeper"], ["{}/b.png", "{}/b.npz"]],
 )
-def test_a_store_is_listed_as_a_folder_is(folder: Path, store: str, inputs: list[str], photos: bool) -> None:
-    here = discover([i.format(folder) for i in inputs], photos=photos)
-    there = discover([i.format(store) for i in inputs], photos=photos)
+def test_a_store_is_listed_as_a_folder_is(
+    folder: Path, store: str, inputs: list[str], recurse: bool, photos: bool
+) -> None:
+    here = discover([i.format(folder) for i in inputs], recurse=recurse, photos=photos)
+    there = discover([i.format(store) for i in inputs], recurse=recurse, photos=photos)
     told = [(p.name, p.files) for p in here]
     root, name = store, store.rpartition("/")[2]
     there_too = [
@@ -57,6 +61,7 @@ def test_a_store_is_listed_as_a_folder_is(folder: Path, store: str, inputs: list
     ]
     assert told == [(name, tuple(files)) for name, files in there_too]
     assert told
+    assert here.passed_over.counts == there.passed_over.counts
 
 
 def test_a_file_named_by_a_url_is_not_asked_after() -> None:
@@ -135,6 +140,8 @@ def test_what_a_name_says() -> None:
     assert split_name("https://h/lot/a.npz?list=/x/y.csv#z") == ("https://h/lot", "a.npz")
     assert split_name("s3://b/lot?/a#.npz") == ("s3://b/lot?", "a#.npz")
     assert split_name("/a.npz") == ("/", "a.npz")
+    assert split_name(PureWindowsPath(r"C:\lot\tray 7\a.npz")) == ("C:/lot/tray 7", "a.npz")
+    assert split_name(PureWindowsPath(r"\\press\lots\a.npz")) == ("//press/lots", "a.npz")
     assert without_secrets("https://me:secret@h/a.npz?X-Signature=secret") == "https://***@h/a.npz"
     assert without_secrets("abfs://box@account/a?b") == "abfs://box@account/a?b"
     with pytest.raises(ValueError, match="without a name"):
@@ -154,7 +161,9 @@ def test_tables_of_texts_among_the_files_of_a_folder_are_passed_over(tmp_path: P
     for name, head in (("truth.csv", "part,text"), ("rows.csv", "part,text,decision")):
         (tmp_path / name).write_text(f"{head}\na,AB12\n")
     (tmp_path / "a.npz").write_bytes(b"x")
-    assert [p.name for p in discover([str(p) for p in sorted(tmp_path.iterdir())])] == ["a"]
+    found = discover([str(p) for p in sorted(tmp_path.iterdir())])
+    assert [p.name for p in found] == ["a"]
+    assert [Path(file).name for file in found.passed_over.files] == ["rows.csv", "truth.csv"]
     with pytest.raises(FileError, match="must name one of"):
         discover([str(tmp_path / "truth.csv")])
 
@@ -180,7 +189,7 @@ def named(folder: Path, parts: Sequence[PartFiles]) -> list[tuple[str, ...]]:
 
 
 def test_files_of_one_stem_are_one_part(folder: Path) -> None:
-    parts = discover([folder])
+    parts = discover([folder], recurse=False, photos=False)
     whole = [("a", "a.npz", "a.h5", ""), ("b", "b.npz", "", "b.png"), ("d", "d.SUR", "", "")]
     assert named(folder, parts) == whole
     mixed = discover([folder / "d.SUR", str(folder / "*.npz"), folder / "b.npz", folder / "b.png"])
@@ -188,13 +197,14 @@ def test_files_of_one_stem_are_one_part(folder: Path) -> None:
     assert not any(p.problem for p in (*parts, *mixed))
 
 
-def test_a_photograph_alone_is_a_part_where_it_is_meant(folder: Path) -> None:
-    # beside height maps it may be any picture
-    assert "c" not in [p.name for p in discover([str(folder / "*")])]
+def test_a_photograph_alone_is_a_part(folder: Path) -> None:
     for inputs in ([folder / "c.png"], [str(folder / "c.*")]):
         assert named(folder, discover(inputs)) == [("c", "", "", "c.png")]
     assert [p.name for p in discover([str(folder / "*.png")])] == ["b", "c"]
-    assert [p.name for p in discover([folder], photos=True)] == ["a", "b", "c", "d"]
+    assert [p.name for p in discover([folder], recurse=False)] == ["a", "b", "c", "d"]
+    without = discover([folder], photos=False)
+    assert str(folder / "c.png") in without.passed_over.files
+    assert "c" not in [part.name for part in without]
     assert named(folder, discover([folder / "b.png", folder / "b.npz"])) == [("b", "b.npz", "", "b.png")]
 
 
@@ -203,6 +213,70 @@ def test_the_photograph_beside_a_file_named_is_its_own_where_wanted(folder: Path
         found = discover([folder / "b.npz"], beside=beside)
         assert named(folder, found) == [("b", "b.npz", "", "b.png" if beside else "")]
     assert named(folder, discover([folder / "c.png"], beside=True)) == [("c", "", "", "c.png")]
+
+
+TREE = {
+    "lot/0001.jpg": "0001",
+    "lot/2026-11-28/0001.jpg": "2026-11-28/0001",
+    "lot/2026-11-28/0002.npz": "2026-11-28/0002",
+    "lot/2026-11-28/0002.png": "2026-11-28/0002",
+    "lot/2026-11-28/night/0001.jpg": "2026-11-28/night/0001",
+    "lot/2026-11-29/0001.jpg": "2026-11-29/0001",
+}
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    for name in (*TREE, "lot/.trash/0001.jpg", "elsewhere/0009.jpg", "other/2026-11-28/0001.jpg"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "lot" / "latest").symlink_to("2026-11-29")
+    return tmp_path
+
+
+def test_parts_of_subfolders_are_found_and_have_them_in_their_names(tree: Path) -> None:
+    parts = discover([tree / "lot"])
+    assert {str(Path(file).relative_to(tree)): p.name for p in parts for file in p.files} == TREE
+    skipped = {Path(place).name: why for place, why in parts.passed_over.folders.items()}
+    assert skipped == {".trash": "hidden", "latest": "a link"}
+    assert parts.passed_over.describe() == "passed over 2 folders: .trash (hidden), latest (a link)"
+
+
+def test_folders_that_are_not_searched_are_named(tree: Path) -> None:
+    top = discover([tree / "lot"], recurse=False)
+    assert [part.name for part in top] == ["0001"]
+    assert top.passed_over.folders.keys() == {
+        str(tree / "lot" / name) for name in (".trash", "2026-11-28", "2026-11-29", "latest")
+    }
+    assert top.passed_over.counts["folder"] == 4
+    with pytest.raises(NothingFoundError, match=r"passed over 1 folder: 2026-11-28 \(--no-recurse\)"):
+        discover([tree / "other"], recurse=False)
+
+
+def test_equal_names_below_two_folders_are_told_apart(tree: Path) -> None:
+    parts = discover([tree / "other", tree / "lot"])
+    assert len({part.name for part in parts}) == len(parts) == 6
+    assert "other/2026-11-28/0001" in [part.name for part in parts]
+    # a folder named twice, on its own and below another, gives its parts once
+    assert len(discover([tree / "lot", tree / "lot" / "2026-11-28"])) == 5
+    assert len(discover([str(tree / "lot" / "*")])) == 6  # a glob names the link, as a shell does
+    assert len(discover([str(tree / "lot" / "**" / "*.jpg")])) == 5
+
+
+def test_a_closed_subfolder_is_named_and_does_not_end_the_run(
+    tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed = os.scandir
+
+    def forbidden(path: str) -> Any:
+        if path.endswith("2026-11-29"):
+            raise PermissionError(13, "Permission denied", path)
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", forbidden)
+    parts = discover([tree / "lot"])
+    assert len(parts) == 4
+    assert "2026-11-29 (cannot be listed (Permission denied))" in parts.passed_over.describe()
 
 
 def test_two_photographs_of_one_stem_trouble_vision_alone(folder: Path) -> None:
@@ -255,7 +329,7 @@ def test_numbered_photographs_are_of_one_part(tmp_path: Path) -> None:
     names = "a.npz a.light-1.png a.light-2.jpg b.exposure-1.png b.shot-2.png c.light-x.png"
     for name in names.split():
         (tmp_path / name).write_bytes(b"x")
-    several = {p.name: [Path(f).name for f in p.photos] for p in discover([tmp_path], photos=True)}
+    several = {p.name: [Path(f).name for f in p.photos] for p in discover([tmp_path])}
     b = ["b.exposure-1.png", "b.shot-2.png"]
     assert several == {"a": ["a.light-1.png", "a.light-2.jpg"], "b": b, "c.light-x": ["c.light-x.png"]}
     (beside,) = discover([tmp_path / "a.npz"], beside=True)

@@ -15,7 +15,7 @@ from glyphs import stamp
 from glyphs.errors import FileError
 from pipeline.formats.touch_file import read_height_map
 
-PART = stamp("KX407", font="gothic", height_mm=5, seed=1).height_map
+PART = stamp("KX407", fonts="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
 TURN = np.array([[0.96, -0.28, 0.0], [0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])
 

@@ -162,7 +162,7 @@ def test_a_full_disk_is_told_as_one(memory: Callable[[str, bytes], str]) -> None
 def test_chains_and_odd_kinds_are_refused(url: str) -> None:
     refused(url, "has an unsupported scheme; name one of abfs, .* s3")
     with pytest.raises(FileError, match="has an unsupported scheme"):
-        list_remote(url)
+        list_remote(url, recurse=True)
 
 
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,22 +243,26 @@ def bucket(server: ThreadedMotoServer, s3: Callable[[str], None]) -> str:
 
 
 def test_buckets_are_listed(bucket: str) -> None:
-    files = [f"{bucket}/{key}" for key in sorted(OBJECTS) if key.count("/") == 1]
-    assert list_remote(f"{bucket}/lot") == list_remote(f"{bucket}/lot/") == files
-    assert list_remote(f"{bucket}/lot/?.npz") == [f"{bucket}/lot/a.npz", f"{bucket}/lot/b.npz"]
-    assert list_remote(f"{bucket}/lot/**/*.npz") == sorted(
-        f"{bucket}/{k}" for k in OBJECTS if k.endswith("npz")
-    )
-    assert list_remote(f"{bucket}/lot/notes.txt") == [f"{bucket}/lot/notes.txt"]
-    assert list_remote(f"{bucket}/lot/z*") == []
+    lot = f"{bucket}/lot"
+    top = [f"{bucket}/{key}" for key in sorted(OBJECTS) if key.count("/") == 1]
+    below = [f"{lot}/deeper/c.npz"]
+    folders = dict.fromkeys((f"{lot}/deeper", f"{lot}/empty"), "--no-recurse")
+    for place in (lot, f"{lot}/"):
+        assert list_remote(place, recurse=True) == ([(lot, top + below)], {})
+        assert list_remote(place, recurse=False) == ([(lot, top)], folders)
+    assert list_remote(f"{lot}/?.npz", recurse=True) == ([("", [f"{lot}/a.npz", f"{lot}/b.npz"])], {})
+    deep = sorted(f"{bucket}/{k}" for k in OBJECTS if k.endswith("npz"))
+    assert list_remote(f"{lot}/**/*.npz", recurse=True) == ([("", deep)], {})
+    assert list_remote(f"{lot}/notes.txt", recurse=True)[0] == [(f"{lot}/notes.txt", [f"{lot}/notes.txt"])]
+    assert list_remote(f"{lot}/z*", recurse=True) == ([("", [])], {})
     for missing in (f"{bucket}/none", "s3://nowhere/lot"):
         with pytest.raises(FileError, match=rf"^{missing}: is not there; check the name"):
-            list_remote(missing)
+            list_remote(missing, recurse=True)
 
 
 def test_every_object_listed_is_fetched(bucket: str) -> None:
-    parts = discover([f"{bucket}/lot"], photos=True)
-    assert [p.name for p in parts] == ["a", "b", "we::ird [1] #?ü"]
+    parts = discover([f"{bucket}/lot"])
+    assert [p.name for p in parts] == ["a", "b", "we::ird [1] #?ü", "deeper/c"]
     for part in parts:
         with local_copies(part) as local:
             for name, copy in zip(part.files, local.files, strict=True):
@@ -279,7 +283,7 @@ def test_without_credentials(bucket: str, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
     refused(f"{bucket}/lot/a.npz", "may not be read .*NoCredentials.*; check the credentials")
     with pytest.raises(FileError, match="may not be read"):
-        list_remote(bucket)
+        list_remote(bucket, recurse=True)
 
 
 def test_a_server_that_is_gone(s3: Callable[[str], None]) -> None:
@@ -290,7 +294,7 @@ def test_a_server_that_is_gone(s3: Callable[[str], None]) -> None:
     problem = refused("s3://lots/a.npz", "cannot be fetched .*check the network, the endpoint")
     assert str(port) in problem.what
     with pytest.raises(FileError, match="cannot be fetched"):
-        list_remote("s3://lots/lot")
+        list_remote("s3://lots/lot", recurse=True)
 
 
 def test_a_server_that_says_nothing(s3: Callable[[str], None], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -377,11 +381,12 @@ def test_a_web_server(tmp_path: Path) -> None:
             """Nothing is logged."""
 
     with serving(Folder) as url:
-        parts = discover([f"{url}/lot/"], photos=True)
+        parts = discover([f"{url}/lot/"])
         assert [(p.name, p.files) for p in parts] == [
             ("a", (f"{url}/lot/a.npz",)),
             ("b", (f"{url}/lot/b.npz", f"{url}/lot/b.png")),
         ]
+        assert parts.passed_over.folders == {f"{url}/lot/deeper": "a folder of a web server"}
         assert [p.name for p in discover([f"{url}/lot/*.npz"])] == ["a", "b"]
         assert read(parts[0].height_map) == b"a.npz"
         refused(f"{url}/lot/none.npz", "is not there; check the name")

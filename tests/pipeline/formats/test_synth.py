@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import get_args
 
@@ -23,6 +22,7 @@ from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_parts
 from pipeline.formats.touch_file import read_height_map
 from pipeline.formats.truth import load_truth
+from tests.support.csv_table import csv_rows
 
 
 def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
@@ -49,8 +49,7 @@ def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*files, "truth.csv"]
     with np.load(tmp_path / "out" / "part-000.npz") as content:
         assert sorted(content.files) == ["pitch_mm", "rows", "z_mm"]
-    with (tmp_path / "out" / "truth.csv").open(newline="") as stream:
-        assert next(csv.reader(stream)) == ["part", "text"]
+    assert [*csv_rows(tmp_path / "out" / "truth.csv")[0]] == ["part", "text"]
 
 
 def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import openpyxl
 import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.formats.truth import Accuracy, PartTexts, load_truth
+from pipeline.formats.truth import Accuracy, PartTexts, load_truth, read_order
+from recognition.language.grammar import Grammar
 
 
 def truth_of(tmp_path: Path, content: bytes) -> dict[str, str]:
@@ -24,6 +28,7 @@ def truth_of(tmp_path: Path, content: bytes) -> dict[str, str]:
         b"file,serial,note\na.npz,A1,x\nb.h5,B2,y\n",
         b"text,part\nA1,a\nB2,b\n",
         b'Teil;Seriennummer\na;"=""A1"""\nb;B2\xe2\x80\x8b\n',
+        b"Part,Serial,Right serial\na,A7,A1\nb,B2,B2\nc,C3,\n",
     ],
 )
 def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
@@ -38,7 +43,8 @@ def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
         (b"a,AB\n", "columns a, ab"),
         (b"part,text\na\n", "line 2 is not complete"),
         (b"part,text\na,A\na,B\n", "line 3 names a a second time"),
-        (b"part,text\n\xff\xfe,A\n", "UTF-8"),
+        (b"\xff\xfep\0a\0r", "UTF-16"),
+        (b"part,right serial\na,\n", "holds no part"),
         (
             b"part,text\na,1.23457E+11\n",
             r"line 2 holds 1\.23457E\+11, a serial that a spreadsheet has rounded",
@@ -73,8 +79,128 @@ def test_accuracy_by_its_definition() -> None:
     ]
     found = score(rows, truth)
     assert (found.parts, found.parts_right, found.characters, found.edits) == (4, 2, 27, 6)
-    assert found.describe() == (
-        "characters 77.78% (6 edits in 27), serials 50.00% (2 of 4); 1 without a truth, 1 of the truth not read"
+    assert found.lines() == [
+        "characters 77.78% (6 edits in 27), serials 50.00% (2 of 4); 1 without a truth, 1 of the truth not read",
+        "wrong: b (EFGH5678 read as EFH5679), d (JKLM read as nothing)",
+    ]
+    assert "characters 0.00%" in score([row("a", "X" * 90)], truth).lines()[0]
+    assert "no part" in score([row("stranger", "")], truth).lines()[0]
+
+
+def test_the_accepted_that_are_wrong_are_named() -> None:
+    truth = {f"p{k}": "A1" for k in range(30)}
+    rows = [replace(row(f"p{k}", "A7"), decision="accept") for k in range(30)]
+    _, wrong, accepted = score([*rows[:25], *(replace(r, text="A1") for r in rows[25:])], truth).lines()
+    assert wrong.startswith("wrong: p0 (A1 read as A7), p1 (A1 read as A7)")
+    assert wrong.endswith("p19 (A1 read as A7) and 5 more")
+    assert accepted.startswith("accepted and wrong: 25 of 30: p0, p1, ")
+    (_, none) = score([replace(row("p0", "A1"), decision="accept")], truth).lines()
+    assert none == "accepted and wrong: 0 of 1"
+
+
+def test_truths_that_no_serial_of_the_format_can_be_are_named() -> None:
+    found = score([], {"a": "BHO193", "b": "bh0193", "c": "BH0193", "other": "X"})
+    assert found.outside(Grammar.parse("AA9999"), ("a", "b", "c", "d")) == [
+        "a should read 'BHO193', but it does not fit the format AA9999",
+        "b should read 'bh0193', but it does not fit the format AA9999",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "part", "name"),
+    [
+        (["0001"], "2026-11-28/0001", "0001"),
+        (["28/0001", "29/0001"], "lot/29/0001", "29/0001"),
+        (["28/0001", "0001"], "28/0001", "28/0001"),
+        (["0001", "28/0001"], "lot/28/0001", "28/0001"),
+        (["28/0001", "29/0001"], "0001", None),
+        (["lot/28/0001"], "0001", "lot/28/0001"),
+        (["x/0001", "y/z/0001"], "0001", None),
+        (["8/0001"], "28/0001", None),
+        (["A/0001", "a/0001"], "A/0001", "A/0001"),
+    ],
+)
+def test_parts_of_subfolders_find_their_line(table: list[str], part: str, name: str | None) -> None:
+    assert PartTexts(dict.fromkeys(table, "")).name_of(part) == name
+
+
+def test_a_table_may_name_files_of_several_folders(tmp_path: Path) -> None:
+    content = b"file,text\n28/0001.jpg,A1\n29\\0001.jpg,B2\n"
+    assert truth_of(tmp_path, content) == {"28/0001": "A1", "29/0001": "B2"}
+
+
+def workbook(path: Path, *rows: tuple[Any, ...], formats: dict[str, str] | None = None) -> Path:
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    for cell, form in (formats or {}).items():
+        book.active[cell].number_format = form
+    book.save(path)
+    return path
+
+
+def test_a_workbook_is_read_as_it_is_shown(tmp_path: Path) -> None:
+    rows = (
+        ("Part", "Serial", "Note"),
+        ("a", 123, None),
+        (7, "000124", 1.5),
+        (None, None, None),
+        ("c", 3.0, "x"),
     )
-    assert "characters 0.00%" in score([row("a", "X" * 90)], truth).describe()
-    assert "no part" in score([row("stranger", "")], truth).describe()
+    path = workbook(tmp_path / "truth.xlsx", *rows, formats={"B2": "000000"})
+    assert load_truth(path) == {"a": "000123", "7": "000124", "c": "3"}
+
+
+def test_a_number_that_a_workbook_has_rounded_is_refused(tmp_path: Path) -> None:
+    path = workbook(tmp_path / "truth.xlsx", ("part", "text"), ("a", 1234567890123456))
+    with pytest.raises(
+        FileError, match=r"line 2 holds 1\.23457E\+15, a serial that a spreadsheet has rounded"
+    ):
+        load_truth(path)
+
+
+@pytest.mark.parametrize("content", [b"PK\x03\x04", b"PK\x03\x04" + bytes(range(256)) * 9])
+def test_a_damaged_workbook_is_told(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "order.xlsx").write_bytes(content)
+    with pytest.raises(
+        FileError, match=r"order.xlsx: is not a workbook \(.xlsx\), or damaged; save its sheet"
+    ):
+        read_order(tmp_path / "order.xlsx")
+
+
+def test_an_order_may_be_a_workbook(tmp_path: Path) -> None:
+    path = workbook(tmp_path / "order.xlsx", ("Pos", "Serial"), (1, "KX1"), (2, "KX10..KX12"))
+    order = read_order(path)
+    assert [text for text in ("KX1", "KX10", "KX11", "KX12", "KX2") if order.holds(text)] == [
+        "KX1", "KX10", "KX11", "KX12",
+    ]  # fmt: skip
+
+
+DASHES = ["KX636637-KX636655", "KX636637 - KX636655", "KX636637\u2013KX636655", "KX636637…KX636655"]
+
+
+@pytest.mark.parametrize("cell", [*DASHES, "KX636637 ... KX636655"])
+def test_a_range_with_any_dash_is_all_its_serials(cell: str, tmp_path: Path) -> None:
+    (tmp_path / "order.txt").write_text(f"{cell}\n", encoding="utf-8")
+    order = read_order(tmp_path / "order.txt", Grammar.parse("AA999999"))
+    assert all(order.holds(f"KX{number}") for number in range(636637, 636656))
+    assert not order.holds("KX636656")
+    assert not order.holds(cell)
+
+
+@pytest.mark.parametrize(
+    ("cell", "format"), [("AA12-AA15", "AA99-AA99"), ("12-34", "99-99"), ("KX15-KX12", None), ("AB-12", None)]
+)
+def test_a_serial_with_a_dash_is_one_serial(cell: str, format: str | None, tmp_path: Path) -> None:
+    (tmp_path / "order.txt").write_text(f"{cell}\n")
+    order = read_order(tmp_path / "order.txt", None if format is None else Grammar.parse(format))
+    assert (order.serials, order.ranges) == ({cell}, ())
+
+
+@pytest.mark.parametrize(("cell", "format"), [("KX12-KX15", None), ("12-34", None), ("KX12-KX15", "9999")])
+def test_what_may_be_a_range_or_a_serial_is_asked(cell: str, format: str | None, tmp_path: Path) -> None:
+    (tmp_path / "order.txt").write_text(f"{cell}\n")
+    first, last = cell.split("-")
+    told = rf"line 1: {cell} may be one serial, or all .*; write {first}\.\.{last} for a range"
+    with pytest.raises(FileError, match=told):
+        read_order(tmp_path / "order.txt", None if format is None else Grammar.parse(format))

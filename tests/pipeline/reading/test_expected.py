@@ -25,7 +25,9 @@ def test_one_text_for_all_or_a_table(tmp_path: Path) -> None:
 
 def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
     grammar = Grammar(format="AA99")
-    with pytest.raises(SettingsError, match="--verify is 'AB1', but it does not fit mask:AA99; correct"):
+    with pytest.raises(
+        SettingsError, match="--verify is 'AB1', but it does not fit the format AA99; correct"
+    ):
         load_expected("AB1", grammar)
     with pytest.raises(SettingsError, match="--verify is empty"):
         load_expected(" ")
@@ -36,5 +38,7 @@ def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="gives no text for b"):
         load_expected(str(path))
     path.write_text("part,text\na,AB18\nb,AB1\n", encoding="utf-8")
-    with pytest.raises(FileError, match=r"wanted\.csv: b should read 'AB1', but it does not fit mask:AA99"):
+    with pytest.raises(
+        FileError, match=r"wanted\.csv: b should read 'AB1', but it does not fit the format AA99"
+    ):
         load_expected(str(path), grammar)

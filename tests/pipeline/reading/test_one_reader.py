@@ -73,7 +73,7 @@ def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: P
     assert by_command.error == ""
     assert told(by_command) == told(by_cluster.record) == told(by_service)
 
-    by_library = pipeline.read(*files.values(), font="gothic", format="AA99", mode="fused")
+    by_library = pipeline.read(*files.values(), fonts="gothic", format="AA99", mode="fused")
     assert (by_library.text, by_library.decision) == (by_command.text, by_command.decision)
     assert by_library.confidence == pytest.approx(by_command.confidence, abs=1e-6)  # as the record rounds
 
@@ -86,7 +86,7 @@ def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: P
 
 
 def test_the_library_uses_the_soil_of_the_file_and_verifies(files: dict[str, Path]) -> None:
-    reading = pipeline.read(files["height_map"], font="gothic", format="AA99", expected="ZZ00")
+    reading = pipeline.read(files["height_map"], fonts="gothic", format="AA99", expected="ZZ00")
     assert reading.source == "tactile"
     assert reading.trace.verification is not None
     assert reading.trace.verification.verdict == "refuted"

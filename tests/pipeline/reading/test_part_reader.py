@@ -120,7 +120,6 @@ TOUCH, VISION, BOTH = (True, False), (False, True), (True, True)
 @pytest.mark.parametrize(
     ("mode", "felt", "seen", "both"),
     [
-        (None, TOUCH, VISION, TOUCH),
         ("tactile", TOUCH, None, TOUCH),
         ("vision", None, VISION, VISION),
         ("fused", None, None, BOTH),
@@ -138,12 +137,12 @@ def test_modes(mode: Any, felt: Any, seen: Any, both: Any, folder: Path) -> None
 
 def test_touch_is_given_the_soil(folder: Path) -> None:
     reader = FakeReader()
-    found = PartReader(reader).read(part(folder, "both"))
+    found = PartReader(reader, ReadSettings(mode="tactile")).read(part(folder, "both"))
     ((_, soil, name),) = reader.given
     assert name == "both"
     assert soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
     assert (found.text, found.vision, found.trace.photo) == ("A1", None, None)
-    PartReader(reader).read(part(folder, "felt"))
+    PartReader(reader, ReadSettings(mode="tactile")).read(part(folder, "felt"))
     assert reader.given[1][1] is None
 
 
@@ -182,10 +181,10 @@ def verdict_of(found: Reading) -> Verdict:
 
 
 def test_touch_is_verified_on_its_beliefs(folder: Path) -> None:
-    found = PartReader(FakeReader()).read(part(folder, "both"), expected="B1")
+    found = PartReader(FakeReader(), ReadSettings(mode="tactile")).read(part(folder, "both"), expected="B1")
     assert verdict_of(found) is Verdict.REFUTED
     assert ReadingFlag.MISMATCH in found.flags
-    found = PartReader(FakeReader()).read(part(folder, "both"), expected="A1")
+    found = PartReader(FakeReader(), ReadSettings(mode="tactile")).read(part(folder, "both"), expected="A1")
     assert verdict_of(found) is Verdict.CONFIRMED
 
 
@@ -228,7 +227,7 @@ def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: P
     for path, size in zip(paths, sizes, strict=False):
         write_photo(path, Photo(np.full(size, 90, dtype=np.uint8)))
     paths[3].write_bytes(b"no picture")
-    (part,) = discover([tmp_path], photos=True)
+    (part,) = discover([tmp_path])
     reader = FakeReader()
     found = PartReader(reader).read(part)
     (given,) = reader.given

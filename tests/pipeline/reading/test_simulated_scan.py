@@ -22,7 +22,7 @@ def read_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_dirt_does_not_make_the_characters_taller(monkeypatch: pytest.MonkeyPatch) -> None:
     """On this part the highest band is dirt and line together."""
     read_quickly(monkeypatch)
-    part = stamp("KX407251", font="gothic", height_mm=5.0, seed=3, dirt=0.6)
+    part = stamp("KX407251", fonts="gothic", height_mm=5.0, seed=3, dirt=0.6)
     # shops stamp within a few percent of the height asked for
     assert find_height_mm(part.height_map, soil=part.soil) == pytest.approx(5.0, rel=0.06)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import resource
@@ -24,9 +25,10 @@ from hypothesis import strategies as st
 from glyphs.errors import FileError
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from pipeline.common.row import row_of
-from pipeline.common.texts import escape_formula
+from pipeline.common.texts import csv_line, unescape_formula
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.tables import MOST_TEXT
+from tests.support.csv_table import csv_rows
 from tests.support.run_tables import TableRow, read_rows, record_of, record_of_json, write_records
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
@@ -156,7 +158,8 @@ def test_every_field_comes_back_from_every_file(
 
 
 def in_csv(record: ReadingRecord) -> ReadingRecord:
-    return replace(record, part=escape_formula(record.part), text=escape_formula(record.text))
+    ((part, text),) = csv.reader(io.StringIO(csv_line((record.part, record.text)), newline=""))
+    return replace(record, part=part, text=text)
 
 
 PLAIN_TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\x00\\"), max_size=12)
@@ -170,14 +173,9 @@ def test_other_programs_read_the_same(
     folder = tmp_path_factory.mktemp("rows")
     for suffix in SUFFIXES:
         write_records(rows, folder / f"t{suffix}")
-    with (folder / "t.csv").open(newline="", encoding="utf-8") as stream:
-        assert list(csv.DictReader(stream)) == [
-            {
-                k: "" if v is None else escape_formula(v) if isinstance(v, str) else str(v)
-                for k, v in r.items()
-            }
-            for r in map(row_of, rows)
-        ]
+    assert [
+        {name: unescape_formula(cell) for name, cell in row.items()} for row in csv_rows(folder / "t.csv")
+    ] == [{name: "" if v is None else str(v) for name, v in row_of(record).items()} for record in rows]
     # `splitlines` takes more for ends of lines than JSON does, as many programs do
     lines = (folder / "t.jsonl").read_text(encoding="utf-8").splitlines()
     assert [record_of_json(line.encode()) for line in lines] == rows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -34,6 +33,7 @@ from pipeline.runs.setting_files import files_to_send, with_local_files
 from pipeline.runs.task import RunOrder, read_listed
 from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
+from tests.support.csv_table import csv_rows
 from tests.support.fake_executor import FakeExecutor
 from tests.support.run_tables import read_rows
 
@@ -85,8 +85,7 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
     assert executor.read == ["p0"]
     assert (run.read_now, run.summary.parts, run.summary.errors) == (1, 6, 2)
     assert not marker.exists()
-    with path.open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = csv_rows(path)
     assert [row["part"] for row in rows] == [p.name for p in PARTS]
     assert rows[5]["error"] == "p5.npz: its worker is lost; try it alone"
     # the list of bad parts is a manifest

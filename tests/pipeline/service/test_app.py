@@ -70,7 +70,7 @@ def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(served: Serv
     said = {"action": "correct", "text": "KX4O7251", "who": "Anna"}
     asked = client.post(f"/v1/parts/{part_id}/review", json=said)
     assert asked.status_code == 422
-    assert f"it does not fit {FORMAT}" in asked.json()["detail"]
+    assert f"it does not fit the format {FORMAT}" in asked.json()["detail"]
     assert service.store.story(part_id).reviews == ()
     meant = client.post(f"/v1/parts/{part_id}/review", json={**said, "outside_format": True})
     assert (meant.status_code, meant.json()["text"]) == (200, "KX4O7251")
@@ -79,7 +79,7 @@ def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(served: Serv
     form = {"text": "AB1", "who": "Anna"}
     asked = client.post(f"/review/{again}", data=form)
     assert asked.status_code == 422
-    assert f"AB1: it does not fit {FORMAT}" in asked.text
+    assert f"AB1: it does not fit the format {FORMAT}" in asked.text
     assert 'name="outside" value="AB1"' in asked.text
     changed = client.post(f"/review/{again}", data={**form, "text": "AB2", "outside": "AB1"})
     assert changed.status_code == 422

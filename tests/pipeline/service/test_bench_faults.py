@@ -27,7 +27,7 @@ DEAD = "whisker 3, dead whisker: gives"
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """dead.h5 and sound.h5, of one part."""
     folder = tmp_path_factory.mktemp("recordings")
-    surface = stamp(TEXT, font="gothic", height_mm=5.0, seed=3).height_map
+    surface = stamp(TEXT, fonts="gothic", height_mm=5.0, seed=3).height_map
     plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
     scan = trace_scan(surface, touch=default_touch(5.0), plan=plan, fidelity=Fidelity.POINTWISE)
     for name, fault in (("dead", FaultKind.DEAD), ("sound", None)):

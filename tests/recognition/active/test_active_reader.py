@@ -48,7 +48,7 @@ def mounted(surface: HeightMap, session: type[SimulatedSession] = SimulatedSessi
 
 @cache
 def part() -> HeightMap:
-    return stamp(TEXT, font="gothic", height_mm=HEIGHT_MM, seed=3).height_map
+    return stamp(TEXT, fonts="gothic", height_mm=HEIGHT_MM, seed=3).height_map
 
 
 @cache

@@ -134,7 +134,7 @@ def test_a_wrong_serial_may_break_the_format() -> None:
     [
         (" ", {}, "is empty"),
         ("AB12-456", {}, "does not look for"),
-        ("AB12345X", {"grammar": Grammar(format="AA999999")}, "does not fit mask:AA999999"),
+        ("AB12345X", {"grammar": Grammar(format="AA999999")}, "does not fit the format AA999999"),
     ],
 )
 def test_what_cannot_be_looked_for_is_said(expected: str, options: dict[str, object], said: str) -> None:

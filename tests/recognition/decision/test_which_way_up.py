@@ -28,7 +28,7 @@ SURE = 0.99
 
 
 def view_of(text: str, *, mirrored: bool = False) -> View:
-    surface = level(stamp(text, font="gothic", height_mm=4.0, seed=3).height_map)
+    surface = level(stamp(text, fonts="gothic", height_mm=4.0, seed=3).height_map)
     return heights_view(surface.mirrored if mirrored else surface)
 
 

@@ -119,7 +119,7 @@ def doubt(text: str, place: int, rival: str, *, belief: float = 0.7) -> Lattice:
 
 @pytest.fixture(scope="module")
 def dirty(touch: Touch) -> FeltLine:
-    part = stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=3, dirt=0.3)
+    part = stamp(TEXT, fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=3, dirt=0.3)
     edges = edge_map(scan := felt(part.height_map, touch=touch, soil=part.soil))
     return FeltLine(felt_view(edges, relief_of(scan, edges), touch), *stamped_line(part.stamped))
 

@@ -124,7 +124,7 @@ def test_a_place_may_lie_off_by_some_steps(sets: Callable[[str], TemplateSet]) -
 
 
 def part_of(dirt: float) -> Part:
-    return stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=0, dirt=dirt)
+    return stamp(TEXT, fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=0, dirt=dirt)
 
 
 def touched(part: Part, touch: Touch) -> View:

@@ -56,7 +56,7 @@ READ_SHARE = 0.75
 
 def line_of(text: str) -> tuple[View, TextLine, str]:
     """A clean plate as an instrument measures it, 28 samples to the height: what the recogniser sees."""
-    part = stamp(text, font="gothic", height_mm=5.0, pitch_mm=5.0 / 28, seed=1)
+    part = stamp(text, fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 28, seed=1)
     made = TrainingPart(part, Layout(), scan=None, photos=())  # type: ignore[arg-type]
     line, said, _ = lines_of(made)[0]
     return heights_view(part.height_map), line, said

@@ -53,7 +53,7 @@ def test_a_height_that_is_known_is_kept_to(make_part: Make) -> None:
 
 def test_two_lines_are_two() -> None:
     part = stamp(
-        "K7B29X4", font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
+        "K7B29X4", fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
         layout=Layout(other_text="R3X8HM5", gap=0.7),
     )  # fmt: skip
     stamped = part.stamped

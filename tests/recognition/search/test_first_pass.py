@@ -12,7 +12,7 @@ from recognition.search.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan
 
-PART = stamp("K7B2", font="gothic", height_mm=5.0, seed=3)
+PART = stamp("K7B2", fonts="gothic", height_mm=5.0, seed=3)
 
 
 class Recorder:
@@ -42,7 +42,7 @@ def test_a_height_that_is_given_is_taken_as_it_is() -> None:
 
 @pytest.mark.parametrize("height_mm", [0.8, 25.0])
 def test_small_and_large_characters_are_found_by_it(height_mm: float) -> None:
-    part = stamp("K7B2", font="gothic", height_mm=height_mm, seed=3)
+    part = stamp("K7B2", fonts="gothic", height_mm=height_mm, seed=3)
     found = felt_heights_mm(Reader(format="A9A9").touch.lines.search, part.height_map)
     assert any(one == pytest.approx(height_mm, rel=0.15) for one in found)
 

@@ -25,7 +25,7 @@ from recognition.views.text_line import TextLine
 from recognition.views.view import ViewKind, heights_view
 
 PART = stamp(
-    "KXB4071", font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
+    "KXB4071", fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
     layout=Layout(other_text="2938174", gap=0.8),
 )  # fmt: skip
 VIEW = heights_view(level(PART.height_map))
@@ -58,7 +58,7 @@ def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
 def test_a_straight_line_over_an_arc_is_bent() -> None:
     text, height_mm = "KXB4071", 5.0
     part = stamp(
-        text, font="gothic", height_mm=height_mm, pitch_mm=height_mm / 60, seed=1,
+        text, fonts="gothic", height_mm=height_mm, pitch_mm=height_mm / 60, seed=1,
         layout=Layout(radius_mm=3.0 * height_mm),
     )  # fmt: skip
     view = heights_view(level(part.height_map))
@@ -77,7 +77,7 @@ def test_a_line_of_narrow_or_wide_characters_is_read_at_their_width(x_scale: flo
     font = load_font("gothic")
     glyphs = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in text}
     part = stamp(
-        text, font=replace(font, glyphs={**font.glyphs, **glyphs}), height_mm=height_mm,
+        text, fonts=replace(font, glyphs={**font.glyphs, **glyphs}), height_mm=height_mm,
         pitch_mm=height_mm / 60, dirt=0.7, seed=1,
     )  # fmt: skip
     view = heights_view(level(part.height_map))
@@ -149,7 +149,7 @@ def test_a_line_is_not_moved_out_of_its_region(
 
 
 def test_what_lies_upside_down_is_read() -> None:
-    over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
+    over = HeightMap(np.rot90(stamp("KXB4071", fonts="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
     part = reader_of("AAA9999").read(heights_view(level(over)))
     assert part.main is not None
     assert part.main.lattice.text == "KXB4071"
