@@ -120,7 +120,7 @@ def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
         at = (round(middle[0]), round(middle[1]))
         cv2.ellipse(mask, at, axes, 0.0, 0.0, 360.0, 255, -1, cv2.LINE_AA)
         cv2.ellipse(rim, at, axes, 0.0, 0.0, 360.0, 180, max(1, round(0.02 * size)), cv2.LINE_AA)
-        x, y = np.float32(middle / _FINE)
+        x, y = (np.float32(place) for place in middle / _FINE)
         magnified = np.float32(rng.uniform(0.6, 0.95))
         below = cv2.remap(
             grey, x + (columns - x) * magnified, y + (rows - y) * magnified,

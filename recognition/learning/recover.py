@@ -78,7 +78,7 @@ def _is_scale(name: str) -> bool:
 def _laid(name: str, values: torch.Tensor) -> Numbers:
     """Copy weights to a flat array in the order of the ONNX file, which holds the head's transposed."""
     laid = values.T if name == "head.weight" else values
-    return laid.detach().numpy().copy().ravel()
+    return np.array(laid.detach().numpy(), dtype=np.float32).ravel()
 
 
 def _key(name: str, exported: Mapping[str, Numbers]) -> str:
