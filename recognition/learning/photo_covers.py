@@ -120,13 +120,16 @@ def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
         at = (round(middle[0]), round(middle[1]))
         cv2.ellipse(mask, at, axes, 0.0, 0.0, 360.0, 255, -1, cv2.LINE_AA)
         cv2.ellipse(rim, at, axes, 0.0, 0.0, 360.0, 180, max(1, round(0.02 * size)), cv2.LINE_AA)
-        x, y = (np.float32(place) for place in middle / _FINE)
-        magnified = np.float32(rng.uniform(0.6, 0.95))
-        below = cv2.remap(
-            grey, x + (columns - x) * magnified, y + (rows - y) * magnified,
-            cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
-        grey = _put(_put(grey, mask, np.asarray(below * rng.uniform(0.5, 1.0), dtype=np.float32)), rim, 0.05)
+        x, y = (float(place) for place in middle / _FINE)
+        magnified = float(rng.uniform(0.6, 0.95))
+        below_x = np.asarray(x + (columns - x) * magnified, dtype=np.float32)
+        below_y = np.asarray(y + (rows - y) * magnified, dtype=np.float32)
+        below = cv2.remap(grey, below_x, below_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        grey = _put(
+            _put(grey, mask, np.asarray(np.asarray(below) * rng.uniform(0.5, 1.0), dtype=np.float32)),
+            rim,
+            0.05,
+        )
         glint = _blank(grey)
         place = (round(at[0] - 0.3 * radius), round(at[1] - 0.3 * radius))
         cv2.circle(glint, place, max(2, round(0.12 * radius)), 255, -1, cv2.LINE_AA)
