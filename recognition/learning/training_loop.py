@@ -113,13 +113,14 @@ def fit(
         path.parent.mkdir(parents=True, exist_ok=True)
     draw = torch.Generator(next(network.parameters()).device)
     average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - average_share))
-    step, share, losses = 0, 0.0, list[Tensor]()
+    step, losses = 0, list[Tensor]()
     if state_at.exists():
         step = _restore(state_at, task, average)
         _report(log, {"resumed at": step * how.batch})
     else:
         _report(log, {"start": task.measure(network)[1]})
     draw.manual_seed(how.seed + step)
+    share = max(step - 1, 0) * how.batch / how.samples
     rates = LambdaLR(task.optimiser, lambda _: _rate(share))
     saved = measured = time.monotonic()
     for batch in task.batches(step):
