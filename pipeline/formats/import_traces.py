@@ -18,7 +18,7 @@ time |          ....             ties: several samples to a tick of a coarse clo
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,8 @@ from pipeline.errors import DataError, naming, reading
 from pipeline.formats.grid import MM, SECONDS, UNITS
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
-from whisker_array.scan.read_recording import OVERLOAD, SPEEDS_MM_S, UNIT_N_MM, line_pitch_of
+from whisker_array.estimation.faults import FaultKind, find_signal_faults
+from whisker_array.scan.read_recording import OVERLOAD, SPEEDS_MM_S, UNIT_N_MM, VOLT, line_pitch_of
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep, fill_air
 from whisker_array.simulation.traces import SampleFlag
@@ -48,8 +49,6 @@ _SHORT = 0.5
 _JUMP = 0.05
 PAUSE_STEPS = 2.5
 """Step of the clock, in usual steps, above which sampling was paused."""
-MOST_MOMENT_N_MM = 1000.0
-"""Moment that no whisker can carry: a newton at the end of a metre."""
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +68,7 @@ class _Pass:
 
 
 def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
-    """Read a scan from trace files; moments in N mm, volts unchanged.
+    """Read a scan from trace files; moments in N mm, volts unchanged. Its notes name faults of the signals.
 
     Args:
         paths: trace files, in the order in which they were recorded.
@@ -101,15 +100,20 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
         )
     ways = sorted({p.direction for p in passes}, key=int)
     sweeps = tuple(_sweep([p for p in passes if p.direction is way], layout) for way in ways)
-    return Scan(
+    scan = Scan(
         sweeps=sweeps,
         touch=touch,
         line_pitch_mm=line_pitch_of(sweeps),
         sample_rate_hz=float(np.median(rates)),
         part_id=layout.part_id,
         start_time=layout.start_time,
-        notes=(f"imported from {', '.join(p.name for p in paths)}"[:1000],),
     )
+    faults = find_signal_faults(scan, volts=layout.moment_unit == VOLT)
+    if other_unit := [f for f in faults if f.kind is FaultKind.UNIT and f.whisker is None]:
+        hint = 'correct moment_unit; write "V" for counts, too, and run calibrate'
+        raise FileError(paths[0], f"says moment_unit = {layout.moment_unit!r}, {other_unit[0].text}", hint)
+    source = f"imported from {', '.join(p.name for p in paths)}"[:1000]
+    return replace(scan, notes=(source, *(f.text for f in faults)))
 
 
 def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass]:
@@ -118,10 +122,6 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     signal = np.column_stack([table.columns[c] for c in columns.moment])
     signal[~(np.abs(signal) < OVERLOAD)] = np.nan
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
-    largest = float(np.abs(signal).max(initial=0.0, where=np.isfinite(signal)))
-    if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
-        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, more than any whisker can carry"
-        raise DataError(what, 'correct moment_unit; write "V" for counts, too, and run calibrate')
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
     table.require(number, "pass", "write -1 between passes")

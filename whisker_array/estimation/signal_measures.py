@@ -345,7 +345,7 @@ def doubled_channels(
         fewest: least number of changes.
     """
     changes = np.concatenate(
-        [np.diff(f.air, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
+        [np.diff(f.air, n=4, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
     )
     if changes.shape[1] < fewest:
         return []
