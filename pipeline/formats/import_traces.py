@@ -235,7 +235,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
         raise FileError(
             passes[0].path,
             f"has passes of {high - low:.3f} mm, twice lead_mm is {2 * layout.lead_mm:g}",
-            "correct lead_mm",
+            "correct lead_mm" + (", part_mm or the sign of the positions" if layout.part_mm else ""),
         )
     u = low + step * np.arange(n_samples)
     moment = np.empty((len(passes), n, n_samples), dtype=np.float32)
