@@ -265,7 +265,6 @@ def import_traces(
     from pipeline.formats.import_traces import import_traces as imported
     from pipeline.formats.traces_file import read_traces_file
     from pipeline.formats.whisker_file import read_whisker_file
-    from whisker_array.estimation.faults import find_signal_faults
     from whisker_array.scan.read_recording import VOLT
     from whisker_array.scan.recording import save_scan
     from whisker_array.simulation.traces import SampleFlag
@@ -288,8 +287,8 @@ def import_traces(
     missing = sum(int(np.count_nonzero(s.flags & np.uint8(SampleFlag.OUT_OF_RANGE))) for s in scan.sweeps)
     if missing:
         print(f"missing samples (empty, or an overload): {missing:,} of {scan.n_samples:,}")
-    for fault in find_signal_faults(scan, volts=volts):
-        print(f"  {fault.text}")
+    for fault in scan.notes[1:]:
+        print(f"  {fault}")
     if volts:
         print(f"its signals are in volts: run tactile-marks calibrate {out}")
 

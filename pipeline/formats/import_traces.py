@@ -18,7 +18,7 @@ time |          ....             ties: several samples to a tick of a coarse clo
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,8 @@ from pipeline.errors import DataError, naming, reading
 from pipeline.formats.grid import MM, SECONDS, UNITS
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
-from whisker_array.scan.read_recording import OVERLOAD, UNIT_N_MM, line_pitch_of
+from whisker_array.estimation.faults import FaultKind, find_signal_faults
+from whisker_array.scan.read_recording import OVERLOAD, SPEEDS_MM_S, UNIT_N_MM, VOLT, line_pitch_of
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep, fill_air
 from whisker_array.simulation.traces import SampleFlag
@@ -48,10 +49,6 @@ _SHORT = 0.5
 _JUMP = 0.05
 PAUSE_STEPS = 2.5
 """Step of the clock, in usual steps, above which sampling was paused."""
-MOST_MOMENT_N_MM = 1000.0
-"""Moment that no whisker can carry: a newton at the end of a metre."""
-SPEEDS_MM_S = (0.2, 2000.0)
-"""Least and greatest speed of a tracing stage; outside them the times are in another unit."""
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +68,7 @@ class _Pass:
 
 
 def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
-    """Read a scan from trace files; moments in N mm, volts unchanged.
+    """Read a scan from trace files; moments in N mm, volts unchanged. Its notes name faults of the signals.
 
     Args:
         paths: trace files, in the order in which they were recorded.
@@ -91,10 +88,11 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
             rates.append(_rate_hz(table, layout))
             own = tuple(_passes(path, table, layout))
             passes += own
-            if layout.columns.time is not None:
-                step_mm = float(np.median([p.step_mm for p in own]))
-                units = layout.time_unit, layout.position_unit
-                check_speed(step_mm=step_mm, rate_hz=rates[-1], units=units)
+            step_mm = float(np.median([p.step_mm for p in own]))
+            time_unit = None if layout.columns.time is None else layout.time_unit
+            check_speed(
+                step_mm=step_mm, rate_hz=rates[-1], time_unit=time_unit, position_unit=layout.position_unit
+            )
     if max(rates) > 1.01 * min(rates):
         worst = paths[int(np.argmax(rates))]
         raise FileError(
@@ -102,15 +100,20 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
         )
     ways = sorted({p.direction for p in passes}, key=int)
     sweeps = tuple(_sweep([p for p in passes if p.direction is way], layout) for way in ways)
-    return Scan(
+    scan = Scan(
         sweeps=sweeps,
         touch=touch,
         line_pitch_mm=line_pitch_of(sweeps),
         sample_rate_hz=float(np.median(rates)),
         part_id=layout.part_id,
         start_time=layout.start_time,
-        notes=(f"imported from {', '.join(p.name for p in paths)}"[:1000],),
     )
+    faults = find_signal_faults(scan, volts=layout.moment_unit == VOLT)
+    if other_unit := [f for f in faults if f.kind is FaultKind.UNIT and f.whisker is None]:
+        hint = 'correct moment_unit; write "V" for counts, too, and run calibrate'
+        raise FileError(paths[0], f"says moment_unit = {layout.moment_unit!r}, {other_unit[0].text}", hint)
+    source = f"imported from {', '.join(p.name for p in paths)}"[:1000]
+    return replace(scan, notes=(source, *(f.text for f in faults)))
 
 
 def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass]:
@@ -119,10 +122,6 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     signal = np.column_stack([table.columns[c] for c in columns.moment])
     signal[~(np.abs(signal) < OVERLOAD)] = np.nan
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
-    largest = float(np.abs(signal).max(initial=0.0, where=np.isfinite(signal)))
-    if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
-        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, more than any whisker can carry"
-        raise DataError(what, 'correct moment_unit; write "V" for counts, too, and run calibrate')
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
     table.require(number, "pass", "write -1 between passes")
@@ -236,7 +235,7 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
         raise FileError(
             passes[0].path,
             f"has passes of {high - low:.3f} mm, twice lead_mm is {2 * layout.lead_mm:g}",
-            "correct lead_mm",
+            "correct lead_mm" + (", part_mm or the sign of the positions" if layout.part_mm else ""),
         )
     u = low + step * np.arange(n_samples)
     moment = np.empty((len(passes), n, n_samples), dtype=np.float32)
@@ -305,22 +304,23 @@ def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restar
         restart: a clock restarts in less than this share of the time since its last start.
     """
     start = 0
-    for k in np.flatnonzero(steps < 0.0):
-        row = int(k) + 1
-        since_start = time_s[[row, k]] - time_s[start]
-        if number[row] == number[k] or since_start[0] > restart * since_start[1]:
+    for k in np.flatnonzero(steps < 0.0).tolist():
+        row = k + 1
+        since_start, until_then = time_s[row] - time_s[start], time_s[k] - time_s[start]
+        if number[row] == number[k] or since_start > restart * until_then:
             return row
         start = row
     return None
 
 
-def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> None:
+def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, position_unit: str) -> None:
     """Refuse times or positions with an impossibly slow or fast stage.
 
     Args:
         step_mm: step from sample to sample.
         rate_hz: samples a second.
-        units: units of the times and of the positions.
+        time_unit: unit of the times; None if the rate was stated.
+        position_unit: unit of the positions.
 
     Raises:
         DataError: the speed is impossible; the hint names the likely unit.
@@ -328,10 +328,18 @@ def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> No
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:
         return
-    time, position = units
-    times = [f'time_unit = "{u}"' for u, s in SECONDS.items() if least <= speed * SECONDS[time] / s <= most]
-    places = [f'position_unit = "{u}"' for u in UNITS if least <= speed * MM[u] / MM[position] <= most]
+    times = [
+        f'time_unit = "{u}"'
+        for u, s in SECONDS.items()
+        if time_unit is not None and least <= speed * SECONDS[time_unit] / s <= most
+    ]
+    places = [f'position_unit = "{u}"' for u in UNITS if least <= speed * MM[u] / MM[position_unit] <= most]
     likely = " or ".join(times[:1] + places[:1])
-    asked = f"say {likely} if that is their unit" if likely else "correct time_unit"
-    what = f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {time}"
-    raise DataError(what, f"{asked}, or give sampling_rate_hz in place of columns.time")
+    what = f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz"
+    if time_unit is None:
+        hint = f"say {likely} if that is its unit, or correct" if likely else "correct"
+        raise DataError(what, f"{hint} sampling_rate_hz")
+    hint = f"say {likely} if that is their unit" if likely else "correct time_unit"
+    raise DataError(
+        f"{what} by its times in {time_unit}", f"{hint}, or give sampling_rate_hz in place of columns.time"
+    )

@@ -92,7 +92,7 @@ class FaultKind(StrEnum):
     BENT = (
         "bent whisker",
         "gives {:.0f} % of the moment that the others give on the same lines",
-        "straighten or replace it, then calibrate",
+        "check its gain; straighten or replace it, then calibrate",
     )
     WORN = (
         "worn tip",
@@ -409,6 +409,11 @@ def _blunt(kept: Floats, limits: FaultLimits) -> Floats:
 def _bench_faults(
     scan: Scan, shares: list[SweepShares], level: Floats, limits: FaultLimits
 ) -> Iterator[Fault]:
+    tone = measures.strongest_tone(shares, scan.sample_rate_hz)
+    if tone.amplitude > limits.tone and tone.ratio > limits.tone_ratio:
+        yield _fault(FaultKind.VIBRATION, 100.0 * tone.amplitude, tone.hz)
+        if tone.amplitude > limits.height_margin:
+            return  # heights are lost in it
     preload = scan.touch.preload_mm
     low, high = _land_range(scan.touch, limits.frictions)
     share = float(np.median(level))
@@ -420,9 +425,6 @@ def _bench_faults(
         mm, axis = max(zip(map(abs, both), "xy", strict=True), key=itemgetter(0))
         if mm > limit * preload:
             yield _fault(kind, mm, axis, preload)
-    tone = measures.strongest_tone(shares, scan.sample_rate_hz)
-    if tone.amplitude > limits.tone and tone.ratio > limits.tone_ratio:
-        yield _fault(FaultKind.VIBRATION, 100.0 * tone.amplitude, tone.hz)
 
 
 def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +29,6 @@ from whisker_array.estimation.fault_measures import (
 )
 from whisker_array.scan.scan import Scan, only
 from whisker_array.simulation.traces import SampleFlag
-
-Order = tuple[int, ...]
 
 
 def _noise(shares: Sequence[SweepShares]) -> Floats:
@@ -178,7 +176,7 @@ class ChannelOrder(NamedTuple):
         misfit_now: the same in the present order.
     """
 
-    channel: Order
+    channel: tuple[int, ...]
     backward: tuple[bool, bool] = (False, False)
     misfit: float = 0.0
     misfit_now: float = 0.0
@@ -196,6 +194,8 @@ class ChannelOrder(NamedTuple):
         """
         axes = " and ".join(axis for axis, backward in zip("xy", self.backward, strict=True) if backward)
         across = f"with positions across the passes along {axes} in reverse order" if axes else ""
+        if all(self.backward) and not self.moved:
+            across += ", or all channels"
         channels = [columns[channel] for channel in self.channel]
         if not self.moved:
             order = ""
@@ -252,47 +252,32 @@ def best_order(
             f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut
         )
     ]
-    movable = np.flatnonzero(quiet | np.isfinite(level)).tolist()
-    present = tuple(range(level.size))
-    turned = list(present)
-    for whisker, channel in zip(movable, reversed(movable), strict=True):
-        turned[whisker] = channel
+    movable = np.flatnonzero(quiet | np.isfinite(level))
+    present = np.arange(level.size)
+    turned = present.copy()
+    turned[movable] = movable[::-1]
+    pairs = np.array(list(combinations(movable, 2)), dtype=np.intp).reshape(-1, 2)
     axes = {border.along_x for border in borders}
     backward = [
         (x, y) for x in (False, True) for y in (False, True) if x <= (True in axes) and y <= (False in axes)
     ]
-
-    def misfit(order: ChannelOrder) -> ChannelOrder:
-        return _misfit(borders, order, quiet)
-
-    candidates = [misfit(ChannelOrder(present))]
-    for start in (present, tuple(turned)):
-        for ways in backward:
-            order = misfit(ChannelOrder(start, ways))
-            candidates.append(order)
-            while len(movable) > 1:
-                exchanged = (misfit(order._replace(channel=c)) for c in _exchanges(order.channel, movable))
-                nearer = min(exchanged, key=_change)
-                if _change(nearer) > _change(order) - 1e-4:
-                    break
-                order = nearer
-                candidates.append(order)
-    most = min(map(_change, candidates))
-    simple = (c for c in candidates if _change(c) <= simpler * most)
+    candidates = [ChannelOrder(tuple(present.tolist()))]
+    for start, ways in product((present, turned), backward):
+        orders, change = start[None], np.inf
+        while len(orders):
+            misfit, misfit_now = _misfits(borders, orders, ways, quiet)
+            k = int(np.argmin(misfit - misfit_now))
+            if misfit[k] - misfit_now[k] > change - 1e-4:
+                break
+            change = misfit[k] - misfit_now[k]
+            order = tuple(orders[k].tolist())
+            candidates.append(ChannelOrder(order, ways, float(misfit[k]), float(misfit_now[k])))
+            orders = np.tile(orders[k], (len(pairs), 1))
+            each = np.arange(len(pairs))[:, None]
+            orders[each, pairs] = orders[each, pairs[:, ::-1]]
+    most = min(c.misfit - c.misfit_now for c in candidates)
+    simple = (c for c in candidates if c.misfit - c.misfit_now <= simpler * most)
     return min(simple, key=lambda c: len(c.moved) + 2 * sum(c.backward))
-
-
-def _change(order: ChannelOrder) -> float:
-    return order.misfit - order.misfit_now
-
-
-def _exchanges(order: Order, movable: Sequence[int]) -> list[Order]:
-    exchanged = []
-    for a, b in combinations(movable, 2):
-        channels = list(order)
-        channels[a], channels[b] = channels[b], channels[a]
-        exchanged.append(tuple(channels))
-    return exchanged
 
 
 def _borders(
@@ -320,18 +305,20 @@ def _mean_square(values: Floats, *, fewest: int = 20) -> Floats:
     return np.where(known >= fewest, np.nansum(values**2, axis=-1) / np.maximum(known, 1), np.nan)
 
 
-def _misfit(borders: Sequence[_Border], order: ChannelOrder, quiet: Mask) -> ChannelOrder:
-    channel, now, then = np.array(order.channel), 0.0, 0.0
+def _misfits(
+    borders: Sequence[_Border], orders: NDArray[np.intp], backward: tuple[bool, bool], quiet: Mask
+) -> tuple[Floats, Floats]:
+    """Misfit of each order (orders, whiskers), and of the present one at the borders that it changes."""
+    after, before = np.zeros((2, len(orders)))
     for b in borders:
-        backward = order.backward[0 if b.along_x else 1]
-        a, c = channel[b.whisker], channel[b.beside]
-        before = b.difference[b.whisker, b.beside]
-        after = (b.difference_backward if backward else b.difference)[a, c]
-        moved = (a != b.whisker) | (c != b.beside) | backward
-        moved &= np.isfinite(before) & np.isfinite(after)
-        reason = moved & ~(quiet[b.whisker] | quiet[b.beside])
-        now, then = now + float(before[reason].sum()), then + float(after[moved].sum())
-    return order._replace(misfit=then, misfit_now=now)
+        turned = backward[0 if b.along_x else 1]
+        one, other = orders[:, b.whisker], orders[:, b.beside]
+        then = (b.difference_backward if turned else b.difference)[one, other]
+        now = np.broadcast_to(b.difference[b.whisker, b.beside], then.shape)
+        moved = ((one != b.whisker) | (other != b.beside) | turned) & np.isfinite(now) & np.isfinite(then)
+        after += np.where(moved, then, 0.0).sum(axis=1)
+        before += np.where(moved & ~(quiet[b.whisker] | quiet[b.beside]), now, 0.0).sum(axis=1)
+    return after, before
 
 
 def doubled_channels(
@@ -345,7 +332,7 @@ def doubled_channels(
         fewest: least number of changes.
     """
     changes = np.concatenate(
-        [np.diff(f.air, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
+        [np.diff(f.air, n=4, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
     )
     if changes.shape[1] < fewest:
         return []

@@ -34,6 +34,8 @@ VOLT = "V"
 UNIT_N_MM = {"N*mm": 1.0, "mN*m": 1.0, "N*m": 1000.0}
 OVERLOAD = 1e29
 """Least value that is no reading: SCPI instruments write 9.9e37 for an overload and 9.91e37 for none, others 1e30."""
+SPEEDS_MM_S = (0.2, 2000.0)
+"""Least and greatest speed of a tracing stage; outside them positions or times are in another unit."""
 _LARGEST_TABLE = 10_000_000
 _DIRECTIONS = tuple(int(d) for d in TraceDirection)
 
@@ -220,6 +222,12 @@ class RecordingReader(CheckedFile):
         touching, n_air = np.stack(lowered), min(rows.size for rows in lifted)
         air = np.stack([rows[:n_air] for rows in lifted])
         start, step = self._along(direction, members, touching)
+        speed, (least, most) = step * self.attribute("sampling_rate_hz"), SPEEDS_MM_S
+        self.require(
+            not speed > 0.0 or least <= speed <= most,
+            f"{name} run at {speed:.3g} mm/s",
+            "give positions in mm (not in um or counts of an encoder) and sampling_rate_hz in samples a second",
+        )
         behind = offset_mm / step
         whole = np.rint(behind)
         behind = np.where(np.abs(behind - whole) <= 1e-3 * np.maximum(1.0, whole), whole, behind)
@@ -281,7 +289,7 @@ class RecordingReader(CheckedFile):
         self.require(
             max(uneven, float(np.abs(starts - start).max())) <= step,
             f"{samples} are not evenly spaced, or differ between passes",
-            "record them at even steps from one start, or resample them",
+            "record them at even steps from one start, or resample them; an encoder's counter may have wrapped",
         )
         return start, step
 

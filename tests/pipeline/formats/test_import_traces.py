@@ -259,7 +259,7 @@ def test_a_wrong_key_is_named(tmp_path: Path, more: str, says: str) -> None:
     [
         (
             {"moment_unit": "N*m"},
-            r"has moments of [\d,]+ N mm in N\*m, .*correct moment_unit; write \"V\" for counts",
+            r"says moment_unit = 'N\*m', other unit: land gives .* times .*correct moment_unit; write \"V\"",
         ),
         ({"position_unit": "m"}, r'moves at .* mm/s .* or position_unit = "mm" if that is their unit'),
         ({"part_mm": (500.0, 0.0, 520.0, 20.0)}, "do not cross part_mm at 0°; correct part_mm"),

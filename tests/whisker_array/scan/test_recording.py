@@ -116,11 +116,18 @@ def test_scaled_integers_in_any_unit(scan: Scan, recording: Path, units: str, fa
     )
 
 
-def test_moments_that_are_not_finite_are_zero_and_flagged(recording: Path) -> None:
+@pytest.mark.parametrize("overload", [-np.inf, 9.9e37, -9.9e37, 9.91e37, -1e30])
+def test_moments_that_are_no_reading_are_zero_and_flagged_or_filled_in_the_air(
+    recording: Path, overload: float
+) -> None:
     with h5py.File(recording, "r+") as file:
         file["scan/signal"][7, 1] = np.nan
-        file["scan/signal"][8, 2] = -np.inf
+        file["scan/signal"][8, 2] = overload
+        air = file["scan/signal"][:5, 0]
+        file["scan/signal"][3, 0] = overload
+        file.attrs["scale_factor"] = 1e-3
     sweep = load_scan(recording).sweeps[0]
+    assert sweep.air_n_mm[0, 0, 3] == pytest.approx(1e-3 * np.median(np.delete(air, 3)), abs=1e-9)
     assert sweep.moment_n_mm[0, 1, 2] == 0.0
     assert sweep.flags[0, 1, 2] & SampleFlag.OUT_OF_RANGE
     assert sweep.flags[0, 2, 3] & SampleFlag.OUT_OF_RANGE
@@ -227,6 +234,10 @@ BROKEN: dict[str, tuple[Edit, str]] = {
     ),
     "lead too long": (put("passes/n_lead", np.full(9, 10_000)), "n_lead"),
     "no rate": (lambda file: file.attrs.__delitem__("sampling_rate_hz"), "sampling_rate_hz"),
+    "positions in um": (
+        lambda f: f["passes/step_mm"].__setitem__(slice(None), 1e4 * f["passes/step_mm"][()]),
+        "give positions in mm",
+    ),
     "zero rate": (attribute("sampling_rate_hz", 0.0), "sample_rate_hz"),
     "unknown unit": (attribute("units", "lbf*in"), "lbf"),
     "volts alone": (attribute("units", "V"), "calibrate"),
