@@ -358,7 +358,7 @@ class AlertRecord:
     """A problem, from its start until it is solved.
 
     Attributes:
-        name: reject_rate, review_rate, drift, drift:JOB, bench, golden or golden_overdue.
+        name: reject_rate, review_rate, drift, drift:JOB, bench, watched_folder, golden or golden_overdue.
         part_id: the latest part when it was raised.
         at: time at which it was raised.
         message: description of the problem, for a person.

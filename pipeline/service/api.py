@@ -36,6 +36,7 @@ from pipeline.common.texts import CSV_BEGIN, csv_line
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.jobs import JobAnswer, written_job
+from pipeline.service.stage.work import TouchCall
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import PROBLEMS, Problem
 from pipeline.service.web.uploads import FormRoute, Upload, check_count, receive
@@ -237,7 +238,8 @@ def parts_router(service: Service) -> APIRouter:
             sent = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
             sent += [await receive(scan, "scan", folder)] if scan is not None else []
             key = _idempotency(request, caller, idempotency_key, sent, *vars(new).values())
-            done = await intake.receive(new, sent, idempotency=key)
+            call = TouchCall(has_gone=request.is_disconnected)
+            done = await intake.receive(new, sent, idempotency=key, call=call)
         return replied(done, 201)
 
     @router.post("/parts/{part_id}/scan", response_model=PartAnswer)
@@ -262,9 +264,9 @@ def parts_router(service: Service) -> APIRouter:
         return Response(made, 200 if done.replayed else status, headers, media_type="application/json")
 
     @router.post("/parts/{part_id}/touch")
-    async def touch_part(part_id: PartId, caller: Caller = Writes) -> PartAnswer:
-        """Have the service's own stage scan a part that waits for touch."""
-        return answer(await intake.touch(part_id), root_path)
+    async def touch_part(request: Request, part_id: PartId, caller: Caller = Writes) -> PartAnswer:
+        """Release a part that lies under the whiskers: the service's own stage scans it."""
+        return answer(await intake.touch(part_id, TouchCall(has_gone=request.is_disconnected)), root_path)
 
     @router.post("/parts/{part_id}/review")
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:

@@ -304,7 +304,11 @@ class Service:
             limits={REJECT_RATE: limits.reject_rate, REVIEW_RATE: limits.review_rate},
             window=limits.window,
             drifts=self.jobs.drifts(),
-            others={**self.golden.faults(), BENCH_ALERT: self.intake.bench.status()},
+            others={
+                **self.golden.faults(),
+                BENCH_ALERT: self.intake.bench.status(),
+                "watched_folder": self.ports.trouble,
+            },
             targets=self.intake.targets,
         )
         for alert in raised:

@@ -51,7 +51,7 @@ from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, PartOrder
 from pipeline.reading.triage import ReadPart, agreement_of
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
-from pipeline.service.stage.work import CameraWork, StageWork
+from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, stopping
 from pipeline.service.web.uploads import Upload
@@ -188,7 +188,7 @@ class Intake:
         sent: Sequence[Upload],
         *,
         idempotency: IdempotencyKey | None = None,
-        until_s: float = math.inf,
+        call: TouchCall = NO_LIMIT,
         keep_unreadable: bool = False,
         unreadable: str = "",
     ) -> Received:
@@ -198,7 +198,7 @@ class Intake:
             new: data of the part.
             sent: photographs, a recording or a height map, in the request's work folder.
             idempotency: key of the request.
-            until_s: time of the monotonic clock until which the part may be felt.
+            call: the call that brings the part, while which it may be felt.
             keep_unreadable: if the files cannot be read, a person gets the part; otherwise the sender gets the Problem.
             unreadable: why the files cannot even be taken; a person gets the part without them.
 
@@ -239,7 +239,7 @@ class Intake:
         part = received.part
         if part.touch is not None and part.touch.by_stage:
             try:
-                part = await self.touching.attempt(part, until_s=until_s)
+                part = await self.touching.attempt(part, call)
             except (Problem, StageError):  # the part's history has it
                 part = await asyncio.to_thread(self.store.part, part.id)
         return replace(received, part=part)
@@ -261,12 +261,12 @@ class Intake:
 
         return await self.carry_out(idempotency, work)
 
-    async def touch(self, part_id: str, *, until_s: float = math.inf) -> PartRecord:
+    async def touch(self, part_id: str, call: TouchCall = NO_LIMIT) -> PartRecord:
         """Release a part that lies under the whiskers: have the service's stage feel it, and read it again.
 
         Args:
             part_id: id of a part that waits for touch, or that was not felt and waits for review.
-            until_s: time of the monotonic clock until which it may be felt.
+            call: the call that releases it, while which it may be felt.
 
         Raises:
             Problem: as in `add_scan`.
@@ -275,7 +275,7 @@ class Intake:
         part = await self._unreviewed_part(part_id)
         if part.plan is None or part.shadow is not None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
-        return await self.touching.attempt(part, until_s=until_s)
+        return await self.touching.attempt(part, call)
 
     async def trigger(
         self, name: str, job: str = "", *, expected: str = "", within_s: float = math.inf
@@ -293,7 +293,7 @@ class Intake:
             StageError: the camera gives no photograph.
         """
         self._refuse_if_draining()
-        until_s = time.monotonic() + within_s
+        call = TouchCall(time.monotonic() + within_s)
         new = NewPart(name=name, expected=expected, job=job, touch=Touch.STAGE)
         with self.work_folder() as folder:
             try:
@@ -306,7 +306,7 @@ class Intake:
                 new,
                 taken.photos,
                 idempotency=IdempotencyKey.of_files(taken.keys) if taken.keys else None,
-                until_s=until_s,
+                call=call,
                 keep_unreadable=True,
             )
         return received.part
@@ -318,8 +318,8 @@ class Intake:
             part: its id, or the name of the latest one.
             within_s: seconds that the caller waits.
         """
-        until_s = time.monotonic() + within_s
-        return await self.touch((await self.look_up(part)).id, until_s=until_s)
+        call = TouchCall(time.monotonic() + within_s)
+        return await self.touch((await self.look_up(part)).id, call)
 
     async def look_up(self, part: str) -> PartRecord:
         """The part with an id, or the latest one with a name.
@@ -401,8 +401,8 @@ class Intake:
         )
         return await self.calls.read(order, job=part.job, database=part.database, felt_by=felt_by)
 
-    async def _feel(self, part: PartRecord, until_s: float) -> PartRecord:
-        """Have the stage feel a part, which lies there until a time of the monotonic clock, and read it.
+    async def _feel(self, part: PartRecord, call: TouchCall) -> PartRecord:
+        """Have the stage feel a part, which lies there during a call, and read it.
 
         Raises:
             StageError: the part could not be felt.
@@ -415,11 +415,11 @@ class Intake:
         read = partial(self._read, part, earlier_photos=await self._photos_of(part))
         with self.work_folder() as folder:
             if self.stage.by_pass:
-                async with self.stage.for_worker(part.name, until_s=until_s) as stage:
+                async with self.stage.for_worker(part.name, call) as stage:
                     done = await read([], folder=folder, felt_by=(stage, order))
                 sent = [Upload(folder / RECORDING, RECORDING, EvidenceKind.SCAN)]
             else:
-                path = await self.stage.scan(order, folder, until_s=until_s)
+                path = await self.stage.scan(order, folder, call)
                 sent = [Upload(path, path.name, EvidenceKind.SCAN)]
                 done = await read(sent)
             write = partial(self.store.add_readings, part.id)

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import KW_ONLY, dataclass, field
@@ -27,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import structlog
 
+from pipeline.service.stage.work import NO_LIMIT, TouchCall
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ConflictError, StoreError
@@ -52,8 +52,7 @@ class TouchQueue:
 
     Attributes:
         store: store of the waiting parts.
-        feel: has the stage feel a part until a time of the monotonic clock, and keeps what was read; raises Problem,
-            StageError.
+        feel: has the stage feel a part in a call, and keeps what was read; raises Problem, StageError.
         give_up: leaves a part to a person, and says why.
         line: line whose parts the stage feels.
         stage: folder, bench or driver of the stage, for the log.
@@ -63,7 +62,7 @@ class TouchQueue:
     """
 
     store: Store
-    feel: Callable[[PartRecord, float], Awaitable[PartRecord]]
+    feel: Callable[[PartRecord, TouchCall], Awaitable[PartRecord]]
     _: KW_ONLY
     give_up: Callable[[PartRecord, str], Awaitable[object]]
     line: str = ""
@@ -90,19 +89,19 @@ class TouchQueue:
         """Deadline of a part that starts to wait now."""
         return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
-    async def attempt(self, part: PartRecord, *, until_s: float = math.inf) -> PartRecord:
+    async def attempt(self, part: PartRecord, call: TouchCall = NO_LIMIT) -> PartRecord:
         """Attempt to feel a part, or wait for the running attempt; return the part afterwards.
 
         Args:
             part: it is known to lie under the whiskers: its own call has brought it there, or it was released.
-            until_s: time of the monotonic clock until which that is known.
+            call: that is known while this lasts.
 
         Raises:
             Problem, StageError: it could not be felt.
         """
         attempt = self._attempts.get(part.id)
         if attempt is None:
-            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id, until_s))
+            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id, call))
         # a cancelled caller does not stop the attempt
         return await asyncio.shield(attempt)
 
@@ -134,12 +133,12 @@ class TouchQueue:
         """End the attempts; what becomes of their parts is decided at the next start."""
         await end_tasks(self._attempts.values())
 
-    async def _attempt(self, part_id: str, until_s: float = math.inf) -> PartRecord:
+    async def _attempt(self, part_id: str, call: TouchCall = NO_LIMIT) -> PartRecord:
         part: PartRecord | None = None
         try:
             part = await asyncio.to_thread(self.store.part, part_id)
             if part.plan is not None:  # else it was felt or reviewed meanwhile
-                part = await self.feel(part, until_s)
+                part = await self.feel(part, call)
         except Exception as error:
             (before, _), why = self._failures.get(part_id, ("", 0.0)), str(error)
             if part is not None and why not in ("", before):

@@ -10,6 +10,7 @@ import re
 import shutil
 import socket
 import struct
+import time
 from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urljoin
@@ -116,6 +117,35 @@ def test_the_stage_feels_what_the_camera_could_not_read(
     history = http.get(f"/v1/parts/{part['id']}/history").json()
     assert [event["kind"] for event in history["events"]][:3] == ["received", "read", "touch_needed"]
     assert {"photo", "scan"} <= {one["kind"] for one in history["evidence"]}
+
+
+def test_a_part_that_the_stage_lost_is_not_felt_unasked_but_once_it_is_released(
+    plant: Plant, http: httpx.Client
+) -> None:
+    def ask(line: bytes) -> list[str]:
+        with socket.create_connection(("127.0.0.1", plant.tcp_port), timeout=60.0) as tcp:
+            tcp.sendall(line + b"\r\n")
+            return tcp.makefile("rb").readline().decode().strip().split(";")
+
+    def events() -> list[dict[str, Any]]:
+        shown: list[dict[str, Any]] = http.get(f"/v1/parts/{part_id}/history").json()["events"]
+        return shown
+
+    shutil.copy(plant.parts / "filthy.png", plant.parts / "nest.png")
+    with plant.camera_saving("nest"):
+        name, decision, *_, part_id = ask(b"TRIGGER nest")
+    assert (name, decision in ("REVIEW", "REJECT")) == ("nest", True)  # nothing may be seen under the dirt
+    part = http.get(f"/v1/parts/{part_id}").json()
+    assert (part["state"], part["plan"] is None) == ("review", False)
+    assert "there is no height map of nest" in part["not_felt"]
+    # another part lies there now
+    shutil.copy(plant.parts / "clean.npz", plant.parts / "nest.npz")
+    before = events()
+    time.sleep(3.0)  # three looks at the parts that wait
+    assert events() == before
+    ended = ask(b"TOUCH nest")
+    assert ended[0] == "nest"
+    assert http.get(f"/v1/parts/{part_id}").json()["reading"]["source"] in ("fused", "tactile")
 
 
 def test_both_files_at_once_are_fused(plant: Plant, http: httpx.Client) -> None:
@@ -374,9 +404,10 @@ async def test_the_same_session_is_answered_while_a_method_runs(plant: Plant) ->
         status = await reader.get_child([f"{autoid}:DeviceStatus"])
         called = asyncio.create_task(reader.call_method(f"{space}:TriggerPart", "P1"))
         seen = []
-        while not called.done():
-            seen.append(await status.read_value())
-            await asyncio.sleep(0.02)
+        with plant.camera_saving("P1"):
+            while not called.done():
+                seen.append(await status.read_value())
+                await asyncio.sleep(0.02)
         assert 3 in seen  # busy
         part_id, _, decision, _, _ = await called
         assert len(part_id) == 26

@@ -53,6 +53,7 @@ from pipeline.formats.kinds import (
 from pipeline.formats.part_files import set_of
 from pipeline.service.inputs.trigger import ANSWER_S
 from pipeline.service.intake import Intake, NewPart, Touch
+from pipeline.service.stage.work import TouchCall
 from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.problem import OwnProblem, Problem
 from pipeline.service.web.uploads import MOST_NAME, Upload, check_count, sent_name, suffix_of
@@ -229,7 +230,7 @@ class WatchedFolder:
                             status = entry.stat(follow_symlinks=False)
                             if why := self._why_passed_over(entry, status):
                                 passed_over[entry.path] = why
-                            elif not is_temporary(entry.name):
+                            elif not is_temporary(entry.name) and not self._is_expected(entry.name):
                                 if stat.S_ISDIR(status.st_mode):
                                     folders.append(entry.path)
                                 else:
@@ -264,7 +265,7 @@ class WatchedFolder:
             return "has the name of an unfinished upload, or a hidden one" if left else ""
         if stat.S_ISDIR(status.st_mode):
             return "" if self._settings.recurse else "is a folder, and watch.recurse is off"
-        if suffix in PHOTO_SUFFIXES or suffix in UNREAD_PICTURE_SUFFIXES:
+        if suffix in PHOTO_SUFFIXES or suffix in UNREAD_PICTURE_SUFFIXES or self._is_expected(entry.name):
             return ""
         if entry.path in self._passed_over:
             return self._passed_over[entry.path]
@@ -273,6 +274,9 @@ class WatchedFolder:
         with open_no_link(Path(entry.path)) as source:
             head = source.read(HEAD_BYTES)
         return "is no photograph" if len(head) == HEAD_BYTES and kind_of(head) is None else ""
+
+    def _is_expected(self, name: str) -> bool:
+        return self._settings.expected and name.lower().endswith(".txt")
 
     async def _take(self, part: WatchedPart, *, is_latest: bool) -> None:
         """Submit the files of a part, unless it has to wait for a later look."""
@@ -299,7 +303,7 @@ class WatchedFolder:
                     new,
                     photos,
                     idempotency=key,
-                    until_s=part.since_s + ANSWER_S,
+                    call=TouchCall(part.since_s + ANSWER_S),
                     keep_unreadable=True,
                     unreadable="" if photos else "; ".join(faults.values()),
                 )

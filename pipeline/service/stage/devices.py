@@ -137,8 +137,7 @@ class FolderCamera:
         Raises:
             StageError: a name that cannot be a file's.
         """
-        found = {path: stamp_of(path.stat()) for path in _files_of(self.folder, part_name, PHOTO_SUFFIXES)}
-        return dict(sorted(found.items(), key=lambda item: bool(set_of(item[0].name))))
+        return {path: stamp_of(path.stat()) for path in _files_of(self.folder, part_name, PHOTO_SUFFIXES)}
 
     def missing(self, part_name: str, *, older: bool, waited_s: float) -> StageError:
         """The error if no new photograph has come in time; `older`: there is one from before the trigger."""
@@ -291,7 +290,7 @@ def _there(folder: Path, what: str) -> Path:
 
 
 def _files_of(folder: Path, part_name: str, suffixes: Sequence[str]) -> Sequence[Path]:
-    """The part's files in the folder, by the order of the suffixes, then those of its set; never a file elsewhere.
+    """The part's files in the folder, by the order of the suffixes, before those of its set; never a file elsewhere.
 
     Raises:
         StageError: a name that cannot be a file's.
@@ -304,12 +303,12 @@ def _files_of(folder: Path, part_name: str, suffixes: Sequence[str]) -> Sequence
             f"{part_name[:40]!r} is not a name of a part on this stage", "name it without folders"
         )
     root = folder.resolve()
-    exact = [root / f"{part_name}{suffix}" for suffix in suffixes]
-    numbered = (
-        p for p in sorted(root.glob("*")) if set_of(p.name) == part_name and p.suffix.lower() in suffixes
+    files = (
+        p for p in root.glob("*") if part_name in (p.stem, set_of(p.name)) and p.suffix.lower() in suffixes
     )
+    by_rank = sorted(files, key=lambda p: (bool(set_of(p.name)), suffixes.index(p.suffix.lower()), p.name))
     # a link may lead out of the folder
-    return [p for p in (*exact, *numbered) if p.is_file() and p.resolve().is_relative_to(root)]
+    return [p for p in by_rank if p.is_file() and p.resolve().is_relative_to(root)]
 
 
 def _no_file(

@@ -12,7 +12,7 @@ import math
 import shutil
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -37,12 +37,33 @@ from whisker_array.scan.stage_error import StageError
 if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage
 
+_HINT = "put it there again and release it"
 _PLANS = 2.0
 """Durations of a whole plan that are added to the time limit of a stage."""
 _LOOK_S = 0.1
 """Seconds between looks for a picture in the camera's folder."""
 _STILL_S, _SET_STILL_S = 0.3, 2.0
 """Seconds for which a picture, or a set of them, must stand unchanged: a set may get another light."""
+
+
+async def _stays() -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class TouchCall:
+    """A call during which a part is known to lie under the whiskers.
+
+    Attributes:
+        until_s: end of the call, by the monotonic clock.
+        has_gone: whether the caller has gone; asked before the part is felt.
+    """
+
+    until_s: float = math.inf
+    has_gone: Callable[[], Awaitable[bool]] = _stays
+
+
+NO_LIMIT = TouchCall()
 
 
 class StageWork:
@@ -69,14 +90,12 @@ class StageWork:
         self._one_at_a_time = asyncio.Lock()
 
     @contextlib.asynccontextmanager
-    async def for_worker(
-        self, part_name: str, *, until_s: float = math.inf
-    ) -> AsyncIterator[SessionStage[ScanOrder]]:
+    async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
         """Lend the stage to a worker while a part lies under the whiskers.
 
         Args:
             part_name: name of the part.
-            until_s: time of the monotonic clock until which it is known to lie there.
+            call: it is known to lie there while this lasts.
 
         Raises:
             StageDownError: it does not answer.
@@ -86,16 +105,16 @@ class StageWork:
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
             yield self._stage
-            await self._check_place(part_name, until_s)
+            await self._check_place(part_name, call)
             return
         async with self._one_at_a_time:
-            await self._check_place(part_name, until_s)
+            await self._check_begin(part_name, call)
             if self.thread.trouble:  # known before a worker is asked
                 raise StageDownError(self.thread.trouble, "see that the stage and its driver work")
             link = StageLink(self._stage, self.thread)
             try:
                 yield link.stage
-                await self._check_place(part_name, until_s)
+                await self._check_place(part_name, call)
             except StageError:
                 if link.down is not None:
                     raise link.down from None
@@ -103,8 +122,8 @@ class StageWork:
             finally:
                 await link.close()
 
-    async def scan(self, order: ScanOrder, folder: Path, *, until_s: float = math.inf) -> Path:
-        """Record the whole plan into a folder; `until_s` as in `for_worker`.
+    async def scan(self, order: ScanOrder, folder: Path, call: TouchCall) -> Path:
+        """Record the whole plan into a folder; `call` as in `for_worker`.
 
         Raises:
             StageDownError: the stage does not answer, or its driver has a fault.
@@ -123,21 +142,25 @@ class StageWork:
             )
 
         async with self._one_at_a_time:
-            await self._check_place(order.part_name, until_s)
+            await self._check_begin(order.part_name, call)
             timeout_s = self.thread.timeout_s + _PLANS * order.plan.seconds
             path = await self.thread.call_async(scanned, timeout_s=timeout_s)
-            await self._check_place(order.part_name, until_s)
+            await self._check_place(order.part_name, call)
             return path
 
-    async def _check_place(self, part_name: str, until_s: float) -> None:
-        hint = "put it there again and release it"
-        if time.monotonic() > until_s:
+    async def _check_begin(self, part_name: str, call: TouchCall) -> None:
+        if await call.has_gone():
+            raise StageError(f"{part_name} may no longer lie under the whiskers: its caller has gone", _HINT)
+        await self._check_place(part_name, call)
+
+    async def _check_place(self, part_name: str, call: TouchCall) -> None:
+        if time.monotonic() > call.until_s:
             raise StageError(
-                f"{part_name} may no longer lie under the whiskers: its trigger's time is over", hint
+                f"{part_name} may no longer lie under the whiskers: its trigger's time is over", _HINT
             )
         is_in_place = getattr(self._stage, "is_in_place", None)
         if is_in_place is not None and not await self.thread.call_async(partial(is_in_place, part_name)):
-            raise StageError(f"{part_name} does not lie under the whiskers, says the stage's driver", hint)
+            raise StageError(f"{part_name} does not lie under the whiskers, says the stage's driver", _HINT)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
-from pipeline.service.stage.work import CameraWork, StageWork
+from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
 from pipeline.service.touch_queue import STOPPED
 from tests.support.line_fakes import LONG_S
 from tests.support.scans import feel_plan
@@ -249,7 +249,7 @@ def test_a_missing_photograph_has_a_hint(plates: Path, name: str, says: str) -> 
 
 def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="send a scan"):
-        asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path))
+        asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path, NO_LIMIT))
     with pytest.raises(StageError, match="send a photograph"):
         asyncio.run(CameraWork(None).take("plate", tmp_path, known=lambda _: ()))
 
@@ -382,6 +382,16 @@ def test_a_driver_that_knows_its_part_has_it_felt_as_soon_as_it_lies_there(
             nest.feel = feel  # type: ignore[method-assign]
         assert other["state"] == "touch_needed"
         assert nest.felt == ["P17", "P18"]
+
+
+def test_a_part_is_not_felt_for_a_caller_that_has_gone(nest: type[Nest], tmp_path: Path) -> None:
+    async def has_gone() -> bool:
+        return True
+
+    work = StageWork(nest())
+    with pytest.raises(StageError, match="its caller has gone"):
+        asyncio.run(work.scan(ScanOrder("P17", STAGE_PLAN), tmp_path, TouchCall(has_gone=has_gone)))
+    assert nest.felt == []
 
 
 def test_a_part_is_not_felt_after_the_time_of_its_trigger(tmp_path: Path, nest: type[Nest]) -> None:

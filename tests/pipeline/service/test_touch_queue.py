@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from pipeline.common.records import PartRecord, PartState, TouchWait
+from pipeline.service.stage.work import TouchCall
 from pipeline.service.tasks import repeat
 from pipeline.service.touch_queue import NOBODY, STOPPED, TouchQueue
 from pipeline.service.web.problem import Problem
@@ -45,7 +46,7 @@ class Bench:
         self.fails: Callable[[], Exception | None] = lambda: None
         self.queue = TouchQueue(store, self.feel, give_up=self.give_up, **settings)
 
-    async def feel(self, part: PartRecord, _until_s: float) -> PartRecord:
+    async def feel(self, part: PartRecord, _call: TouchCall) -> PartRecord:
         self.asked.append(part.id)
         await asyncio.sleep(0.01)
         error = self.fails()

@@ -26,6 +26,7 @@ from pipeline.store.errors import StoreError
 from pipeline.workers.executors import WorkerLostError
 from tests.support.line_fakes import LONG_S, reading
 from tests.support.service_fixtures import Served, inline_service
+from tests.support.store_samples import received
 from tests.support.waiting import wait_until
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100) + b"IEND"
@@ -438,11 +439,14 @@ def test_without_its_watched_folder_a_service_is_not_ready_and_says_why(tmp_path
     watched = tmp_path / "in"
     watched.mkdir()
     settings = {"folder": watched, "every_s": 0.05}
-    with inline_service(tmp_path / "service", watch=settings) as (_, client):
+    with inline_service(tmp_path / "service", watch=settings) as (service, client):
         wait_until(lambda: client.get("/readyz").status_code == 200)
+        received(service.store)
         watched.rename(tmp_path / "away")
         wait_until(lambda: client.get("/readyz").status_code == 503)
         assert "the watched folder cannot be looked at" in client.get("/readyz").json()["detail"]
+        service.look_for_alerts()
+        assert [alert.name for alert in service.store.alerts()] == ["watched_folder"]
         (tmp_path / "away").rename(watched)
         wait_until(lambda: client.get("/readyz").status_code == 200)
 
