@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import permutations
 from types import MappingProxyType
 
@@ -18,7 +19,7 @@ import numpy as np
 from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.language.grammar import Grammar
 from recognition.lines.find import overlap
-from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, Move, is_convincing, promise_of
+from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, Move, is_convincing, promise_of, rank
 from recognition.search.part_lines import LineFormat, PartLines, stands_in
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
@@ -81,9 +82,13 @@ class LineReader:
         meant = self.search.in_region(view, seen)
         if not meant:
             return PartLines(None)
-        best = self._right_way_up(view, self.search.refine(view, meant))
-        closely = len(looked) > 1
-        main = self._look_closely(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
+        look = partial(
+            self._look_closely, view, grammar=self.grammar, others=dimmer, closely=len(looked) > 1, twice=twice
+        )
+        read = [look(line) for line in self._most_promising(view, meant)]
+        if self.grammar is not None and not any(map(self._is_plain, read)):
+            read += [look(line) for line in self._refined_freely(view, meant)]
+        main = max(read, key=promise_of)
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
         for name, asked in self.lines.items():
@@ -116,14 +121,52 @@ class LineReader:
         best = self._look_closely(view, max(fits, key=promise_of), asked.grammar)
         return best if best.evidence > asked_evidence else None
 
-    def _right_way_up(self, view: View, best: ReadLine, *, plain_evidence: float = -0.5) -> ReadLine:
-        """The line in the direction that is more promising; unchanged if there is no doubt.
+    def _most_promising(
+        self, view: View, meant: Sequence[ReadLine], *, most_lines: int = 3, chance_nats: float = 1.0
+    ) -> list[ReadLine]:
+        """The most promising line, and under a format others that are as promising by chance, each refined.
 
         Args:
-            plain_evidence: log probability of the format above which a line is not also read upside down.
+            view: view of the part.
+            meant: lines in the serial's region, most promising first.
+            most_lines: most lines that are compared.
+            chance_nats: difference in promise that a closer look may turn round.
         """
-        plain = is_convincing([best], self.search.limits.plain) and best.evidence > plain_evidence
-        if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
+        lines = [self._right_way_up(view, self.search.refine(view, meant))]
+        for one in meant if self.grammar is not None else ():
+            near = promise_of(one) > promise_of(meant[0]) - chance_nats
+            if near and len(lines) < most_lines and all(apart(one, line) for line in lines):
+                lines.append(self._right_way_up(view, self.search.refine(view, [one])))
+        return lines
+
+    def _refined_freely(
+        self, view: View, meant: Sequence[ReadLine], *, most_lines: int = 3
+    ) -> list[ReadLine]:
+        """Lines that are text without the format: refined without it, and read under it.
+
+        The finder may see half of a serial at twice its height. The format fits that nowhere, but without it the line
+        is text, and grows to the whole serial.
+        """
+        search = replace(self.search, grammar=None)
+        freely = (combine_looks(one.line, one.looks, None) for one in meant)
+        texts: list[ReadLine] = []
+        for one in rank([one for one in freely if one is not None]):
+            clear = is_convincing([one], search.limits.some) and len(texts) < most_lines
+            if clear and all(apart(one, text) for text in texts):
+                texts.append(one)
+        return self.search.read_once(view, [search.refine(view, [text]).line for text in texts])
+
+    def _is_plain(self, line: ReadLine, *, plain_evidence: float = -0.5) -> bool:
+        """Whether a line is of the format without doubt.
+
+        Args:
+            plain_evidence: log probability of the format above which there is none.
+        """
+        return is_convincing([line], self.search.limits.plain) and line.evidence > plain_evidence
+
+    def _right_way_up(self, view: View, best: ReadLine) -> ReadLine:
+        """The line in the direction that is more promising; unchanged if there is no doubt."""
+        if self._is_plain(best) and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
             return best
         return max((best, *self.search.read_once(view, [best.line.reversed])), key=promise_of)
 
