@@ -56,6 +56,7 @@ def line_depths(
     foreign = foreign_places(relief, laid, along, others) if named else set[int]()
     few = len(foreign) < max(2, len(along) // 4)
     if named and few and not is_foreign(laid, along, better=better):
+        foreign |= {k for k, mark in enumerate(laid.laid) if mark is None}
         depths = (NoDepth.FONT if k in foreign else d or NoDepth.NOT_FELT for k, d in enumerate(along))
         return LineDepths(tuple(depths), tuple(k not in foreign for k in range(len(along))), font_fits=True)
     return LineDepths(
