@@ -118,8 +118,8 @@ def square_to_plate(
         v, u = np.indices(out.shape)
         back = np.stack([pitch * u + corner[0], pitch * v + corner[1], np.nan_to_num(out)], axis=-1) @ turn
         source = np.clip(np.rint(back[..., 1::-1] / pitch), 0, np.array(z.shape) - 1).astype(np.intp)
-        row, col = source[..., 0], source[..., 1]
-        soil = Soil(soil.thickness_mm[row, col], soil.hardness_mpa[row, col], soil.friction[row, col])
+        below = tuple(np.moveaxis(source, -1, 0))
+        soil = Soil(soil.thickness_mm[below], soil.hardness_mpa[below], soil.friction[below])
     return HeightMap(out - np.nanmedian(out), pitch), soil
 
 
