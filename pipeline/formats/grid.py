@@ -17,7 +17,6 @@ from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import PROFILE, RawMap, check_size, without_bad_points
-from recognition.views.levelling import square_to_plate
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
@@ -264,6 +263,8 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
     Raises:
         MarksError: sizes, pitches, units or heights that cannot be used.
     """
+    from recognition.views.levelling import square_to_plate
+
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)

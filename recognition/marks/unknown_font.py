@@ -56,6 +56,7 @@ def line_depths(
     foreign = foreign_places(relief, laid, along, others) if named else set[int]()
     few = len(foreign) < max(2, len(along) // 4)
     if named and few and not is_foreign(laid, along, better=better):
+        foreign |= {k for k, mark in enumerate(laid.laid) if mark is None}
         depths = (NoDepth.FONT if k in foreign else d or NoDepth.NOT_FELT for k, d in enumerate(along))
         return LineDepths(tuple(depths), tuple(k not in foreign for k in range(len(along))), font_fits=True)
     return LineDepths(
@@ -70,22 +71,24 @@ def strokes_fit(
     fit: float,
     *,
     least_fit: float = LEAST_STROKE_FIT,
-    uneven: float = 0.15,
+    shallower: float = 0.12,
+    deeper: float = 0.15,
     most_sd_mm: float = 0.06,
 ) -> bool:
     """Whether a character's depth can be trusted although its font is not known: the strokes laid on it are its own.
 
-    A stroke beside a groove, and one that is filled, makes the depth uneven. So does a blow that leans by more than a
-    seventh of its depth: it is left out as well.
+    A stroke beside a groove, and one that is filled, makes the depth uneven. So does a blow that leans: it is left
+    out as well.
 
     Args:
         depth: depth along the strokes.
         fit: correlation of the depths about the place with the character's.
         least_fit: least such correlation.
-        uneven: greatest difference of the least and the greatest depth from the mean, as a share of it.
+        shallower, deeper: greatest difference of the least and the greatest depth from the mean, as a share of it.
         most_sd_mm: greatest `MarkDepth.sd_mm`: dirt on the land hides its level.
     """
-    even = (1.0 - uneven) * depth.mean_mm <= depth.min_mm and depth.max_mm <= (1.0 + uneven) * depth.mean_mm
+    low, high = (1.0 - shallower) * depth.mean_mm, (1.0 + deeper) * depth.mean_mm
+    even = low <= depth.min_mm and depth.max_mm <= high
     return fit >= least_fit and even and depth.sd_mm is not None and depth.sd_mm <= most_sd_mm
 
 

@@ -27,7 +27,7 @@ def fill_gaps(
     reach_mm: float = 0.1,
     least_reach_px: float = 1.5,
     least_share: float = 0.4,
-    rounds: int = 30,
+    rounds: int = 16,
 ) -> HeightMap:
     """Fill gaps narrower than a stroke from the samples around them; larger holes stay NaN.
 
@@ -54,13 +54,13 @@ def fill_gaps(
     if not fill.any():
         return height_map
     wide = np.pad(np.where(fill, z[row, col], z), 1, constant_values=np.nan)
-    at = np.flatnonzero(np.pad(fill, 1))
+    index = np.flatnonzero(np.pad(fill, 1))
     flat, step = wide.ravel(), wide.shape[1]
-    around = at + np.array([[-step], [-1], [1], [step]])
+    around = index + np.array([[-step], [-1], [1], [step]])
     known = np.isfinite(flat[around])
-    around, count = np.where(known, around, at), known.sum(axis=0)
+    around, count = np.where(known, around, index), known.sum(axis=0)
     for _ in range(rounds):
-        flat[at] = np.where(known, flat[around], 0.0).sum(axis=0) / np.maximum(count, 1)
+        flat[index] = np.where(known, flat[around], 0.0).sum(axis=0) / np.maximum(count, 1)
     return HeightMap(wide[1:-1, 1:-1], height_map.pitch_mm)
 
 
@@ -72,7 +72,7 @@ def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float =
         mounted: the same map, after `level`.
         least_share: least share of filled samples that is worth a note.
     """
-    missing, left = (float(np.isnan(one.z_mm).mean()) for one in (measured, mounted))
+    missing, left = (float(np.isnan(surface.z_mm).mean()) for surface in (measured, mounted))
     if missing - left < least_share:
         return ()
     return (
@@ -122,8 +122,8 @@ def square_to_plate(
         v, u = np.indices(out.shape)
         back = np.stack([pitch * u + corner[0], pitch * v + corner[1], np.nan_to_num(out)], axis=-1) @ turn
         source = np.clip(np.rint(back[..., 1::-1] / pitch), 0, np.array(z.shape) - 1).astype(np.intp)
-        at = source[..., 0], source[..., 1]
-        soil = Soil(soil.thickness_mm[at], soil.hardness_mpa[at], soil.friction[at])
+        below = tuple(np.moveaxis(source, -1, 0))
+        soil = Soil(soil.thickness_mm[below], soil.hardness_mpa[below], soil.friction[below])
     return HeightMap(out - np.nanmedian(out), pitch), soil
 
 

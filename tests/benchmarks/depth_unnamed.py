@@ -33,7 +33,7 @@ MOST_OFF_MM = 0.02
 def fonts() -> list[Font]:
     """The built-in fonts, and the faces of DejaVu."""
     faces = sorted(Path(matplotlib.get_data_path(), "fonts", "ttf").glob("DejaVu*.ttf"))
-    return [load_font(font) for font in (*BUILTIN_FONTS, *faces)]
+    return [load_font(font) for font in (*BUILTIN_FONTS, *faces) if "Display" not in str(font)]
 
 
 def true_depths(part: Part, font: Font) -> tuple[MarkDepth | None, ...]:

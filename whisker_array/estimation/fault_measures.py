@@ -103,17 +103,16 @@ def saturated(
         still: share of a whisker's other samples in runs from which its signal has no noise. Then the floors of marks
             stand still, too, and for a profiler they are the end of the range.
     """
+    from scipy.ndimage import binary_opening
+
     bad, shape = [s.flags != 0 for s in scan.sweeps], (1, scan.n_whiskers, 1)
     values = [np.where(b, np.nan, s.moment_n_mm) for b, s in zip(bad, scan.sweeps, strict=True)]
     low = np.fmin.reduce([np.fmin.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     high = np.fmax.reduce([np.fmax.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     runs, ends = [], []
     for v in values:
-        same = np.diff(v, axis=2) == 0.0
-        begin = np.logical_and.reduce([same[..., k : same.shape[2] - run + 2 + k] for k in range(run - 1)])
-        runs.append(np.zeros(v.shape, dtype=np.bool_))
-        for k in range(run):
-            runs[-1][..., k : k + begin.shape[2]] |= begin
+        same = binary_opening(np.diff(v, axis=2) == 0.0, np.ones((1, 1, run - 1)))
+        runs.append(np.pad(same, ((0, 0), (0, 0), (1, 0))) | np.pad(same, ((0, 0), (0, 0), (0, 1))))
         ends.append((v == low) | (v == high))
     clipped = [r & e for r, e in zip(runs, ends, strict=True)]
 
@@ -123,8 +122,8 @@ def saturated(
     total, at_end = np.maximum(count([~b for b in bad]), 1.0), count(clipped)
     noisy = count(runs) - at_end < still * np.maximum(total - at_end, 1.0)
     wide = (high - low).ravel() > least_span * abs(scan.touch.land_moment_n_mm())
-    found = (at_end > least_share * total) & wide & (noisy | (not is_profiler(scan.touch.tip)))
-    return [c & found.reshape(shape) for c in clipped]
+    stuck = (at_end > least_share * total) & wide & (noisy | (not is_profiler(scan.touch.tip)))
+    return [c & stuck.reshape(shape) for c in clipped]
 
 
 def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:

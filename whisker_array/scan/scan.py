@@ -177,9 +177,9 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
 
 def positions_mm(scan: Scan, flag: SampleFlag) -> NDArray[np.float64]:
     """(n, 2) plate x, y of the samples with a flag."""
-    found = [np.empty((0, 2))]
+    places = [np.empty((0, 2))]
     for sweep in scan.sweeps:
         run, whisker, sample = np.nonzero(sweep.flags & np.uint8(flag))
         pair = (sweep.plan.position_mm()[sample], sweep.plan.line_mm[run, whisker])
-        found.append(np.column_stack(pair if sweep.plan.direction.along_x else pair[::-1]))
-    return np.concatenate(found)
+        places.append(np.column_stack(pair if sweep.plan.direction.along_x else pair[::-1]))
+    return np.concatenate(places)

@@ -20,6 +20,7 @@ from recognition.decision.depth_rules import (
 )
 from recognition.decision.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
+from recognition.marks.no_depth import NoDepth
 
 FIREARMS = depth_rule("27CFR478.92")
 ENGINES = depth_rule("70-16-05")
@@ -186,6 +187,25 @@ def test_a_depth_not_felt_is_not_a_depth_met() -> None:
     assert judged.flags & ReadingFlag.DEPTH_UNKNOWN
     assert not judged.flags & ReadingFlag.TOO_SHALLOW
     assert said(judged) == ("depth not measured for 27CFR478.92: 7 at place 2 (scan it again)",)
+
+
+def test_the_reason_says_what_to_do_about_a_depth_that_was_not_measured() -> None:
+    plain = reading(("K", 0.2), ("7", None), ("B", None), ("1", None))
+    causes = (None, NoDepth.FONT, NoDepth.SATURATED, NoDepth.FONT)
+    characters = (replace(c, no_depth=why) for c, why in zip(plain.characters, causes, strict=True))
+    judged = judged_by(replace(plain, characters=tuple(characters)), (FIREARMS,))
+    assert judged.decision is Decision.REVIEW
+    assert said(judged) == (
+        "depth not measured for 27CFR478.92: 7 at place 2, 1 at place 4 (name the font)",
+        "depth not measured for 27CFR478.92: B at place 3 (lower the gain, scan it again)",
+    )
+
+
+def test_a_print_size_at_the_bottoms_needs_a_depth() -> None:
+    rule = depth_rule("height=1.6")
+    assert judged_by(reading(("K", 0.2), ("7", None)), (rule,)).findings == ()
+    judged = judged_by(reading(("K", None), ("7", None)), (rule,))
+    assert judged.flags & ReadingFlag.DEPTH_UNKNOWN
 
 
 @pytest.mark.parametrize(("height", "small"), [(1.5, True), (1.7, True), (1.9, False)])
