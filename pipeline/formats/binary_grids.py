@@ -114,7 +114,9 @@ def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
             spare = len(data) - end - 4 * rows * cols
             if min(rows, cols) > 0 and min(width, height) > 0.0 and (spare == 0 or (spare > 0 and not exact)):
                 z = _matrix(data, "<f4", end, (rows, cols), most)
-                return RawMap(z, width / cols, height / rows, z_mm=1.0, xy_mm=1.0, rows_stated=True)
+                return RawMap(
+                    z, width / cols, height / rows, z_mm=1.0, xy_mm=1.0, rows_stated=True, unit="mm"
+                )
     raise DataError("is damaged: its head does not fit its heights", "copy or export it again")
 
 
@@ -129,7 +131,7 @@ def read_nms(path: Path, most: int = MAX_PIXELS) -> RawMap:
     cols, rows, x_pitch, y_pitch = _NMS_GRID.unpack_from(data, 1368)
     counts = _matrix(data, "<u2", _NMS_HEAD_BYTES, (rows, cols), most)
     z = low + counts * ((high - low) / 65534.0)
-    return RawMap(z, x_pitch, y_pitch, z_mm=1e-3, xy_mm=1e-6, rows_stated=True)
+    return RawMap(z, x_pitch, y_pitch, z_mm=1e-3, xy_mm=1e-6, rows_stated=True, unit="um")
 
 
 def _matrix(data: bytes, kind: str, start: int, shape: tuple[int, int], most: int) -> NDArray[np.floating]:
