@@ -10,6 +10,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import re
+import signal
+import threading
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from pathlib import Path
@@ -27,6 +29,8 @@ _MACHINE_ERRNOS = frozenset(
     if hasattr(errno, name)
 )
 """Errors of the disk and of the system's limits, not of one file."""
+# processor time for a file, and for each MB of it: twice that of scattered points, which take most
+_SPARE_S, _S_PER_MB = 20.0, 1.0
 
 
 class DataError(MarksError):
@@ -149,14 +153,41 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 
 
 @contextlib.contextmanager
+def processor_limit(limit_s: float) -> Iterator[None]:
+    """Interrupt Python code that takes too much time of the processor, such as a parser that loops as a file tells it.
+
+    Only in the main thread, where the system has such a timer and nobody else uses it.
+
+    Raises:
+        DataError: the time is over. It is raised again each second, for code that ignores any exception.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not (main and hasattr(signal, "setitimer") and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL):
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        what = f"takes more than {limit_s:.0f} s to decode, far more than others of its size"
+        raise DataError(what, "export it again, or in another format")
+
+    signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, limit_s, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+
+
+@contextlib.contextmanager
 def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     """Check that the file exists, and name it in every error raised while it is read.
 
     Args:
         path: the file.
         most_bytes: size limit of the file.
-        kind: format that a third-party parser reads: each of its errors is reported as damage of the file. Without
-            it, an unexpected error remains a fault of the program.
+        kind: format that a third-party parser reads: each of its errors is reported as damage of the file, and its
+            time is limited. Without it, an unexpected error remains a fault of the program.
 
     Raises:
         FileError: the file is missing or too long, or its content is at fault.
@@ -164,5 +195,9 @@ def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     """
     with naming(path):
         require_file(path, most_bytes=most_bytes)
-        with report_damage(path, kind=kind) if kind else contextlib.nullcontext():
+        if not kind:
+            yield
+            return
+        limit_s = _SPARE_S + _S_PER_MB * path.stat().st_size / 1e6
+        with report_damage(path, kind=kind), processor_limit(limit_s):
             yield

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.grid import MM
+from pipeline.formats.kinds import SPARE_BYTES
 from pipeline.formats.raw_map import CUT_SHORT, RawMap, check_size
 
 # Surfer 6: columns, rows, and the ends of x, y and z; Surfer 7: rows, columns, corner, steps, ends of z, turn, blank
@@ -26,6 +29,7 @@ _TMD_TITLE = re.compile(rb"(?i)(?:binary )?truemap data file")
 _MOST_TMD_COMMENT = 4096
 # lowest and highest height; columns, rows, and their distances
 _NMS_RANGE, _NMS_GRID, _NMS_HEAD_BYTES = struct.Struct("<2d"), struct.Struct("<2I2d"), 3468
+_MATLAB_PACKED = 15
 _MATLAB_NUMBERS = (
     "double",
     "single",
@@ -110,7 +114,9 @@ def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
             spare = len(data) - end - 4 * rows * cols
             if min(rows, cols) > 0 and min(width, height) > 0.0 and (spare == 0 or (spare > 0 and not exact)):
                 z = _matrix(data, "<f4", end, (rows, cols), most)
-                return RawMap(z, width / cols, height / rows, z_mm=1.0, xy_mm=1.0, rows_stated=True)
+                return RawMap(
+                    z, width / cols, height / rows, z_mm=1.0, xy_mm=1.0, rows_stated=True, unit="mm"
+                )
     raise DataError("is damaged: its head does not fit its heights", "copy or export it again")
 
 
@@ -125,7 +131,7 @@ def read_nms(path: Path, most: int = MAX_PIXELS) -> RawMap:
     cols, rows, x_pitch, y_pitch = _NMS_GRID.unpack_from(data, 1368)
     counts = _matrix(data, "<u2", _NMS_HEAD_BYTES, (rows, cols), most)
     z = low + counts * ((high - low) / 65534.0)
-    return RawMap(z, x_pitch, y_pitch, z_mm=1e-3, xy_mm=1e-6, rows_stated=True)
+    return RawMap(z, x_pitch, y_pitch, z_mm=1e-3, xy_mm=1e-6, rows_stated=True, unit="um")
 
 
 def _matrix(data: bytes, kind: str, start: int, shape: tuple[int, int], most: int) -> NDArray[np.floating]:
@@ -148,13 +154,37 @@ def read_mat(path: Path, most: int = MAX_PIXELS) -> RawMap:
         raise DataError(
             "is a MATLAB file of version 7.3", "save it with save(file, 'z_mm', 'pitch_mm', '-v7')"
         )
-    shapes = {name: shape for name, shape, kind in whosmat(path) if kind in _MATLAB_NUMBERS}
+    file = _unpacked_matlab(path.read_bytes(), most)
+    shapes = {name: shape for name, shape, kind in whosmat(file) if kind in _MATLAB_NUMBERS}
     matrices = [name for name, shape in shapes.items() if len(shape) == 2 and min(shape) > 1]
     if "z_mm" not in matrices and len(matrices) != 1:
         what = f"holds {len(matrices)} matrices ({', '.join(matrices)[:100] or 'none'})"
         raise DataError(what, "save the heights as z_mm, and their distance as pitch_mm")
     name = "z_mm" if "z_mm" in matrices else matrices[0]
     check_size(shapes[name][0], shapes[name][1], most)
-    held = loadmat(path, variable_names=[name, "pitch_mm"])
+    file.seek(0)
+    held = loadmat(file, variable_names=[name, "pitch_mm"])
     pitch = float(held["pitch_mm"].item()) if shapes.get("pitch_mm") == (1, 1) else None
     return RawMap(held[name], pitch, pitch)
+
+
+def _unpacked_matlab(data: bytes, most: int) -> io.BytesIO:
+    """The file with its variables unpacked; scipy would unpack as much as each of them claims."""
+    if 0 in data[:4]:  # version 4, which is not packed
+        return io.BytesIO(data)
+    tag = struct.Struct("<II" if data[126:128] == b"IM" else ">II")
+    left, at, unpacked = 8 * most + SPARE_BYTES, 128, io.BytesIO(data[:128])
+    unpacked.seek(at)
+    while at + tag.size <= len(data):
+        kind, size = tag.unpack_from(data, at)
+        end = at + tag.size + size
+        part = data[at:end]
+        if kind == _MATLAB_PACKED:
+            part = zlib.decompressobj().decompress(part[tag.size :], left + 1)
+            left -= len(part)
+            if left < 0:
+                raise DataError(f"unpacks to more than {most:,} samples", "save the heights alone")
+        unpacked.write(part)
+        at = end
+    unpacked.seek(0)
+    return unpacked

@@ -42,6 +42,8 @@ MOST_PITCH_MM = 1.0
 _SUBSAMPLE = 40_000
 # degrees between which a plane is a tilted part: a steeper one is a wrong unit; its share of all heights
 _LEAST_TILT_DEG, _MOST_TILT_DEG, _PLANE_SHARE = 40.0, 70.0, 0.2
+# height over width of the thin edge of a plate
+_UPRIGHT = 20.0
 
 MM = {
     **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
@@ -92,6 +94,8 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
         if unit != "nm" or raw.z_mm is None
         for what, (z, xy) in factors(unit).items()
         if not shape.absurdity(z, xy)
+        # a table may state the unit of its distances alone
+        if raw.xy_mm is None or raw.z_mm is not None or what == "heights"
     ]
     problem = _refusal(
         raw, shape, absurd, (z_mm, xy_mm), min(asked, key=lambda one: one[:2])[2:] if asked else None
@@ -124,15 +128,15 @@ def _refusal(
         return DataError(
             f"{absurd}; it is tilted by {tilt_deg:.0f} degrees", "level the part, and measure it again"
         )
-    if raw.one_unit and not shape.odd_size(factors[1]):
+    if raw.one_unit and shape.is_upright(*factors):
         return DataError(f"{absurd}; its marks do not face z", "turn it until its marked side faces z")
+    if not shape.odd_size(factors[1]) and likeliest is None:
+        return None
     if raw.unit:
         return DataError(f"{absurd}{states}", "if that is wrong, give --unit or --pitch-mm")
     if likeliest is not None:
         numbers, unit = likeliest
         return DataError(absurd, f"are the {numbers} {UNITS[unit]}? then give --unit {unit}")
-    if not shape.odd_size(factors[1]):
-        return None
     return DataError(
         f"{absurd}; these numbers fit a part in no unit",
         "give the distance of its samples with --pitch-mm, or confirm the unit with --unit",
@@ -178,6 +182,10 @@ class _Shape:
     def tilt_deg(self, z_mm: float, xy_mm: float) -> float:
         """Tilt of the plane that most of its heights make up; 0 without one."""
         return float(np.degrees(np.arctan(self.slope * z_mm / (self.pitch * xy_mm))))
+
+    def is_upright(self, z_mm: float, xy_mm: float) -> bool:
+        """Whether it stands on the edge of a plate, rather than being a tall part with marks on its end."""
+        return bool(self.relief * z_mm > _UPRIGHT * min(self.raw.z.shape) * self.pitch * xy_mm)
 
     def is_small(self, xy_mm: float) -> bool:
         """Whether it has no room for a character."""

@@ -28,6 +28,7 @@ from pipeline.errors import DataError
 from pipeline.formats.hdf5_checks import check_hdf5
 from pipeline.formats.kinds import BYTES_PER_SAMPLE, FORMATS_SUFFIXES, SPARE_BYTES, TABLE_SUFFIXES
 from pipeline.formats.raw_map import PROFILE, RawMap, check_size
+from pipeline.formats.zip_checks import check_zip
 
 _NO_HEIGHTS = re.compile(
     r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE
@@ -72,6 +73,8 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
     if h5py.is_hdf5(path):
         check_hdf5(path, most=most)
+    if zipfile.is_zipfile(path):
+        check_zip(path, most_bytes=most * BYTES_PER_SAMPLE + SPARE_BYTES)
     with _silence():
         try:
             from SurfaceTopography.Exceptions import CannotDetectFileFormat
@@ -188,8 +191,8 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """
     import x3pio
 
+    check_zip(path, most_bytes=_MOST_DESCRIPTION_BYTES, ending=".xml")
     with zipfile.ZipFile(path) as archive:
-        _check_members(archive, ending=".xml", most=_MOST_DESCRIPTION_BYTES)
         (main,) = (n for n in archive.namelist() if n.split("/")[-1] == _MAIN and "__MACOSX" not in n)
         description = _ROOT.sub(rb"<\1ISO5436_2", archive.read(main))
         head = io.BytesIO()
@@ -207,7 +210,7 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
         if not (x.is_incremental and y.is_incremental):
             raise DataError("holds points off a regular grid", "export the surface on a regular grid")
         needed = rows * cols * info.layer_count * BYTES_PER_SAMPLE
-        _check_members(archive, ending="", most=max(SPARE_BYTES, needed))
+        check_zip(path, most_bytes=SPARE_BYTES + needed)
         with tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY_BYTES) as copy:
             with zipfile.ZipFile(copy, "w") as mended:
                 for name in archive.namelist():
@@ -225,10 +228,3 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
         bottom_first=not downwards if origin is None else origin[1] in b"sS",
         rows_stated=downwards or origin is not None,
     )
-
-
-def _check_members(archive: zipfile.ZipFile, *, ending: str, most: int) -> None:
-    for member in archive.infolist():
-        if member.filename.lower().endswith(ending) and member.file_size > most:
-            size = f"{member.file_size / 1e6:,.0f} MB"
-            raise DataError(f"unpacks to {size} ({member.filename[:50]})", "export the map alone")

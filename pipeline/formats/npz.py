@@ -27,6 +27,7 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.errors import DataError
 from pipeline.formats.grid import MAX_HEIGHT_MM
 from pipeline.formats.raw_map import RawMap, check_size
+from pipeline.formats.zip_checks import check_zip
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 _HEADER_BYTES = 10_000
@@ -88,6 +89,7 @@ class _Archive(zipfile.ZipFile):
     """An open `.npz`."""
 
     def __init__(self, path: Path) -> None:
+        check_zip(path)
         super().__init__(path)
         self.members = {name.removesuffix(".npy") for name in self.namelist()}
 
@@ -155,8 +157,8 @@ def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
         if not _SOIL.keys().isdisjoint(archive.members):
             friction, soft, hardness = (archive.soil(name, z.shape) for name in _SOIL)
             soil = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
-        stated = {"bottom_first": rows == "bottom-first", "rows_stated": rows is not None}
-        return RawMap(z, pitch, pitch, soil=soil, **stated)
+        first = rows == "bottom-first"
+        return RawMap(z, pitch, pitch, bottom_first=first, rows_stated=rows is not None, soil=soil)
 
 
 def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:

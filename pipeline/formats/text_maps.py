@@ -291,40 +291,39 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
         return _zygo(text, most)
     table = _number_table(text)
     entries = _entries(table.head[:_MOST_HEAD])
-    unit = ""
     if (named := _named_points(table)) is not None:
-        points, z_mm, xy_mm = named
+        points, unit, xy_mm = named
     elif _is_points(table, entries):
         scale, unit = _height_scale(entries)
-        points, z_mm, xy_mm = table.rows[:, :3] * (1.0, 1.0, scale), MM.get(unit), _xy_mm(entries)
+        points, xy_mm = table.rows[:, :3] * (1.0, 1.0, scale), _xy_mm(entries)
     else:
         return _matrix(table, entries)
-    raw = replace(map_of_points(points, most=most), z_mm=z_mm, xy_mm=xy_mm, unit=unit)
+    raw = replace(map_of_points(points, most=most), z_mm=MM.get(unit), xy_mm=xy_mm, unit=unit)
     # coordinates that count 0, 1, 2 are not lengths
     counted = xy_mm is None and raw.x_pitch == raw.y_pitch == 1.0
     return replace(raw, x_pitch=None, y_pitch=None) if counted else raw
 
 
-def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], float | None, float | None] | None:
-    """(n, 3) x, y and z, and the units of z and x in mm; None if the table does not name them.
+def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], str, float | None] | None:
+    """(n, 3) x, y and z, the unit of z, and that of x in mm; None if the table does not name them.
 
     Raises:
         DataError: a unit is unknown.
     """
-    found: dict[str, tuple[int, float | None]] = {}
+    found: dict[str, tuple[int, str]] = {}
     for column, name in enumerate(table.names):
         if len(name) <= _MOST_NAME and (axis := _AXIS.fullmatch(name.strip("\"'# "))):
             unit = axis["unit"] or ""
             if unit and unit not in MM and not unit.startswith(("px", "pixel")):
                 what = f"has the column {name!r}, and {unit} is no unit of length that is known"
                 raise DataError(what, "export it in nm, um, mm, m or in, or leave the unit out")
-            found.setdefault(axis["axis"][0].replace("h", "z"), (column, MM.get(unit)))
+            found.setdefault(axis["axis"][0].replace("h", "z"), (column, unit if unit in MM else ""))
     if {"r", "c", "z"} <= found.keys():
         rows, columns, heights = (table.rows[:, found[axis][0]] for axis in "rcz")
         return np.stack([columns, -rows, heights], axis=1), found["z"][1], None
     if not {"x", "y", "z"} <= found.keys():
         return None
-    return table.rows[:, [found[axis][0] for axis in "xyz"]], found["z"][1], found["x"][1]
+    return table.rows[:, [found[axis][0] for axis in "xyz"]], found["z"][1], MM.get(found["x"][1])
 
 
 def _zygo(text: str, most: int) -> RawMap:
@@ -333,7 +332,7 @@ def _zygo(text: str, most: int) -> RawMap:
     numbers = "".join(head.splitlines()[7:8]).split()
     pitch = (float(numbers[6]) if len(numbers) > 6 else 0.0) or None
     raw = map_of_points(_number_table(body).rows[:, :3] * (1.0, -1.0, 1.0), most=most)
-    return replace(raw, x_pitch=pitch, y_pitch=pitch, z_mm=1e-3, xy_mm=1e3)
+    return replace(raw, x_pitch=pitch, y_pitch=pitch, z_mm=1e-3, xy_mm=1e3, unit="um")
 
 
 def _is_points(table: NumberTable, entries: Sequence[HeadEntry]) -> bool:
@@ -486,7 +485,7 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
     nm = 1.0 if flags and flags[1] == "1" else stated.get("Wavelength", 1.0) / stated.get("Mult", 1.0)
     pitch = stated.get("Pixel_size")
     pitches = pitch, pitch and pitch * stated.get("Aspect", 1.0)
-    return RawMap(z.T, *pitches, z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True, rows_stated=True)
+    return RawMap(z.T, *pitches, z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True, rows_stated=True, unit="nm")
 
 
 def _with_first_row(z: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:

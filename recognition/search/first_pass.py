@@ -83,7 +83,7 @@ def felt_heights_mm(
         width, height = surface.size_mm
         raise MapError(
             f"the map is {width:.2g} x {height:.2g} mm: too small for characters",
-            hint="check the unit of its lengths",
+            hint="measure the whole serial; if the map is larger, correct its unit",
         )
     feel = feel or virtual_feel(
         fidelity=fidelity,

@@ -437,6 +437,21 @@ def test_a_unit_that_the_file_states_is_not_asked_about(xy: float, tmp_path: Pat
     check(read_height_map(path, MapSettings(unit="um")))
 
 
+@pytest.mark.parametrize("head", ["X [mm];Y [mm];Z [mm]\n", "# unit: mm\n"])
+def test_columns_with_a_unit_are_not_asked_about_theirs(head: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(columns(Z * 1e3, delimiter=";", head=head))
+    with pytest.raises(
+        FileError, match=r"\(the file states mm\); if that is wrong, give --unit or --pitch-mm$"
+    ):
+        read_height_map(tmp_path / "a.csv")
+
+
+def test_only_heights_are_asked_about_where_the_unit_of_distances_is_stated(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(matrix(Z * 1e3, delimiter=",", head="XY calibration (nm/pixel),80000\n"))
+    with pytest.raises(FileError, match=r"are the heights micrometres\? then give --unit um$"):
+        read_height_map(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize(("name", "xy"), [("a.sur", 1e-3), ("a.x3p", 1e-6)])
 def test_a_map_without_room_for_a_character_is_too_small(name: str, xy: float, tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"too small for characters: the map measures 4\.8 um x 3\.2 um"):

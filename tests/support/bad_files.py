@@ -152,6 +152,13 @@ def bad_photos() -> Iterator[tuple[str, bytes]]:
     assert done
     yield "nan.tif", bytes(floats)
     yield "animation.png", b"GIF89a" + b"\0" * 64
+    yield "comments.pgm", b"P2 1000 1000 255\n" + b"#\n" * 500_000 + b"1 " * 1000
+    yield "comments-in-head.pgm", b"P5\n" + b"#\n" * 500_000 + b"100 100 255\n" + b"\1" * 10_000
+    yield "chunks.png", good[:33] + chunk(b"tEXt", b"") * 310_000 + good[33:]
+    yield "segments.jpg", cut[:2] + b"\xff\xfe\0\2" * 310_000 + cut[2:]
+    yield "blocks.gif", b"GIF89a\x10\0\x10\0\0\0\0\x21\xfe" + b"\1a" * 310_000 + b"\0;"
+    yield "strips.tif", _tiff([(256, 4, 1, 10), (257, 4, 1, 310_000), (258, 3, 1, 8), (273, 4, 310_000, 8)])
+    yield "entries.tif", b"II+\0" + struct.pack("<HHQQ", 8, 0, 16, 310_000) + b"\0" * 20 * 310_000
     yield "drawing.png", b"<svg xmlns='http://www.w3.org/2000/svg'><image href='file:///etc/passwd'/></svg>"
 
 
@@ -239,6 +246,56 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     yield "declared.sur", b"DIGITAL SURF\0" + b"\xff" * 500
     yield "recording.sur", scan()
     yield "linked.datx", _linked("external", group="Data/Surface")
+    yield "counted.pcd", PCD_HEAD % 1_000_000_000 + b"\0" * 1200
+    yield "counted-down.pcd", PCD_HEAD % -3 + b"\0" * 1200
+    corners = b"v 0 0 0\nv 9 0 0\nv 0 9 0\nv 9 9 0\n"
+    yield (
+        "groups.obj",
+        corners + b"".join(b"g g%d\nusemtl m%d\nf 1 2 3\nf 2 4 3\n" % (k, k) for k in range(20_000)),
+    )
+    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 9 0 0\nvertex 0 9 0\nendloop\nendfacet\n"
+    yield "solids.stl", (b"solid a\n" + facet + b"endsolid a\n") * 20_000
+    ply = b"ply\nformat %s 1.0\nelement vertex 4\n%send_header\n"
+    places = b"".join(b"property float %c\n" % axis for axis in b"xyz")
+    yield "lines.ply", ply % (b"ascii", places) + b"\n" * 2_000_000
+    lists = b"".join(b"property list uchar int p%d\n" % k for k in range(20_000))
+    yield "properties.ply", ply % (b"binary_little_endian", lists) + bytes(9999)
+    yield "members.npz", _raw_npz({f"m{k}": b"" for k in range(60_000)}, compressed=False)
+    yield "members.x3p", _raw_npz({**{f"{k}.bin": bytes(10**6) for k in range(90)}, **_members(x3p(60, 80))})
+    yield (
+        "declared.tmd",
+        b"Binary TrueMap Data File v2.0\r\n\0\0" + struct.pack("<iiffff", 10**9, 4, 9, 9, 0, 0),
+    )
+    yield "declared.nms", bytes(1368) + struct.pack("<2I2d", 2**31, 4, 1.0, 1.0) + bytes(4000)
+    yield "claims.mat", _matlab_bomb(300_000_000)
+
+
+PCD_HEAD = (
+    b"VERSION .7\nFIELDS x y z q\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 %d\nWIDTH 100\nHEIGHT 1\nPOINTS 100\n"
+    b"DATA binary\n"
+)
+
+
+def _members(archive: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(archive)) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+def _matlab_bomb(n_bytes: int) -> bytes:
+    """A matrix of 60 x 40 whose packed numbers are far longer."""
+
+    def element(kind: int, body: bytes) -> bytes:
+        return struct.pack("<II", kind, len(body)) + body + b"\0" * (-len(body) % 8)
+
+    matrix = (
+        element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", 60, 40)) + element(1, b"z_mm")
+    )
+    matrix += struct.pack("<II", 9, n_bytes)
+    packer = zlib.compressobj(9)
+    body = packer.compress(struct.pack("<II", 14, len(matrix) + n_bytes) + matrix)
+    body += b"".join(packer.compress(bytes(10**6)) for _ in range(n_bytes // 10**6)) + packer.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    return head + struct.pack("<II", 15, len(body)) + body
 
 
 def _python_head(code: str) -> bytes:

@@ -76,7 +76,7 @@ def test_problems_name_the_file_and_no_folder(seen: dict[str, str], place: str) 
 SAYS = {
     "is empty": "empty.png empty.npz empty.x3p empty.sdf empty.sur empty.h5",
     "is damaged": "truncated.npz picture.npz no-head.npz truncated.x3p npz.x3p text.sdf truncated.sdf head-only.sdf"
-    " declared.sdf magic-only.sur noise.opd noise.plu magic-only.h5",
+    " declared.sdf claims.mat magic-only.sur noise.opd noise.plu magic-only.h5",
     "has no z_mm": "no-heights.npz nothing.npz",
     "has no pitch_mm": "no-pitch.npz",
     "as the distance of its samples": "pitch-nan.npz pitch-nought.npz pitch-negative.npz",
@@ -91,9 +91,19 @@ SAYS = {
     "is shorter than it declares": "declared-short.npz",
     "npy version": "version-9.npz",
     "no format that is read": "script.py",
+    "pieces": "chunks.png segments.jpg blocks.gif strips.tif entries.tif",
+    "text PGM": "comments.pgm",
+    "long comments": "comments-in-head.pgm",
+    "ends too soon": "counted.pcd counted-down.pcd",
+    "over each other": "groups.obj solids.stl",
+    "more lines than it declares": "lines.ply",
+    "its head does not end": "properties.ply",
+    "more members than a height map": "members.npz",
+    "unpacks to": "members.x3p",
+    "its head does not fit its heights": "declared.tmd",
     "another file": "linked-external.h5 linked-virtual.h5 linked-storage.h5 linked-soft.h5 linked.datx",
     "over the limit": "bomb-12000x12000.png declared-2e9.png declared-65000x65000.jpg declared-huge.tif bomb.npz"
-    " declared-1e12.npz declared-1e10.x3p declared.h5",
+    " declared-1e12.npz declared-1e10.x3p declared.h5 declared.nms",
 }
 
 

@@ -50,7 +50,7 @@ def test_small_and_large_characters_are_found_by_it(height_mm: float) -> None:
 @pytest.mark.parametrize(
     ("height_mm", "said"),
     [
-        (None, "the map is 0.083 x 0.2 mm: too small for characters; check the unit"),
+        (None, "the map is 0.083 x 0.2 mm: too small for characters; measure the whole serial"),
         (5.0, "the map is 0.083 x 0.2 mm with samples .* it exceeds 64,000,000 samples; check the unit"),
     ],
 )
