@@ -83,7 +83,12 @@ class LineReader:
         if not meant:
             return PartLines(None)
         look = partial(
-            self._look_closely, view, grammar=self.grammar, others=dimmer, closely=len(looked) > 1, twice=twice
+            self._look_closely,
+            view,
+            grammar=self.grammar,
+            others=dimmer,
+            closely=len(looked) > 1,
+            twice=twice,
         )
         read = [look(line) for line in self._most_promising(view, meant)]
         if self.grammar is not None and not any(map(self._is_plain, read)):
