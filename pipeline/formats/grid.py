@@ -48,7 +48,12 @@ _UPRIGHT = 20.0
 MM = {
     **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
     **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4, "inches": 25.4, "mil": 0.0254, "thou": 0.0254},
-    **{"micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "millimeter": 1.0, "meter": 1e3},
+    **{"micron": 1e-3, "microns": 1e-3},
+    **{
+        f"{prefix}{metre}": mm
+        for prefix, mm in {"nano": 1e-6, "micro": 1e-3, "milli": 1.0, "centi": 10.0, "": 1e3}.items()
+        for metre in ("meter", "metre", "meters", "metres")
+    },
 }
 """Millimetres per unit of length, in the spelling of files."""
 UNITS = {"um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches", "nm": "nanometres"}

@@ -19,6 +19,9 @@ MOST_DEPTH = 16
 MOST_CHUNK_BYTES = 268_435_456
 """Largest chunk of an HDF5 dataset: a chunk is unpacked whole, however little of it is read."""
 
+MOST_CHUNKS = 50_000
+"""Most chunks of an HDF5 dataset: HDF5 makes an object for each, even for those that were never written."""
+
 
 def check_hdf5(path: Path, *, most: int) -> None:
     """Check that all content of an HDF5 file is inside it, in small chunks and of bounded size.
@@ -60,7 +63,11 @@ def _check_dataset(dataset: Any, most: int) -> None:
     if layout == h5py.h5d.VIRTUAL or made.get_external_count():
         raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
     if layout == h5py.h5d.CHUNKED:
-        chunk = math.prod(map(int, made.get_chunk())) * dataset.id.get_type().get_size()
+        sides = [int(side) for side in made.get_chunk()]
+        chunks = math.prod(-(-int(n) // side) for n, side in zip(dataset.id.shape, sides, strict=True))
+        if chunks > MOST_CHUNKS:
+            raise MarksError(f"{dataset.name} has {chunks:,} chunks", hint="write it in larger chunks")
+        chunk = math.prod(sides) * dataset.id.get_type().get_size()
         if chunk > MOST_CHUNK_BYTES:
             hint = "write it in smaller chunks"
             raise MarksError(f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", hint=hint)

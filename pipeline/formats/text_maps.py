@@ -231,10 +231,10 @@ _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
 # number of characters of a heading that are searched
 _MOST_HEAD = 10_000
-# a line of a heading: its key, a unit in brackets, a number, and a unit or another word
+# a line of a heading: its key, an axis and a unit in brackets, a number, and a unit or another word
 _ENTRY = re.compile(
     r"(?m)^(?:[^\w\n]|_)*(?P<key>[^\W\d_][^\n\d:=,;\t()\[\]]*)[ \t]*"
-    r"(?:[(\[][ \t]*(?:->|in\b)?[ \t]*(?P<before>[^\n()\[\]]*)[)\]])?[ \t:=,;]*"
+    r"(?P<brackets>(?:[(\[][^\n()\[\]]*[)\]][ \t]*)*)[ \t:=,;]*"
     r"(?P<value>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)?[ \t:=,;(\[]*(?P<after>[^\n,;()\[\]]*)"
 )
 # what ends an entry within a line: the next key follows
@@ -247,13 +247,18 @@ _OF_EACH = re.compile(
     re.IGNORECASE,
 )
 # keys as different programs and languages spell them, in lower case with single blanks
-_GAP = r"(?:pitch|step|spacing|increment|interval|distance|sampling|scale|resolution|calibration|gap|pas|schritt\w*)"
+_GAP = (
+    r"(?:pitch|step(?: ?size)?|spacing|increment|interval|distance|sampling|scale|resolution|calibration|gap|pas"
+    r"|schritt\w*)"
+)
 _LATERAL = r"(?:xy|lateral|horizontal|pixel|cell|sample|sampling|point|grid|node)"
 _OF_AXIS = (
     r"d ?{0}|delta {0}|(?:pixel|cell) ?size ?{0}|{0} ?(?:pixel|cell) ?size"
     rf"|(?:{_LATERAL} ?)?{_GAP} ?{{0}}|{{0}} ?(?:{_LATERAL} ?)?{_GAP}"
 )
-_PITCH_KEYS = {axis: _OF_AXIS.format(axis) for axis in "xy"} | {
+_PITCH_KEYS = {
+    "x": _OF_AXIS.format("x") + rf"|column ?{_GAP}",
+    "y": _OF_AXIS.format("y") + rf"|(?:line|profile|row) ?{_GAP}",
     "": rf"(?:pixel|cell) ?size|{_LATERAL} ?{_GAP}|pixel(?:gr[öo](?:ß|ss)e|abstand|weite)|(?:punkt|abtast|mess)abstand",
     # of a microscope this may be the step of its lens
     "bare": r"pitch|step|spacing",
@@ -397,10 +402,12 @@ def _entries(head: str) -> list[HeadEntry]:
     entries = []
     for line in _ENTRY.finditer(_NEXT_ENTRY.sub("\n", head)):
         name = line["key"].replace("_", " ").strip()
-        key = re.sub(r"[\s./-]+", " ", name).strip().lower()
+        brackets = [text.strip("->= ") for text in re.findall(r"[^()\[\]]+", line["brackets"])]
+        axis = next((text for text in brackets if text.lower() in ("x", "y", "z")), "")
+        key = re.sub(r"[\s./-]+", " ", f"{name} {axis}").strip().lower()
         unit = _OF_EACH.fullmatch(name)  # such as um_per_pixel
-        for text in (line["before"] or "", line["after"]):
-            unit = unit or _OF_EACH.match(text.strip())
+        for text in (*brackets, line["after"]):
+            unit = unit or _OF_EACH.match(text.strip().removeprefix("in "))
         of = "" if unit is None else "sample" if unit["sample"] else "digit" if unit["digit"] else ""
         named, _, last = key.rpartition(" ")
         if unit is None and last in MM and named:  # such as pitch_um

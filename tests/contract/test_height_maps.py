@@ -499,6 +499,9 @@ HEADS = {
     "pixel size": "Columns: 60\nPixel size X [\u00b5m]: 80\nPixel size Y [\u00b5m]: 80\nheight scale factor=1e-10 m\n",
     "increments": "X_INCREMENT 0.08 mm\nY_INCREMENT 0.08 mm\nZ scaling: 1e-7 mm\n",
     "on a line": "dx=0.08 mm, dy=0.08 mm, height scale=0.1 nm/count\n",
+    "axes in brackets": "Step size (x) [micrometers]: 80\nStep size (y) [micrometers]: 80\nz scale (in nm) 0.1\n",
+    "laser lines": "X pitch: 0.08 mm\nProfile pitch: 0.08 mm\nZ calibration (mm/count): 1e-7\n",
+    "counts of pixels": '"Horizontal","60"\n"Vertical","40"\n"XY calibration","80","um"\nnm per digit: 0.1\n',
     "unit in the key": "pixel_size_um: 80\nz_calibration_nm: 0.1\n",
     "german": "Pixelabstand: 80 \u00b5m\nBreite: 60\nH\u00f6he: 40\nz factor: 0,1 nm\n",
 }

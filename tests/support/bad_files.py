@@ -453,6 +453,11 @@ def _wide_chunk(file: h5py.File) -> None:
     )
 
 
+def _small_chunks(file: h5py.File) -> None:
+    del file["scan/signal"]
+    file.create_dataset("scan/signal", shape=(2**20, 8), dtype=np.float32, chunks=(1, 1))
+
+
 def _declared(file: h5py.File) -> None:
     del file["scan/signal"]
     file.create_dataset("scan/signal", shape=(10**15, 8), dtype=np.float32, chunks=(4096, 8))
@@ -469,6 +474,7 @@ _CHANGES: dict[str, Any] = {
     "unwritten": _unwritten,
     "packed": _packed,
     "wide-chunk": _wide_chunk,
+    "small-chunks": _small_chunks,
     "declared": _declared,
     "cycle": _cycle,
     "compound": put("scan/signal", np.zeros((10, 8), dtype=[("a", "f4"), ("b", "S9")])),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,52 @@ def test_a_grid_keeps_its_heights(name: str, tmp_path: Path) -> None:
     found = read_height_map(write(tmp_path / name))
     assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)  # coordinates are float32
     np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)
+
+
+SMALL = PART.z_mm[100:140, 100:150]
+
+
+def small_mesh() -> trimesh.Trimesh:
+    """Some of the part."""
+    rows, cols = SMALL.shape
+    row, col = np.indices(SMALL.shape)
+    at = np.column_stack([col.ravel() * PART.pitch_mm, -row.ravel() * PART.pitch_mm, SMALL.ravel()])
+    k = np.arange(rows * cols).reshape(rows, cols)
+    a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
+    faces = np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
+    return trimesh.Trimesh(at, faces, process=False)
+
+
+def grouped_obj() -> str:
+    """Texture places, normals, continued lines, and a group, an object and a material for each triangle."""
+    plate = small_mesh()
+    lines = [f"v {x} {y} {z}" for x, y, z in plate.vertices] + ["vt 0 0", "vn 0 0 1", "s off"]
+    for k, face in enumerate(plate.faces + 1):
+        lines += [
+            f"g g{k}",
+            f"o o{k}",
+            f"usemtl m{k}",
+            "f " + " \\\n".join(f"{corner}/1/1" for corner in face),
+        ]
+    return "\n".join(lines)
+
+
+def text_stl() -> str:
+    """A solid with a misleading name for each triangle."""
+    return "".join(
+        f"solid vertex {k}\nfacet normal 0 0 1\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*corner) for corner in triangle)
+        + "endloop\nendfacet\nendsolid\n"
+        for k, triangle in enumerate(small_mesh().triangles)
+    )
+
+
+@pytest.mark.parametrize(("name", "make"), [("a.obj", grouped_obj), ("a.stl", text_stl)])
+def test_groups_and_solids_are_one_surface(name: str, make: Callable[[], str], tmp_path: Path) -> None:
+    (tmp_path / name).write_text(make())
+    found = read_height_map(tmp_path / name)
+    assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)
+    np.testing.assert_allclose(found.z_mm, SMALL, atol=1e-6)
 
 
 @pytest.mark.parametrize("joined", [True, False])

@@ -101,6 +101,7 @@ SAYS = {
     "more members than a height map": "members.npz",
     "unpacks to": "members.x3p",
     "its head does not fit its heights": "declared.tmd",
+    "8,388,608 chunks": "small-chunks.h5",
     "another file": "linked-external.h5 linked-virtual.h5 linked-storage.h5 linked-soft.h5 linked.datx",
     "over the limit": "bomb-12000x12000.png declared-2e9.png declared-65000x65000.jpg declared-huge.tif bomb.npz"
     " declared-1e12.npz declared-1e10.x3p declared.h5 declared.nms",
