@@ -29,8 +29,8 @@ HEAD_BYTES = 16
 TAIL_BYTES = 65_536
 """Number of last bytes of a picture among which its end mark stands; some cameras write notes behind it."""
 _TEMPORARY = re.compile(
-    r"\.|~|.*(?:~|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp|incomplete"
-    r"|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
+    r"\.|~|.*(?:~|\.te?mp\.[^.]+|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp"
+    r"|incomplete|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
     re.IGNORECASE,
 )
 """Names under which programs write a file before they rename it: FTP and SFTP clients, browsers, editors, rsync."""
@@ -123,8 +123,13 @@ def kind_of(head: bytes) -> PhotoKind | None:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file or folder has a hidden name, or one under which programs write before they rename it."""
-    return _TEMPORARY.match(name) is not None
+    """Whether a file or folder has a hidden name, or one under which programs write before they rename it.
+
+    So has a photograph with any other ending behind its own, such as part.jpg.1.
+    """
+    stem, suffix = os.path.splitext(name.lower())
+    longer = suffix not in PHOTO_SUFFIXES and os.path.splitext(stem)[1] in PHOTO_SUFFIXES
+    return longer or _TEMPORARY.match(name) is not None
 
 
 def is_cut_short(picture: Path) -> bool:

@@ -268,6 +268,7 @@ TEMPORARY = (
         "~P17.jpg",
     ),
     *("~$P17.jpg", "P17.jpg.partial", "P17.jpg.download", "P17.jpg.!ut", "P17.JPG.PART", ".P17.jpg.Xa1b2C"),
+    *("P17.jpg.part1", "P17.jpg.inprogress", "P17.tmp.jpg"),
 )
 
 
