@@ -28,6 +28,8 @@ HEAD_BYTES = 16
 """Number of first bytes of a file that determine its kind."""
 TAIL_BYTES = 65_536
 """Number of last bytes of a picture among which its end mark stands; some cameras write notes behind it."""
+_JPEG_BEGINS = re.compile(rb"\xff[\xc0-\xc4\xda\xdb]")
+"""Markers of a JPEG's frame, tables and scan."""
 _TEMPORARY = re.compile(
     r"\.|~|.*(?:~|\.te?mp\.[^.]+|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp"
     r"|incomplete|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
@@ -142,12 +144,16 @@ def is_cut_short(picture: Path) -> bool:
         head, n_bytes = stream.read(HEAD_BYTES), os.fstat(stream.fileno()).st_size
         stream.seek(max(0, n_bytes - TAIL_BYTES))
         tail = stream.read()
+    if n_bytes < HEAD_BYTES:
+        return True
     kind = kind_of(head)
     match kind.name if kind is not None else "":
         case "PNG":
             return b"IEND" not in tail
         case "JPEG":
-            return b"\xff\xd9" not in tail
+            # the end of a preview does not count: the picture's own tables and scan begin behind it
+            _, end, behind = tail.rpartition(b"\xff\xd9")
+            return not end or _JPEG_BEGINS.search(behind) is not None
         case "GIF":
             return not tail.rstrip(b"\0").endswith(b";")
         case "BMP":
@@ -156,7 +162,7 @@ def is_cut_short(picture: Path) -> bool:
             return n_bytes < 8 + int.from_bytes(head[4:8], "little")
         case "TIFF" if head[2:3] == b"*" or head[3:4] == b"*":
             return n_bytes <= int.from_bytes(head[4:8], "little" if head[:2] == b"II" else "big")
-    return not n_bytes
+    return False
 
 
 def refusal(head: bytes) -> tuple[str, str]:
