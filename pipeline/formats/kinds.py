@@ -28,9 +28,11 @@ HEAD_BYTES = 16
 """Number of first bytes of a file that determine its kind."""
 TAIL_BYTES = 65_536
 """Number of last bytes of a picture among which its end mark stands; some cameras write notes behind it."""
+_JPEG_BEGINS = re.compile(rb"\xff[\xc0-\xc4\xda\xdb]")
+"""Markers of a JPEG's frame, tables and scan."""
 _TEMPORARY = re.compile(
-    r"\.|~|.*(?:~|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp|incomplete"
-    r"|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
+    r"\.|~|.*(?:~|\.te?mp\.[^.]+|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp"
+    r"|incomplete|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
     re.IGNORECASE,
 )
 """Names under which programs write a file before they rename it: FTP and SFTP clients, browsers, editors, rsync."""
@@ -127,8 +129,13 @@ def kind_of(head: bytes) -> PhotoKind | None:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file or folder has a hidden name, or one under which programs write before they rename it."""
-    return _TEMPORARY.match(name) is not None
+    """Whether a file or folder has a hidden name, or one under which programs write before they rename it.
+
+    So has a photograph with any other ending behind its own, such as part.jpg.1.
+    """
+    stem, suffix = os.path.splitext(name.lower())
+    longer = suffix not in PHOTO_SUFFIXES and os.path.splitext(stem)[1] in PHOTO_SUFFIXES
+    return longer or _TEMPORARY.match(name) is not None
 
 
 def is_cut_short(picture: Path) -> bool:
@@ -141,12 +148,16 @@ def is_cut_short(picture: Path) -> bool:
         head, n_bytes = stream.read(HEAD_BYTES), os.fstat(stream.fileno()).st_size
         stream.seek(max(0, n_bytes - TAIL_BYTES))
         tail = stream.read()
+    if n_bytes < HEAD_BYTES:
+        return True
     kind = kind_of(head)
     match kind.name if kind is not None else "":
         case "PNG":
             return b"IEND" not in tail
         case "JPEG":
-            return b"\xff\xd9" not in tail
+            # the end of a preview does not count: the picture's own tables and scan begin behind it
+            _, end, behind = tail.rpartition(b"\xff\xd9")
+            return not end or _JPEG_BEGINS.search(behind) is not None
         case "GIF":
             return not tail.rstrip(b"\0").endswith(b";")
         case "BMP":
@@ -155,7 +166,7 @@ def is_cut_short(picture: Path) -> bool:
             return n_bytes < 8 + int.from_bytes(head[4:8], "little")
         case "TIFF" if head[2:3] == b"*" or head[3:4] == b"*":
             return n_bytes <= int.from_bytes(head[4:8], "little" if head[:2] == b"II" else "big")
-    return not n_bytes
+    return False
 
 
 def refusal(head: bytes) -> tuple[str, str]:

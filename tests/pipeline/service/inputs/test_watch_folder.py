@@ -274,6 +274,7 @@ TEMPORARY = (
         "~P17.jpg",
     ),
     *("~$P17.jpg", "P17.jpg.partial", "P17.jpg.download", "P17.jpg.!ut", "P17.JPG.PART", ".P17.jpg.Xa1b2C"),
+    *("P17.jpg.part1", "P17.jpg.inprogress", "P17.tmp.jpg"),
 )
 
 
@@ -285,6 +286,14 @@ def test_an_upload_under_a_temporary_name_is_one_part_once_it_is_renamed(
     assert bench.look(3) == []
     path.rename(bench.folder / "P17.jpg")
     assert bench.look(3) == ["P17"]
+
+
+def test_a_photograph_whose_name_is_no_text_is_read(bench: Bench) -> None:
+    Path(os.fsdecode(os.fsencode(bench.folder) + b"/St\xfcck-7.png")).write_bytes(PNG)
+    bench.put("b.png")
+    assert sorted(bench.look(3)) == ["St_ck-7", "b"]
+    bench.anew()
+    assert len(bench.look(3)) == 2
 
 
 def test_an_upload_that_was_broken_off_is_named_in_the_log(bench: Bench) -> None:
