@@ -62,7 +62,7 @@ class Kind(Enum):
     Attributes:
         CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.
         SCORE: nothing was read, or the score is too low.
-        STROKES: why a score is low; breaks no contract by itself.
+        EXPLANATION: why a score is low; breaks no contract by itself.
         MARK: a rule that the user set for the mark is broken; the part goes to review.
         SCAN: samples are missing or wrong.
         BENCH: a fault of whiskers or bench.
@@ -71,7 +71,7 @@ class Kind(Enum):
 
     CONTRACT = auto()
     SCORE = auto()
-    STROKES = auto()
+    EXPLANATION = auto()
     MARK = auto()
     SCAN = auto()
     BENCH = auto()
@@ -98,6 +98,7 @@ class ReadingFlag(Flag):
 
     NONE = None, ""
     MISMATCH = Kind.CONTRACT, "this is not the expected serial (check the part and the order)"
+    LAYOUT = Kind.EXPLANATION, "the marks are in a layout that is not read (look at the part)"
     NO_CHARACTERS = Kind.SCORE, "no characters found (check that the serial is in view)"
     FORMAT_NOT_MET = Kind.CONTRACT, "the marks do not fit the format (check the part and the format)"
     SENSES_DISAGREE = Kind.CONTRACT, "touch and camera read different serials (look at the part)"
@@ -112,8 +113,11 @@ class ReadingFlag(Flag):
     NOT_WHOLE = Kind.CONTRACT, "a character was not felt from edge to edge (scan a longer or wider stretch)"
     TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to distinguish two characters (feel more lines)"
     BELIEVED_OTHERWISE = Kind.CONTRACT, "an earlier look read another text (look at the part)"
-    STROKES_MISSING = Kind.STROKES, "most strokes of a character are missing (clean it and scan it again)"
-    STROKES_UNDECIDED = Kind.STROKES, "the strokes that distinguish two characters were not felt (clean it)"
+    STROKES_MISSING = Kind.EXPLANATION, "most strokes of a character are missing (clean it and scan it again)"
+    STROKES_UNDECIDED = (
+        Kind.EXPLANATION,
+        "the strokes that distinguish two characters were not felt (clean it)",
+    )
     UNREAD_MARKS = Kind.CONTRACT, "there are marks beside the serial (check that all of it was read)"
     FORMAT_OVERRULED = Kind.CONTRACT, "the format changed what was read (compare it with the part)"
     CHECK_BLIND = (
@@ -151,7 +155,7 @@ BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE) | ReadingFlag.CHAN
 """Flags that send a reading to review whatever its score."""
 MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
 """Flags of broken rules for the mark; findings give places and numbers."""
-EXPLANATIONS = ReadingFlag.of(Kind.STROKES)
+EXPLANATIONS = ReadingFlag.of(Kind.EXPLANATION)
 
 
 @dataclass(frozen=True)

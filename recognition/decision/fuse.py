@@ -88,8 +88,12 @@ def disagreement(
         own != text and (sense.confidence >= sure or lead > nats)
         for sense, own, lead in ((vision, seen, seen_lead), (touch, felt, felt_lead))
     )
-    lattices = touch.trace.lattice, vision.trace.lattice
-    if not any(outvoted) and not (len(seen) == len(felt) and contradict(*lattices)):
+    lattices = [
+        sense.trace.lattice
+        for sense in (touch, vision)
+        if sense.characters and sense.trace.lattice is not None and len(seen) == len(felt)
+    ]
+    if not any(outvoted) and not (len(lattices) == 2 and contradict(*lattices)):
         return ()
     places = tuple(k for k, (a, b) in enumerate(zip(seen, felt, strict=False), start=1) if a != b)
     what = f"camera reads {vision.text}, touch {touch.text or felt}: are they of one part?"

@@ -330,11 +330,11 @@ class Reading:
 
     @property
     def actions(self) -> tuple[Action, ...]:
-        """Action for each character's mark; an accepted reading has none, whatever its grades."""
+        """Action for each character's mark; none for an accepted reading, or one whose marks stand otherwise."""
         # imported here, so that storing or showing readings does not load the libraries that grade marks
         from recognition.marks.grade import Action
 
-        if self.decision is Decision.ACCEPT:
+        if self.decision is Decision.ACCEPT or self.flags & ReadingFlag.LAYOUT:
             return (Action.NONE,) * len(self.characters)
         return tuple(Action.NONE if c.grade is None else c.grade.action for c in self.characters)
 

@@ -22,7 +22,7 @@ from recognition.language.confusions import CharacterState
 if TYPE_CHECKING:
     from recognition import Reading
 
-ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.STROKES)
+ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.EXPLANATION)
 """Doubts about a serial, most important first; a reading reports the first one (`reasons_of`)."""
 
 

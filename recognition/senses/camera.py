@@ -15,6 +15,7 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import checked_by_codes
+from recognition.decision.layouts import with_layout
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import log_odds, with_score
@@ -110,7 +111,9 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).with_trace(photo=photo)
-        return weigh_orientation(with_score(made), views[0], lines)
+        made = weigh_orientation(with_score(made), views[0], lines)
+        with timer.step("layout"):
+            return with_layout(made, part, views[0], lines)
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:

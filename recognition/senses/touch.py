@@ -22,6 +22,7 @@ from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.depth_rules import judged_by
+from recognition.decision.layouts import with_layout
 from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import score_of, serial_is_sure, with_score
@@ -187,6 +188,8 @@ class TactileReader:
         reading = with_score(reading)
         with timer.step("orientation"):
             reading = self.weigh_orientation(reading)
+        with timer.step("layout"):
+            reading = with_layout(reading, part, view, self.lines)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
 
     def weigh_orientation(self, reading: Reading, *, rows_known: bool = True) -> Reading:
