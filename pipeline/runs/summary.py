@@ -10,6 +10,7 @@ from textwrap import shorten
 from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
+from recognition.decision.decide import CHECK_FORMAT, ReadingFlag
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 GLOSSARY = "docs/pages/reference/glossary.md"
@@ -34,6 +35,7 @@ class Summary:
         errors: number of parts that could not be read.
         reasons: number of parts not accepted for each reason; a part may have several.
         faults: number of parts with each kind of error.
+        misfits: number of parts on which a clear text does not fit the format, for each way in which it does not.
         seconds: seconds of work on all parts together.
         slowest: (seconds, part) of the slowest parts, slowest first.
     """
@@ -44,6 +46,7 @@ class Summary:
     errors: int = 0
     reasons: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
+    misfits: Counter[str] = field(default_factory=Counter)
     seconds: float = 0.0
     slowest: list[tuple[float, str]] = field(default_factory=list)
 
@@ -62,6 +65,9 @@ class Summary:
         if record.decision != "accept":
             for code in dict.fromkeys(reason.code for reason in record.reasons):
                 _count(self.reasons, _words(code))
+            for message in record.messages:
+                if message.endswith(CHECK_FORMAT):
+                    _count(self.misfits, _misfit(message))
             if not record.reasons:
                 _count(self.reasons, "not sure enough")
 
@@ -89,6 +95,7 @@ class Summary:
             lines += [f"  {n:>6,}  {kind}" for kind, n in shown]
             if len(counter) > len(shown):
                 lines.append(f"  ... and {len(counter) - len(shown)} more kinds")
+        lines += self._format_hints()
         if self.reasons:
             lines.append(f"what these words mean: {GLOSSARY}")
         if read_now and elapsed_s > 0.0:
@@ -99,6 +106,20 @@ class Summary:
                 "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for seconds, part in self.slowest),
             ]
         return lines
+
+    def _format_hints(self, *, least_share: float = 0.5, most_hints: int = 3) -> list[str]:
+        """Say what most parts have in common that the format does not allow.
+
+        Args:
+            least_share: least share of the parts.
+            most_hints: most hints.
+        """
+        read = sum(self.decisions.values())
+        return [
+            f"{misfit} on {'every part' if n == read else f'{n:,} of {read:,} parts'}: check --format"
+            for misfit, n in self.misfits.most_common(most_hints)
+            if n >= max(2, least_share * read)
+        ]
 
     def as_json(self) -> dict[str, Any]:
         """The summary as plain values."""
@@ -116,12 +137,16 @@ class Summary:
 
 def _words(code: str) -> str:
     """A reason in general words."""
-    from recognition.decision.decide import ReadingFlag
-
     flag = ReadingFlag.__members__.get(code.upper())
     if flag is ReadingFlag.NO_CHARACTERS:
         return "no serial found (the rows say why)"  # its text blames the view; it may be the format
     return flag.text if flag else code.replace("_", " ")
+
+
+def _misfit(message: str) -> str:
+    """How a text does not fit the format: "place 2 reads as a letter", "found 8 characters, but the format has 7"."""
+    what = _QUOTED.sub("", message.removesuffix(CHECK_FORMAT)).replace(" ()", "").strip()
+    return what.removesuffix(", which the format does not allow")
 
 
 def _kind(error: str) -> str:

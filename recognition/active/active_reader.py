@@ -44,6 +44,7 @@ LOOKS_PER_READING = 4
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.FORMAT_OVERRULED
+    | ReadingFlag.FORMAT_NOT_MET
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.FOREIGN_SHAPES
     | ReadingFlag.NO_CHARACTERS

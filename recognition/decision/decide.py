@@ -151,6 +151,8 @@ class ReadingFlag(Flag):
         return reduce(or_, (flag for flag in cls if flag.kind in kinds))
 
 
+CHECK_FORMAT = "(check the part and the format)"
+"""End of the messages about a text that is clear but not of the format; `pipeline.runs.summary` counts them."""
 BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE) | ReadingFlag.CHANNELS_MIXED
 """Flags that send a reading to review whatever its score."""
 MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)

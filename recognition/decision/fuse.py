@@ -32,6 +32,7 @@ from recognition.marks.strokes import strokes_of
 CHOICE_FLAGS = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.FORMAT_OVERRULED
+    | ReadingFlag.FORMAT_NOT_MET
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.CHECK_BLIND
 )
@@ -153,7 +154,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     laid = None if laid is None else replace(laid, text=tuple(choice.text))
     strokes = () if laid is None else strokes_of(laid, lattice, slope=score_of("fused").slope)
     # the format counts as overruled only if both senses say so
-    overruled = ReadingFlag.FORMAT_OVERRULED & vision.flags
+    overruled = (ReadingFlag.FORMAT_OVERRULED | ReadingFlag.FORMAT_NOT_MET) & vision.flags
     # touch's findings on characters, format and lines are computed anew for both senses
     own = doubts_of_lines(tactile.others, settings)
     kept = tactile.without_flags(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)

@@ -79,6 +79,15 @@ class CharacterReading:
         """Probability of the best candidate."""
         return self.candidates[0].probability
 
+    def at_least(self, probability: float) -> CharacterReading:
+        """The same place with at least this probability of its best candidate; the others share what is left."""
+        first, *others = self.candidates
+        if first.probability >= probability:
+            return self
+        left = (1.0 - probability) / (1.0 - first.probability)
+        fewer = (replace(other, probability=left * other.probability) for other in others)
+        return replace(self, candidates=(replace(first, probability=probability), *fewer))
+
     @property
     def margin(self) -> float:
         """Probability of the first candidate minus that of the second."""
@@ -289,6 +298,11 @@ class Reading:
             plt.close(figure)  # a notebook shows the returned figure; it would show an open one twice
         return figure
 
+    def with_confidence(self, confidence: float) -> Reading:
+        """The same reading with this confidence; no place is less sure than the whole text, of which it is a part."""
+        places = tuple(character.at_least(confidence) for character in self.characters)
+        return replace(self, confidence=confidence, characters=places)
+
     def with_trace(self, **fields: Any) -> Reading:
         """The same reading, with these fields of its trace."""
         return replace(self, trace=replace(self.trace, **fields))
@@ -330,13 +344,21 @@ class Reading:
 
     @property
     def actions(self) -> tuple[Action, ...]:
-        """Action for each character's mark; none for an accepted reading, or one whose marks stand otherwise."""
+        """Action for each character's mark.
+
+        None for an accepted reading, for one whose marks stand otherwise, and for a place that is not of the format.
+        """
         # imported here, so that storing or showing readings does not load the libraries that grade marks
         from recognition.marks.grade import Action
 
         if self.decision is Decision.ACCEPT or self.flags & ReadingFlag.LAYOUT:
             return (Action.NONE,) * len(self.characters)
-        return tuple(Action.NONE if c.grade is None else c.grade.action for c in self.characters)
+        # a character that only a wrong format has there lacks its strokes however clean the part is
+        misfits = {k for f in self.findings if f.flag & ReadingFlag.FORMAT_NOT_MET for k in f.places}
+        return tuple(
+            Action.NONE if c.grade is None or k in misfits else c.grade.action
+            for k, c in enumerate(self.characters, start=1)
+        )
 
     @property
     def text(self) -> str:

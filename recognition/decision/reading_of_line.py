@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import string
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
 from types import MappingProxyType
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.combine.read_line import ReadLine, greatest_between, word_gaps
-from recognition.decision.decide import Finding, ReadingFlag
+from recognition.decision.decide import CHECK_FORMAT, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps
@@ -29,6 +30,8 @@ LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut with the same shape."""
+KINDS = {"a letter": string.ascii_uppercase, "a small letter": string.ascii_lowercase, "a digit": string.digits}
+"""Kinds of characters that a format with an error confuses."""
 IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
 """Log probability of the format on its line, twins included, below which the line may have another text. 1 in 100 of
 the exam's lines accepted by touch has less; none of 48 photographs has. Of 134 felt lines with a sign outside the
@@ -106,7 +109,7 @@ def reading_of_line(
     belief = choice.probability * main.likely
     reading = Reading(
         tuple(characters_of(choice, lattice)),
-        worth.of_belief(belief),
+        0.0,
         flags,
         others=tuple(others),
         height_mm=main.line.height_mm,
@@ -116,7 +119,7 @@ def reading_of_line(
         source=source,
         threshold=settings.accept_confidence,
     ).with_findings(*changed, *small, *doubts_of_lines(others, settings))
-    reading = contracts_of_choice(reading, choice, grammar)
+    reading = contracts_of_choice(reading.with_confidence(worth.of_belief(belief)), choice, grammar)
     by_expert = {name: replace(own, boxes=lattice.boxes) for name, own in main.by_expert.items()}
     return reading.with_trace(
         lattice=lattice, open_lattice=openly, choice=choice, line=main.line, by_expert=by_expert,
@@ -162,8 +165,7 @@ def _outside_format(openly: Lattice, grammar: Grammar | None) -> tuple[Finding, 
     broken = () if grammar is None or not openly.text else grammar.objections(openly.text)
     if not broken or openly.surest < LEAST_READ:
         return ()
-    why = "; ".join(broken)
-    what = f"{_describe_found(openly.text)}: {why} (check the part and the format)"
+    what = f"{_describe_found(openly.text)}: {'; '.join(broken)} {CHECK_FORMAT}"
     return (Finding(ReadingFlag.NO_CHARACTERS, what),)
 
 
@@ -178,7 +180,9 @@ def _check_format_evidence(
     """Report that the line may hold another text, or a sign outside the format."""
     if line.evidence >= least:
         return ()
-    changed = format_changed(line, text) if line.evidence < math.log(LEAST_VALID_MASS) else ()
+    changed = format_misfits(line.open_places[0], grammar)
+    if not changed and line.evidence < math.log(LEAST_VALID_MASS):
+        changed = format_changed(line, text)
     if changed or line.evidence_of(grammar, alike=TWINS) >= least:
         return changed
     k = line.least_read()
@@ -186,6 +190,42 @@ def _check_format_evidence(
     sign = f"{text[k]} at place {k + 1} may be a sign" if there else "there may be a sign"
     what = f"{sign} outside the format (compare it with the part)"
     return (Finding(ReadingFlag.FORMAT_OVERRULED, what, (k + 1,) if there else ()),)
+
+
+def format_misfits(
+    openly: Lattice, grammar: Grammar | None, *, sure: float = 0.9, clear: float = 0.8, most_places: int = 3
+) -> tuple[Finding, ...]:
+    """Report where a clear text is of another kind than the format: the format may be wrong, not the part dirty.
+
+    Apart from what is quoted, a finding has the same words on every part, so that they can be counted over a lot.
+
+    Args:
+        openly: posteriors without the format.
+        grammar: the format.
+        sure: least probability of another kind of character at a place.
+        clear: least mean probability of the best characters, at which a text is clear.
+        most_places: most places that are named.
+    """
+    belief = np.exp(openly.log_belief)
+    if grammar is None or not belief.size or belief.max(axis=1).mean() < clear:
+        return ()
+    lengths = grammar.lengths()
+    if lengths is not None and openly.n_places not in lengths:
+        return (_other_length(openly, lengths, ReadingFlag.FORMAT_NOT_MET),)
+    found = []
+    for k, allowed in enumerate(grammar.places(openly.n_places) or ()):
+        for kind, members in KINDS.items():
+            strange = set(members).difference(*map(_twins, allowed))
+            believed = sum(belief[k, openly.chars.index(c)] for c in strange if c in openly.chars)
+            if believed >= sure and not set(members) & set(allowed):
+                what = f"place {k + 1} reads as {kind} (“{openly.text[k]}”), which the format does not allow"
+                found.append(Finding(ReadingFlag.FORMAT_NOT_MET, f"{what} {CHECK_FORMAT}", (k + 1,)))
+    return tuple(found[:most_places])
+
+
+def _other_length(openly: Lattice, lengths: frozenset[int], flag: ReadingFlag) -> Finding:
+    some = f"{min(lengths)} to {max(lengths)}" if len(lengths) > 1 else f"{min(lengths)}"
+    return Finding(flag, f"{_describe_found(openly.text)}, but the format has {some} {CHECK_FORMAT}")
 
 
 def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tuple[Finding, ...]:
@@ -202,9 +242,7 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
     lattice, _ = line.open_places
     open_text = lattice.text
     if len(open_text) != len(text):
-        found = _describe_found(open_text)
-        what = f"{found}, but the format has {len(text)} (check the part and the format)"
-        return (Finding(ReadingFlag.FORMAT_OVERRULED, what),)
+        return (_other_length(lattice, frozenset({len(text)}), ReadingFlag.FORMAT_OVERRULED),)
     belief, chars = np.exp(lattice.log_belief), np.array(lattice.chars)
     same = np.array([belief[k, np.isin(chars, list(_twins(c)))].sum() for k, c in enumerate(text)])
     if np.prod(same) >= unchanged:

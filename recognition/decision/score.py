@@ -294,7 +294,7 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     confidence = score.probability(measures)
     if len(senses) == 2 and (surest := max(one.confidence for one in senses)) < USUAL_THRESHOLD:
         confidence = min(confidence, surest)
-    made = replace(reading, confidence=confidence)
+    made = reading.with_confidence(confidence)
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE

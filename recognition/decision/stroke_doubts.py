@@ -62,7 +62,8 @@ def no_text(reading: Reading, *, least_open: float = 0.5) -> Reading:
     openly = reading.trace.open_lattice
     bare = reading.without_flags(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE)
     sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(least_open)
-    outside = [f for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
+    about_format = ReadingFlag.FORMAT_OVERRULED | ReadingFlag.FORMAT_NOT_MET
+    outside = [f for f in reading.findings if sure and f.flag & about_format]
     return replace(
         bare.with_findings(*(replace(f, flag=ReadingFlag.NO_CHARACTERS) for f in outside)),
         characters=(),

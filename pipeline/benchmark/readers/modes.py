@@ -76,11 +76,8 @@ def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Readi
     if lattice is None:
         return replace(made, flags=ReadingFlag.NO_CHARACTERS)
     choice = choose(lattice, settings.grammar)
-    made = replace(
-        made,
-        characters=tuple(characters_of(choice, lattice)),
-        confidence=score_of(whole.source).of_belief(choice.probability),
-    )
+    made = replace(made, characters=tuple(characters_of(choice, lattice)))
+    made = made.with_confidence(score_of(whole.source).of_belief(choice.probability))
     return contracts_of_choice(made, choice, settings.grammar)
 
 

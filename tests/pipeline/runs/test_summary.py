@@ -63,6 +63,30 @@ def test_numbers_and_names_make_no_error_of_their_own(error: str, kind: str) -> 
     assert counted(read("a", error=f"/x/a.npz: {error}")).faults == {kind: 1}
 
 
+def test_a_format_that_fits_no_part_is_named_once() -> None:
+    digit = "place 2 reads as a letter (“{}”), which the format does not allow (check the part and the format)"
+    longer = "found 8 characters (“KX123456”), but the format has 7 (check the part and the format)"
+
+    def hints(*messages: str) -> list[str]:
+        records = [
+            read(f"p{k}", "K5", "review", 0.5, "format_not_met", messages=(message,) if message else ())
+            for k, message in enumerate(messages)
+        ]
+        lines = counted(*records).lines(elapsed_s=1.0, read_now=len(records), workers=1)
+        return [line for line in lines if "--format" in line]
+
+    assert hints(*map(digit.format, "XFS")) == ["place 2 reads as a letter on every part: check --format"]
+    assert hints(digit.format("X"), digit.format("F"), "") == [
+        "place 2 reads as a letter on 2 of 3 parts: check --format"
+    ]
+    assert hints(longer, longer) == [
+        "found 8 characters, but the format has 7 on every part: check --format"
+    ]
+    # of a single part, or of few, the part may be the cause
+    assert hints(digit.format("X")) == []
+    assert hints(digit.format("X"), *[""] * 5) == []
+
+
 def test_nothing_read_now_has_no_rate() -> None:
     assert not any(
         "a second" in line for line in counted(*RECORDS).lines(elapsed_s=0.0, read_now=0, workers=1)

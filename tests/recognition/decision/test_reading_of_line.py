@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from recognition.combine.read_line import ReadLine, combine_looks, word_gaps
-from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters
+from recognition.decision.score import with_score
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
@@ -73,6 +76,18 @@ def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
         assert sum(shares) <= 1.0 + 1e-9
 
 
+@given(st.text(CHARS, min_size=4, max_size=12), st.floats(0.6, 0.99999), st.sampled_from(["tactile", "vision"]))
+@settings(max_examples=40, deadline=None)
+def test_no_place_is_less_sure_than_the_whole_text(text: str, sure: float, source: str) -> None:
+    found = read(line_of(text, sure=sure), source=source)
+    for reading in (found, with_score(found)):
+        for character in reading.characters:
+            assert character.confidence >= reading.confidence
+            shares = [c.probability for c in character.candidates]
+            assert sum(shares) <= 1.0 + 1e-9
+            assert min(shares) >= 0.0
+
+
 def test_another_line_that_nobody_asked_for_sends_the_part_to_review() -> None:
     other = line_of("B21", at=TextLine.straight(3.0, 20.0, length_mm=12.0, height_mm=5.0))
     found = read(line_of("AB812"), other)
@@ -105,8 +120,25 @@ def test_a_format_that_changes_what_was_read_says_so() -> None:
     # the second is an 8 for sure, which the format does not allow there
     found = read(line_of("A81", sure=0.99, rival="BB2", grammar=grammar), grammar=grammar)
     assert found.text == "AB1"
-    assert ReadingFlag.FORMAT_OVERRULED in found.flags
-    assert found.decision is not Decision.ACCEPT
+    assert found.decision is Decision.REVIEW
+    # what is read is clear: the hint is about the format, whatever the score and the strokes say
+    doubtful = replace(found, confidence=0.1).with_findings(
+        Finding(ReadingFlag.STROKES_UNDECIDED, "8 or B at place 2: covered (clean it and scan it again)")
+    )
+    for reading in (found, doubtful):
+        assert reading.messages() == (
+            "place 2 reads as a digit (“8”), which the format does not allow (check the part and the format)",
+        )
+    # another number of characters
+    longer = Grammar(format="AA99")
+    other = read(line_of("A81", sure=0.999, grammar=longer), grammar=longer)
+    assert other.decision is not Decision.ACCEPT
+    assert other.messages()[0] == (
+        "found 3 characters (“A81”): it does not fit the format AA99 (check the part and the format)"
+    )
+    # where the line is not clear, the format is named as one that has changed the text, and the doubt stays
+    unsure = read(line_of("A81", sure=0.7, rival="BB2", grammar=grammar), grammar=grammar)
+    assert ReadingFlag.FORMAT_NOT_MET not in unsure.flags
     # a format that is met changes nothing
     met = Grammar(format="A99")
     plain = read(line_of("A81", grammar=met), grammar=met)
@@ -134,7 +166,7 @@ def test_a_twin_is_what_the_format_makes_of_it() -> None:
     line = line_of("AB8", sure=0.05, rival="ABB", grammar=grammar)
     assert line.evidence < IN_FORMAT["tactile"]
     assert line.evidence_of(grammar, alike=("8B",)) > -0.1
-    assert read(line, grammar=grammar).flags & ReadingFlag.FORMAT_OVERRULED
+    assert read(line, grammar=grammar).flags & ReadingFlag.FORMAT_NOT_MET
 
 
 def test_a_wide_step_is_a_space_unless_the_format_says_where_they_are() -> None:
