@@ -34,8 +34,8 @@ def read(
     ----------
     inputs
         Height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5) and photographs (.png, .jpg ...), or folders and globs
-        of them; files that differ only in their endings are one part. URLs (s3://, gs:// ...) with the extra cluster,
-        and manifests.
+        of them, with their subfolders; files that differ only in their endings are one part. URLs (s3://, gs:// ...)
+        with the extra cluster, and manifests.
     """
     if not (inputs or run.manifest):
         raise UsageError("read: name a height map, a scan, a photograph, a folder, a glob or a manifest")

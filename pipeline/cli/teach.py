@@ -114,9 +114,10 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
     from pipeline.formats.find_parts import discover
     from pipeline.formats.truth import load_truth
 
-    texts = load_truth(truth)
+    texts, listed = load_truth(truth), discover(inputs)
+    listed.report_passed_over([truth])
     found = []
-    for part in discover(inputs):
+    for part in listed:
         text = texts.text_of(part.name)
         if part.problem is not None:
             raise part.problem

@@ -103,6 +103,11 @@ class Listing(list[PartFiles]):
         super().__init__(parts)
         self.passed_over = passed_over
 
+    def report_passed_over(self, used: Iterable[str | Path] = ()) -> None:
+        """Print what was passed over, except files that are used otherwise."""
+        if line := self.passed_over.without(used).describe():
+            print(line)
+
 
 def discover(
     inputs: Sequence[str | Path],

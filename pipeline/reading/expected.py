@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts:
-    """Load the value of `--verify`: a text, or the name of a CSV table with the columns part and text.
+    """Load the value of `--verify`: a text, or the name of a table with the columns part and text.
 
     Args:
-        given: the text, or the name of a table: one that ends in .csv, or that of an existing file.
+        given: the text, or the name of a table: one that ends in .csv or .xlsx, or that of an existing file.
         grammar: grammar that every text must match.
 
     Returns:
@@ -32,7 +32,7 @@ def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts
     def broken(text: str) -> str:
         return "" if grammar is None else "; ".join(grammar.objections(text))
 
-    if not given.lower().endswith(".csv") and not os.path.isfile(given):
+    if not given.lower().endswith((".csv", ".xlsx")) and not os.path.isfile(given):
         if not given.strip():
             hint = "give the text that the part should read, or a CSV table"
             raise SettingsError("--verify is empty", hint=hint)

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from glyphs.compiling import show_compiling
 from glyphs.errors import FileError
+from pipeline.common.job_file import files_of
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.texts import without_blanks
 from pipeline.common.version import reader_versions
@@ -102,6 +103,7 @@ def certify(
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")
     known = load_truth(truth)
     found = parts_for(inputs, settings, manifests=manifests)
+    found.report_passed_over([*files_of(settings), truth])
     texts = ((part.name, known.text_of(part.name)) for part in found)
     labels = {name: without_blanks(text) for name, text in texts if text is not None}
     parts = [part for part in found if part.name in labels]

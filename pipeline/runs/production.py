@@ -76,7 +76,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     options.check()
     found = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)
     tables = [table for table in (options.verify, options.order, options.truth) if table is not None]
-    passed_over = found.passed_over.without([*files_of(settings), *tables])
+    used = [*files_of(settings), *tables]
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
@@ -156,7 +156,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         "read_now": run.read_now,
         "read_again": run.second.again if run.second is not None else 0,
         "elapsed_s": round(elapsed_s, 3),
-        "passed_over": dict(sorted(passed_over.counts.items())),
+        "passed_over": dict(sorted(found.passed_over.without(used).counts.items())),
         "workers": workers,
         **({"drift": watch.first} if watch is not None else {}),
         **{key: description[key] for key in ("program", "settings", "inputs")},
@@ -164,8 +164,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if run.summary.parts > 1:
         lines = run.summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)
         print("\n".join(map(visible, lines)))
-    if line := passed_over.describe():
-        print(visible(line))
+    found.report_passed_over(used)
     _print_outputs(run, options, counts)
     if scores is not None:
         print("\n".join(map(visible, scores.lines())))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import csv
+import io
 import re
 import shutil
 import unicodedata
@@ -108,6 +110,18 @@ def test_a_truth_that_is_no_serial_of_the_format_is_told(tmp_path: Path, command
         "truth.csv: a should read 'KO', but it does not fit the format A9; correct the table or --format"
         in done.out
     )
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_no_file_name_becomes_a_formula(delimiter: str, tmp_path: Path, command: Command) -> None:
+    for name in ("x;=1+1", "=1+1", " =1+1", "x;\t-1", "\u00a0@SUM(A1)"):
+        damaged(tmp_path / f"{name}.npz")
+    command("read", tmp_path, *READ, "--out", tmp_path / "rows.csv")
+    for table in ("rows.csv", "rows.quarantine.csv"):
+        content = (tmp_path / table).read_bytes()
+        assert content.startswith(codecs.BOM_UTF8)  # without it Excel spoils the umlauts
+        lines = csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), delimiter=delimiter)
+        assert [cell for row in lines for cell in row if re.match(r"\s*[=+@-]", cell)] == []
 
 
 def test_names_of_files_as_other_systems_spell_them(tmp_path: Path, command: Command) -> None:

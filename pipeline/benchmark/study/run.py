@@ -20,6 +20,7 @@ from pipeline.benchmark.study.repeats import RECORDED, StudyJournal, StudyPlan, 
 from pipeline.benchmark.study.report import write_study
 from pipeline.benchmark.study.study import Study
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.job_file import files_of
 from pipeline.common.texts import first_of, without_blanks
 from pipeline.common.version import program_mark
 from pipeline.formats.part_files import PartFiles
@@ -60,6 +61,7 @@ def run_study(
     settings = plan.settings
     reader_of(settings)  # reject invalid settings before anything is read
     listed = parts_for(inputs, settings)
+    listed.report_passed_over([*files_of(settings), *filter(None, (truth, reviewers))])
     parts = studied_parts(listed)
     names = {part.name for part in parts}
     answers, unknown = load_reviews(reviewers, names) if reviewers else ([], ())
