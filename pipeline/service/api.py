@@ -238,8 +238,7 @@ def parts_router(service: Service) -> APIRouter:
             sent = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
             sent += [await receive(scan, "scan", folder)] if scan is not None else []
             key = _idempotency(request, caller, idempotency_key, sent, *vars(new).values())
-            call = TouchCall(has_gone=request.is_disconnected)
-            done = await intake.receive(new, sent, idempotency=key, call=call)
+            done = await intake.receive(new, sent, idempotency=key, call=await _touch_call(request))
         return replied(done, 201)
 
     @router.post("/parts/{part_id}/scan", response_model=PartAnswer)
@@ -266,7 +265,7 @@ def parts_router(service: Service) -> APIRouter:
     @router.post("/parts/{part_id}/touch")
     async def touch_part(request: Request, part_id: PartId, caller: Caller = Writes) -> PartAnswer:
         """Release a part that lies under the whiskers: the service's own stage scans it."""
-        return answer(await intake.touch(part_id, TouchCall(has_gone=request.is_disconnected)), root_path)
+        return answer(await intake.touch(part_id, await _touch_call(request)), root_path)
 
     @router.post("/parts/{part_id}/review")
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:
@@ -356,6 +355,12 @@ def parts_router(service: Service) -> APIRouter:
         return _file(files, records[0], download=True)
 
     return router
+
+
+async def _touch_call(request: Request) -> TouchCall:
+    """The call that a request is, as long as its caller is connected."""
+    await request.is_disconnected()  # the server reads on after the body, and so notices the end
+    return TouchCall(has_gone=request.is_disconnected)
 
 
 def _idempotency(

@@ -120,7 +120,7 @@ class Ports:
     @property
     def trouble(self) -> str:
         """Why an input brings no parts, in words; empty without a fault."""
-        return "; ".join(one.trouble for one in self._inputs.values() if one.trouble)
+        return "; ".join(port.trouble for port in self._inputs.values() if port.trouble)
 
     def connections(self) -> tuple[Connection, ...]:
         """The present connections.

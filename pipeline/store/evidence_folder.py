@@ -98,13 +98,13 @@ class EvidenceFolder:
                 with replacing(file, private=True) as new:
                     new.write_text(secrets.token_hex(16), encoding="ascii")
             identity = file.read_text(encoding="ascii").strip()
-        kept = store.claim_evidence_folder(identity)
-        if kept != identity:
+        claimed = store.claim_evidence_folder(identity)
+        if claimed != identity:
             raise FileError(
                 self.root,
                 "is not the evidence folder of this store",
                 "services that share a store need one folder: give all of them the same --folder; if the folder was "
-                f"lost, write {kept} into {file}",
+                f"lost, write {claimed} into {file}",
             )
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:

@@ -217,10 +217,10 @@ def claim_evidence_folder(tx: Transaction, identity: str) -> str:
     if not tx.postgresql:
         return identity
     tx.execute(sa.text("LOCK TABLE evidence IN SHARE UPDATE EXCLUSIVE MODE"))
-    kept: str | None = tx.execute(sa.text("SELECT obj_description('evidence'::regclass)")).scalar_one()
-    if kept is None:
+    claimed: str | None = tx.execute(sa.text("SELECT obj_description('evidence'::regclass)")).scalar_one()
+    if claimed is None:
         tx.execute(sa.text(f"COMMENT ON TABLE evidence IS '{_HEX.sub('', identity)}'"))
-    return kept or identity
+    return claimed or identity
 
 
 def record_of(kind: type[T], row: AnyRow) -> T:

@@ -221,7 +221,7 @@ def test_a_photograph_in_the_watched_folder_becomes_one_part(plant: Plant, http:
     def parts(name: str) -> list[dict[str, Any]]:
         return [one for one in http.get("/v1/parts").json() if one["name"] == name]
 
-    (plant.watched / "notes.txt").write_text("no picture, but some text")
+    (plant.watched / "notes.txt").write_text("no picture")
     shutil.copy(plant.parts / "clean.png", plant.watched / "watched-1.png.filepart")
     wait_until(lambda: "notes.txt" in plant.service.log, plant.service.process)
     (plant.watched / "watched-1.png.filepart").rename(plant.watched / "watched-1.png")

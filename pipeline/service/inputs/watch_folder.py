@@ -133,8 +133,8 @@ class WatchedFolder:
         self._known: set[str] = set()
         # keys of files that were there before the folder was watched; None until it is
         self._older: set[str] | None = None
-        # files and folders that are no photographs: named in the log once
-        self._passed_over: dict[str, str] = {}
+        # files and folders that are no photographs, as they stood, with the reason: named in the log once
+        self._passed_over: dict[str, tuple[FileStamp, str]] = {}
         # attempts that came to nothing, by the part's key: why, and when the next one is due by the monotonic clock
         self._failures: dict[str, tuple[str, float]] = {}
 
@@ -218,7 +218,7 @@ class WatchedFolder:
     def _photographs(self) -> dict[str, os.stat_result] | None:
         """The photographs in the folder and its subfolders; None if the folder cannot be looked at."""
         files: dict[str, os.stat_result] = {}
-        passed_over: dict[str, str] = {}
+        passed_over: dict[str, tuple[FileStamp, str]] = {}
         folders = [str(self.folder)]
         while folders:
             folder = folders.pop()
@@ -229,7 +229,7 @@ class WatchedFolder:
                         with contextlib.suppress(OSError):
                             status = entry.stat(follow_symlinks=False)
                             if why := self._why_passed_over(entry, status):
-                                passed_over[entry.path] = why
+                                passed_over[entry.path] = stamp_of(status), why
                             elif not is_temporary(entry.name) and not self._is_expected(entry.name):
                                 if stat.S_ISDIR(status.st_mode):
                                     folders.append(entry.path)
@@ -242,18 +242,19 @@ class WatchedFolder:
                         log.warning("watched folder cannot be looked at", folder=folder, why=error.strerror)
                     self.trouble = f"the watched folder {why}; see that it is there"
                     return None
-                passed_over[folder] = why
+                passed_over[folder] = (0, 0), why
         if self.trouble:
             log.info("watched folder is back", folder=str(self.folder))
         self.trouble = ""
-        for path in [path for path in files if os.path.splitext(path)[1].lower() in UNREAD_PICTURE_SUFFIXES]:
-            stem = os.path.splitext(path)[0]
-            if any(f"{stem}{suffix}" in files for suffix in PHOTO_SUFFIXES):
-                del files[path]
-                passed_over[path] = "stands beside a photograph of its name"
-        for path in passed_over.keys() - self._passed_over.keys():
+        stems = {os.path.splitext(path) for path in files}
+        readable = {stem for stem, suffix in stems if suffix.lower() in PHOTO_SUFFIXES}
+        for stem, suffix in stems:
+            if suffix.lower() in UNREAD_PICTURE_SUFFIXES and stem in readable:
+                stamp = stamp_of(files.pop(path := f"{stem}{suffix}"))
+                passed_over[path] = stamp, "stands beside a photograph of its name"
+        for path in sorted(passed_over.keys() - self._passed_over.keys()):
             name = visible(os.path.relpath(path, self.folder))
-            log.info("passed over in the watched folder", name=name, why=passed_over[path])
+            log.info("passed over in the watched folder", name=name, why=passed_over[path][1])
         self._passed_over = passed_over
         return files
 
@@ -267,13 +268,14 @@ class WatchedFolder:
             return "" if self._settings.recurse else "is a folder, and watch.recurse is off"
         if suffix in PHOTO_SUFFIXES or suffix in UNREAD_PICTURE_SUFFIXES or self._is_expected(entry.name):
             return ""
-        if entry.path in self._passed_over:
-            return self._passed_over[entry.path]
-        if not stat.S_ISREG(status.st_mode):
-            return "is no photograph"
-        with open_no_link(Path(entry.path)) as source:
-            head = source.read(HEAD_BYTES)
-        return "is no photograph" if len(head) == HEAD_BYTES and kind_of(head) is None else ""
+        stamp, why = self._passed_over.get(entry.path, (None, ""))
+        if stamp == stamp_of(status):
+            return why
+        if stat.S_ISREG(status.st_mode):
+            with open_no_link(Path(entry.path)) as source:
+                if kind_of(source.read(HEAD_BYTES)) is not None:
+                    return ""
+        return "is no photograph"
 
     def _is_expected(self, name: str) -> bool:
         return self._settings.expected and name.lower().endswith(".txt")

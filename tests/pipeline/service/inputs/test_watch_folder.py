@@ -248,7 +248,7 @@ def test_a_photograph_that_cannot_even_be_taken_is_a_part_for_a_person_once(benc
 
 
 def test_what_is_no_photograph_is_named_once(bench: Bench, tmp_path: Path) -> None:
-    bench.put("notes.txt", b"not a picture, but a text")
+    bench.put("notes.txt", b"no picture")
     bench.put("a.png")
     bench.put("a.dng", b"II*\0" + bytes(50))  # the raw data of a.png
     bench.put("picture-without-a-suffix")
@@ -256,6 +256,10 @@ def test_what_is_no_photograph_is_named_once(bench: Bench, tmp_path: Path) -> No
     (bench.folder / "link").symlink_to(tmp_path / "elsewhere")
     with structlog.testing.capture_logs() as logs:
         assert bench.look(4) == ["a", "picture-without-a-suffix"]
+        bench.put("notes.txt", b"still no picture")
+        assert bench.look(4) == ["a", "picture-without-a-suffix"]
+        bench.put("notes.txt")
+        assert bench.look(4) == ["a", "picture-without-a-suffix", "notes"]
     assert sorted(log["name"] for log in logs if "passed over" in log["event"]) == [
         "a.dng",
         "link",
