@@ -248,6 +248,7 @@ def read_surface(
     found = read(top.height_map, soil, region_mm)
     if top.rows_known:
         return found
+    from recognition.decision.decide import ReadingFlag
     from recognition.decision.score import serial_is_sure
 
     found = reader.touch.weigh_orientation(found, rows_known=False)
@@ -257,7 +258,8 @@ def read_surface(
     if not reader.touch.may_be_mirrored(found):
         return found
     other = read(top.height_map.mirrored, None if soil is None else soil.mirrored)
-    if other.nats_read <= found.nats_read:
+    named = found.flags & ReadingFlag.LAYOUT and not serial_is_sure(other)
+    if named or other.nats_read <= found.nats_read:
         return found
     other = reader.touch.weigh_orientation(other, rows_known=False)
     return replace(other, notes=(*other.notes, MIRRORED_NOTE))

@@ -21,8 +21,6 @@ from recognition.combine.read_line import ReadLine
 from recognition.decision.decide import EXPLANATIONS, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.language.constrained_decoding import choose
-from recognition.language.grammar import Grammar
-from recognition.lines.find import find_lines
 from recognition.lines.moves import lengthen
 from recognition.search.line_reader import LineReader
 from recognition.search.line_search import is_convincing, promise_of
@@ -32,7 +30,13 @@ from recognition.views.view import GREY, HEIGHTS, KNOWN, Layers, View
 
 
 def with_layout(
-    reading: Reading, part: PartLines, view: View, lines: LineReader, *, doubtful: float = 0.5
+    reading: Reading,
+    part: PartLines,
+    view: View,
+    lines: LineReader,
+    *,
+    doubtful: float = 0.5,
+    least_places: int = 4,
 ) -> Reading:
     """Say which layout a doubtful part looks like, in place of findings about its strokes.
 
@@ -42,12 +46,16 @@ def with_layout(
         view: view that was read.
         lines: reader of lines on such views.
         doubtful: score below which a reading is doubtful; a part in another layout has hardly more than 0.1.
+        least_places: number of characters without a format below which they may be a piece of a column.
     """
-    if reading.characters and reading.confidence >= doubtful:
+    sure = bool(reading.characters) and reading.confidence >= doubtful
+    if sure and (lines.grammar is not None or len(reading.characters) >= least_places):
         return reading
     text = next(_layouts(part, view, lines), None)
     if text is None:
         return reading
+    if sure:
+        return reading.with_findings(Finding(ReadingFlag.UNREAD_MARKS, text))
     return reading.without_flags(EXPLANATIONS).with_findings(Finding(ReadingFlag.LAYOUT, text))
 
 
@@ -69,18 +77,41 @@ def _layouts(
         return choose(read[0].lattice, lines.grammar).text if good else ""
 
     mirrored = view.mirrored
-    there = [
-        found.line for found in find_lines(mirrored, height_mm=search.height_mm)[: search.limits.most_lines]
-    ]
+    there = search.candidates(mirrored)[: search.limits.most_lines]
     if text := reads_well(search.read_once(mirrored, [*there, *(line.reversed for line in there)])):
         yield f"the marks look mirrored: in a mirror they read “{text}” (mirror the picture or the map)"
-    for line in candidates:
-        columns = (search.read_once(*column) for column in _laid_side_by_side(view, line, lines.grammar))
+    lengths = () if lines.grammar is None else sorted(lines.grammar.lengths() or ())[:3]
+    for line, places in [*((line, lengths) for line in candidates), *_columns(candidates)]:
+        columns = (search.read_once(*column) for column in _laid_side_by_side(view, line, places))
         if text := reads_well(
             max(columns, key=lambda read: promise_of(read[0]) if read else -math.inf, default=[])
         ):
             yield f"the characters stand below each other and read “{text}” (columns are not accepted; type it)"
     yield from _two_lines(candidates, view, lines)
+
+
+def _columns(
+    pieces: Sequence[TextLine], *, least_pieces: int = 3, aligned: float = 0.6
+) -> list[tuple[TextLine, tuple[int, ...]]]:
+    """Column through lines below each other, which may be its characters, and its number of places.
+
+    Args:
+        pieces: lines of a part, the most promising first.
+        least_pieces: least number of lines in a column.
+        aligned: greatest distance of a line's middle from the column, character heights.
+    """
+    if len(pieces) < least_pieces:
+        return []
+    middles = np.array([line.centre_mm.mean(axis=0) for line in pieces])
+    height_mm = float(np.median([line.height_mm for line in pieces]))
+    x_mm = float(np.median(middles[:, 0]))
+    y_mm = np.sort(middles[np.abs(middles[:, 0] - x_mm) <= aligned * height_mm, 1])
+    if y_mm.size < least_pieces or np.ptp(y_mm) < least_pieces * height_mm:
+        return []
+    steps_mm = np.diff(y_mm)
+    n = round(np.ptp(y_mm) / steps_mm[steps_mm > 0.5 * height_mm].min()) + 1
+    ends = np.array([[x_mm, y_mm[0] - 0.5 * height_mm], [x_mm, y_mm[-1] + 0.5 * height_mm]])
+    return [(TextLine(ends, height_mm), (n,))]
 
 
 def _two_lines(
@@ -103,8 +134,7 @@ def _two_lines(
     if lines.grammar is None:
         return
     search = lines.under(None).search
-    found = find_lines(view, height_mm=search.height_mm)[: search.limits.most_lines]
-    read = search.read_once(view, [*candidates, *(one.line for one in found)])
+    read = search.read_once(view, [*candidates, *search.candidates(view)[: search.limits.most_lines]])
     clearly = [
         (line.line, open_places.text)
         for line in read
@@ -121,16 +151,16 @@ def _two_lines(
 
 
 def _laid_side_by_side(
-    view: View, line: TextLine, grammar: Grammar | None, *, usual_gap: float = 0.35
+    view: View, line: TextLine, lengths: Sequence[int], *, usual_gap: float = 0.35
 ) -> Iterator[tuple[View, list[TextLine]]]:
     """Cut a line that runs up or down into its characters, and lay them side by side from the top.
 
-    It is cut where there is land between the characters, and into as many equal pieces as the format has places.
+    It is cut where there is land between the characters, and into equal pieces.
 
     Args:
         view: view of the part.
         line: line that was found.
-        grammar: format of the serial.
+        lengths: possible numbers of characters.
         usual_gap: land between two characters in equal pieces, character heights.
 
     Yields:
@@ -150,7 +180,7 @@ def _laid_side_by_side(
         return
     pieces = _inked_rows(band)
     cuts = [pieces] if pieces else []
-    for n in () if grammar is None or not pieces else sorted(grammar.lengths() or ())[:3]:
+    for n in lengths if pieces else ():
         first, last = pieces[0][0], pieces[-1][1]
         high = (last - first) / (n + usual_gap * (n - 1))
         starts = first + high * (1.0 + usual_gap) * np.arange(n)

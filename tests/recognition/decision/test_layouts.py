@@ -61,6 +61,12 @@ def test_characters_below_each_other(reader: Reader) -> None:
     says(reader.read(column()), STACKED)
 
 
+def test_without_a_format_a_character_of_a_column_is_not_taken_for_the_serial() -> None:
+    read = Reader().read(column())
+    assert read.decision is not Decision.ACCEPT
+    assert STACKED in read.messages()
+
+
 def test_a_column_in_a_photograph(reader: Reader) -> None:
     # strokes of a column, without the noise of a camera
     z_mm = column().z_mm[::2, ::2]
