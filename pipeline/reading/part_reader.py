@@ -124,6 +124,8 @@ class PartReader:
             raise part.problem
         self._check_expected(part, expected)
         touches, sees = senses_of(part, self.mode)
+        if self.mode == "auto" and touches and "network" not in self.reader.settings.experts:
+            sees = False  # templates alone read by touch only
         photo, notes = None, list[str]()
         if sees:  # first, because touch takes longer
             photo, notes = self._photo(part, touches=touches)

@@ -44,6 +44,7 @@ from pipeline.common.records import (
     ShadowRecord,
     TouchWait,
 )
+from pipeline.common.serial_format import serial_format
 from pipeline.common.serial_rules import SerialAlarm, SerialRules
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import read_order
@@ -157,7 +158,9 @@ class Intake:
         self.bench = BenchWatch()
         self.targets: tuple[str, ...] = ()
         self.policy = settings.review
-        order = None if serials.order is None else read_order(serials.order)
+        order = None
+        if serials.order is not None:
+            order = read_order(serials.order, serial_format(calls.jobs.settings("")))
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         # a lock lives as long as a request that holds it or waits for it
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -173,6 +174,13 @@ def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Pat
     assert any("read by touch alone" in message and "both.png" in message for message in found.messages())
     with pytest.raises(FileError, match=r"both\.png"):
         PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"))
+
+
+def test_templates_alone_read_by_touch_what_has_both(folder: Path) -> None:
+    reader = FakeReader()
+    reader.settings = replace(reader.settings, experts=("templates",))
+    assert PartReader(reader).read(part(folder, "both")).source == "tactile"
+    assert reader.asked == ["touch"]
 
 
 def verdict_of(found: Reading) -> Verdict:

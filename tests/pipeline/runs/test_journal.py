@@ -257,7 +257,7 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     other = {**RUN, "font": "roman", "lexicon": "x" * 200}
     with pytest.raises(FileError, match="holds another run") as caught:
         RunJournal(table, other)
-    assert 'font was "gothic", now "roman"; lexicon was null, now "xxx' in str(caught.value)
+    assert 'font was "gothic", now "roman"; lexicon was not set, now "xxx' in str(caught.value)
     assert f"name another one, or remove {table.name}.unfinished to start again" in str(caught.value)
     assert "depth_mm" not in str(caught.value)
     assert len(str(caught.value)) < 400 + len(str(table))
