@@ -276,8 +276,6 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
     Raises:
         MarksError: sizes, pitches, units or heights that cannot be used.
     """
-    from recognition.views.levelling import square_to_plate
-
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)
@@ -299,8 +297,8 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
             what = f"has samples {pitch:.4g} mm apart"
             raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
     z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
-    height_map, soil = square_to_plate(HeightMap(np.asarray(z, dtype=np.float32), pitch_mm), soil)
-    return PartMap(height_map, soil, raw.rows_stated or settings.rows is not None)
+    found = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
+    return PartMap(found, soil, raw.rows_stated or settings.rows is not None)
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:

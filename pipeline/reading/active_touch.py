@@ -9,7 +9,7 @@ from pipeline.reading.framed_session import FramedSession
 from recognition.active.replay import read_kept
 from recognition.decision.score import serial_is_sure
 from recognition.search.first_pass import felt_heights_mm
-from recognition.views.levelling import filled_note, level
+from recognition.views.levelling import filled_note, level, square_to_plate
 from whisker_array.simulation.traces import Fidelity
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def read_actively(
     """
     from pipeline.reading.simulated_scan import VirtualBench
 
+    surface, soil = square_to_plate(surface, soil)
     levelled, found, spent_s = level(surface), None, 0.0
     fidelity = Fidelity(reader.settings.fidelity)
     heights = felt_heights_mm(reader.lines.search, levelled, fidelity=fidelity, soil=soil)

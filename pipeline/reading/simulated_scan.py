@@ -12,7 +12,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from recognition.decision.decide import Decision
 from recognition.reader import Reader
-from recognition.views.levelling import level
+from recognition.views.levelling import level, square_to_plate
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
@@ -43,7 +43,7 @@ class VirtualBench:
     """A part mounted under the virtual array, optionally with small realistic errors of sensors and stage.
 
     Attributes:
-        height_map: the part, which is levelled before a scan.
+        height_map: the part, turned square to the plate; it is levelled before a scan.
         height_mm: character height that the whiskers are built for.
         fidelity: fidelity of the simulated touch.
         noise: whether to simulate gains, offsets, drift, vibration and a 16 bit converter; else sensors are ideal.
@@ -63,6 +63,11 @@ class VirtualBench:
     part_id: str = ""
     friction: float | None = None
     soil: Soil | None = None
+
+    def __post_init__(self) -> None:
+        height_map, soil = square_to_plate(self.height_map, self.soil)
+        object.__setattr__(self, "height_map", height_map)
+        object.__setattr__(self, "soil", soil)
 
     @property
     def whole(self) -> RasterPlan:

@@ -28,7 +28,7 @@ from recognition.language.remainders import ALPHANUMERIC
 from recognition.search.first_pass import felt_heights_mm, virtual_feel
 from recognition.search.line_reader import LineReader
 from recognition.search.line_search import LineSearch
-from recognition.views.levelling import level
+from recognition.views.levelling import level, square_to_plate
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
@@ -91,6 +91,7 @@ def cut_height_map(
         ExemplarError: as in `cut_scan`, or no characters to be seen.
         MapError: a map that cannot be scanned, a soil on another grid.
     """
+    height_map, soil = square_to_plate(height_map, soil)
     levelled, feel = level(height_map), virtual_feel(soil=soil)
     heights = felt_heights_mm(LineSearch(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
     found: list[tuple[Cut, ...]] = []
