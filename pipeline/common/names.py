@@ -14,7 +14,19 @@ from glyphs.plain_text import has_hidden, is_hidden
 
 
 class HiddenCharacterError(MarksError):
-    """A name with control characters or other characters that cannot be seen."""
+    """A text with control characters or other characters that cannot be seen."""
+
+
+def check_visible(text: str) -> str:
+    """The text itself.
+
+    Raises:
+        HiddenCharacterError: it has hidden characters.
+    """
+    if has_hidden(text):
+        what = f"{text[:80]!a} has a character that cannot be seen"
+        raise HiddenCharacterError(what, hint="type it again without it")
+    return text
 
 
 def clean_name(name: str) -> str:
@@ -23,11 +35,7 @@ def clean_name(name: str) -> str:
     Raises:
         HiddenCharacterError: it has hidden characters.
     """
-    if has_hidden(name):
-        raise HiddenCharacterError(
-            f"the name {name[:80]!a} has a character that cannot be seen", hint="type it again without it"
-        )
-    return " ".join(unicodedata.normalize("NFKC", name).split())
+    return " ".join(unicodedata.normalize("NFKC", check_visible(name)).split())
 
 
 def printable_name(name: str) -> str:

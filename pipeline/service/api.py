@@ -14,11 +14,10 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse, StreamingResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SkipValidation
-from pydantic_core import PydanticCustomError
 
-from glyphs.plain_text import has_hidden
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.job_file import NAME
+from pipeline.common.names import check_visible
 from pipeline.common.people_records import AuditFigures
 from pipeline.common.reading_records import to_json_bytes
 from pipeline.common.records import (
@@ -85,15 +84,6 @@ def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
     return PartAnswer(**part.__dict__, links={"self": here, "history": f"{here}/history", **pictures})
 
 
-def _check_visible(text: str) -> str:
-    if has_hidden(text):  # the pattern that describes the field knows those of the Basic Multilingual Plane
-        raise PydanticCustomError("hidden", "it has a character that cannot be seen; leave it out")
-    return text
-
-
-Visible = AfterValidator(_check_visible)
-
-
 class ReviewBody(BaseModel):
     """A person's review of a part."""
 
@@ -105,9 +95,7 @@ class ReviewBody(BaseModel):
     )
 
     action: ReviewAction
-    text: Annotated[str, Visible] = Field(
-        "", max_length=200, pattern=TEXT, description="serial; empty for unreadable"
-    )
+    text: str = Field("", max_length=200, pattern=TEXT, description="serial; empty for unreadable")
     who: str = Field(
         "", max_length=100, pattern=TEXT, description="name of the person; a token signs with its own name"
     )
@@ -129,7 +117,7 @@ def _sought(description: str) -> Any:
 
 
 Name = Annotated[str, _text("name of the part on the line", examples=["tray-7/part-3"])]
-Expected = Annotated[str, _text("serial to verify: confirmed, refuted or undecided"), Visible]
+Expected = Annotated[str, _text("serial to verify: confirmed, refuted or undecided")]
 Database = Annotated[str, _text("name of a glyph database; /v1/databases lists them")]
 JobName = Annotated[
     str, _text("name of a job with the settings of reading; /v1/jobs lists them", examples=["housing-left"])
@@ -270,7 +258,7 @@ def parts_router(service: Service) -> APIRouter:
     @router.post("/parts/{part_id}/review")
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:
         """Confirm or correct what was read."""
-        text = body.text.strip()
+        text = check_visible(body.text.strip())
         if body.action is not ReviewAction.UNREADABLE and not text:
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
         standing = store.part(part_id)

@@ -247,7 +247,7 @@ class Service:
         if self._readiness is None or self._readiness.done():
             self._readiness = self._checker.submit(self._check_readiness)
         checked, _ = await asyncio.wait([asyncio.wrap_future(self._readiness)], timeout=READY_S)
-        silent = f"the store has not answered for {READY_S:g} s: it is locked or too busy"
+        silent = f"store or disk have not answered for {READY_S:g} s: locked, or too busy"
         why, state = checked.pop().result() if checked else (silent, {})
         if why not in ("", self._said):
             log.warning("not ready", why=why)

@@ -32,7 +32,7 @@ from weakref import WeakValueDictionary
 
 import structlog
 
-from pipeline.common.names import clean_name
+from pipeline.common.names import check_visible, clean_name
 from pipeline.common.part_id import is_part_id, new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.reading_records import ReadingRecord, ReasonRecord
@@ -94,7 +94,7 @@ class NewPart:
         touch: stage or sender that feels it if the camera is unsure.
 
     Raises:
-        HiddenCharacterError: the name has hidden characters.
+        HiddenCharacterError: name or expected text has hidden characters.
     """
 
     name: str = ""
@@ -105,6 +105,7 @@ class NewPart:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", clean_name(self.name))
+        check_visible(self.expected)
 
 
 @dataclass(frozen=True)

@@ -304,7 +304,7 @@ class ServiceSettings(Settings):
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
     connections: int = Field(default=200, ge=1, le=1000)
-    """Connections that one address may have at a time; a trusted proxy has no limit."""
+    """Connections that one address (an IPv6 /64 network) may have at a time; a trusted proxy has no limit."""
     jobs: int = Field(default_factory=cores, ge=1, le=256)
     """Processes that read. Default: one for each core."""
     queue: int = Field(default=64, ge=0, le=100_000)

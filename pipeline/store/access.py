@@ -62,7 +62,7 @@ def add_token(
         )
     secret = new_token()
     row = {"name": fit(name, "the token's name"), "secret_hash": token_hash(secret), "scopes": granted}
-    taken = _spelled(tx, name)
+    taken = _token_name(tx, name)
     if taken is not None or not tx.insert_if_new(
         tokens, {**row, "created_at": tx.now, "expires_at": expires_at}
     ):
@@ -91,14 +91,14 @@ def all_tokens(tx: Transaction) -> tuple[TokenRecord, ...]:
 
 def revoke(tx: Transaction, name: str) -> None:
     """Revoke a token; nothing happens if it was revoked before."""
-    known = _spelled(tx, name)
+    known = _token_name(tx, name)
     if known is None:
         raise NotFoundError(f"there is no token {name[:40]!r}", hint="`tactile-marks tokens list` names them")
     unrevoked = sa.and_(tokens.c.name == known, tokens.c.revoked_at.is_(None))
     tx.execute(sa.update(tokens).where(unrevoked).values(revoked_at=tx.now))
 
 
-def _spelled(tx: Transaction, name: str) -> str | None:
+def _token_name(tx: Transaction, name: str) -> str | None:
     """The name of a token as it was spelled when it was made; None without one."""
     names = tx.execute(sa.select(tokens.c.name)).scalars()
     return next((known for known in names if folded(known) == folded(name)), None)

@@ -148,7 +148,7 @@ def test_names_that_are_composed_otherwise(
     ("first", "second", "told"),
     [
         ("Gehäuse 1", "GEHA\u0308USE  1", "names GEHÄUSE 1 a second time, after line 2"),
-        ("a", "a\u202eb", "line 3: the name 'a\\u202eb' has a character that cannot be seen"),
+        ("a", "a\u202eb", "line 3: 'a\\u202eb' has a character that cannot be seen"),
     ],
 )
 def test_names_of_parts_that_are_the_same_or_cannot_be_seen_are_refused(

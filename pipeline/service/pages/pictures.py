@@ -121,7 +121,7 @@ class PictureView:
         turns: quarters counterclockwise by which it is turned.
         whole, line: views of the whole picture and of the line.
         boxes: boxes of the characters.
-        missed: whether there is a picture, or one to come or lost; an edge map that nobody waits for takes no room.
+        takes_room: whether there is a picture, or one to come or lost; an edge map that nobody waits for takes no room.
     """
 
     which: str
@@ -134,7 +134,7 @@ class PictureView:
     whole: Rectangle = (0.0, 0.0, 1.0, 1.0)
     line: Rectangle = (0.0, 0.0, 1.0, 1.0)
     boxes: tuple[PictureBox, ...] = ()
-    missed: bool = True
+    takes_room: bool = True
 
     @property
     def wide(self) -> bool:
@@ -196,7 +196,7 @@ def _view(
         unscanned = "This part has not been scanned yet." if reading is None else "No edge map was kept."
         never = "No photograph was sent with this part." if photo else unscanned
         note = "This picture is deleted: its time was up." if kept else never
-        return PictureView(which, title, note=note, missed=bool(photo or kept or reading or part.touch))
+        return PictureView(which, title, note=note, takes_room=bool(photo or kept or reading or part.touch))
     if absent := _ABSENT.get(folder.state(record.sha256)):
         return PictureView(which, title, note=absent)
     href = f"/v1/parts/{part.id}/pictures/{which}?v={record.sha256[:12]}"

@@ -93,14 +93,14 @@ class Room:
             proxies: addresses and networks that may have any number.
         """
         self._an_address, self._most, self._proxies = an_address, most, proxies
-        self._open: set[_Guest] = set()
+        self._open: set[_OpenConnection] = set()
         self._log = SparingLog("web interface")
 
-    def enter(self, guest: _Guest) -> bool:
+    def enter(self, connection: _OpenConnection) -> bool:
         """Count a connection; False if its address has too many."""
-        n_same = sum(other.block == guest.block for other in self._open)
-        if n_same >= self._an_address and not self._is_proxy(guest):
-            self._log.say(guest.block, f"{guest.address} has over {self._an_address} connections")
+        n_same = sum(other.block == connection.block for other in self._open)
+        if n_same >= self._an_address and not self._is_proxy(connection):
+            self._log.say(connection.block, f"{connection.address} has over {self._an_address} connections")
             return False
         if len(self._open) >= self._most:
             callers = [other for other in self._open if not self._is_proxy(other)]
@@ -110,18 +110,18 @@ class Room:
             )
             self._open.discard(dropped)
             dropped.transport.abort()
-        self._open.add(guest)
+        self._open.add(connection)
         return True
 
-    def leave(self, guest: _Guest) -> None:
+    def leave(self, connection: _OpenConnection) -> None:
         """Count a connection no longer."""
-        self._open.discard(guest)
+        self._open.discard(connection)
 
-    def _is_proxy(self, guest: _Guest) -> bool:
-        return is_in(guest.address, self._proxies)
+    def _is_proxy(self, connection: _OpenConnection) -> bool:
+        return is_in(connection.address, self._proxies)
 
 
-class _Guest(Protocol):
+class _OpenConnection(Protocol):
     """A connection in the room."""
 
     transport: Any
@@ -155,7 +155,7 @@ def patient_protocol(
             super().connection_made(transport)
             self.app_state = {**self.app_state, "connection": {}}  # shared by all requests of this connection
             self.transport = _Lingering(transport, self, write_s=write_s)  # type: ignore[assignment]
-            _introduce(self, transport)
+            _identify(self, transport)
             if room.enter(self):
                 self._wait_for_head()
             else:
@@ -221,9 +221,12 @@ def patient_protocol(
     return lambda **options: _Handshake(PatientProtocol(**options), room, tls, head_s)
 
 
-def _introduce(guest: _Guest, transport: Any) -> None:
-    guest.address = str((transport.get_extra_info("peername") or ("",))[0])
-    guest.block, guest.heard_s = address_block(guest.address), asyncio.get_running_loop().time()
+def _identify(connection: _OpenConnection, transport: Any) -> None:
+    connection.address = str((transport.get_extra_info("peername") or ("",))[0])
+    connection.block, connection.heard_s = (
+        address_block(connection.address),
+        asyncio.get_running_loop().time(),
+    )
 
 
 class _Handshake(asyncio.Protocol):
@@ -239,7 +242,7 @@ class _Handshake(asyncio.Protocol):
     def connection_made(self, transport: Any) -> None:
         self.transport = transport
         transport.pause_reading()  # until `start_tls` has taken over
-        _introduce(self, transport)
+        _identify(self, transport)
         if self._room.enter(self):
             self._task = asyncio.get_running_loop().create_task(self._shake_hands())
         else:

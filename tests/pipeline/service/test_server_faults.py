@@ -109,7 +109,7 @@ def test_a_store_that_another_program_holds_is_not_ready_and_says_so_at_once(
     other.execute("BEGIN IMMEDIATE")
     began_s = time.monotonic()
     ready = served[1].get("/readyz")
-    assert (ready.status_code, "has not answered for 2 s" in ready.json()["detail"]) == (503, True)
+    assert (ready.status_code, "have not answered for 2 s" in ready.json()["detail"]) == (503, True)
     assert time.monotonic() - began_s < 4.0
     other.close()
     wait_until(lambda: served[1].get("/readyz").status_code == 200)

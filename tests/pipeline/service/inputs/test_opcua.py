@@ -16,6 +16,7 @@ from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
+from unittest.mock import Mock
 
 import pytest
 from asyncua import Client, ua
@@ -454,6 +455,26 @@ async def test_of_more_sessions_than_may_be_one_in_use_stays_and_a_stop_does_not
         await asyncio.wait_for(scanning, LONG_S)
     with contextlib.suppress(Exception):
         await client.disconnect()
+
+
+async def test_who_does_not_read_the_answers_is_let_go(
+    shared: Shared, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("pipeline.service.inputs.opcua_server.WRITE_S", 0.1)
+    transport = Mock()
+    transport.get_extra_info.return_value = ("127.0.0.9", 1)
+    connection = shared.port._server.bserver._make_protocol()
+    connection.connection_made(transport)
+    connection.pause_writing()
+    transport.pause_reading.assert_called_once_with()  # or the answers would fill the memory
+    connection.resume_writing()
+    transport.resume_reading.assert_called_once_with()
+    await asyncio.sleep(0.2)
+    transport.abort.assert_not_called()
+    connection.pause_writing()
+    await until(lambda: transport.abort.called)
+    connection.connection_lost(None)
+    assert "it does not read its answers" in caplog.text
 
 
 async def test_idle_sessions_of_one_address_keep_no_controller_out() -> None:
