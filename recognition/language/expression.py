@@ -198,7 +198,9 @@ class _Net:
 
     def node(self, *free: int) -> int:
         if len(self.free) >= MOST_NODES:
-            raise _too_complex(self.text, f"repeats too much: written out it has more than {MOST_NODES:,} characters")
+            raise _too_complex(
+                self.text, f"repeats too much: written out it has more than {MOST_NODES:,} characters"
+            )
         self.free.append(list(free))
         return len(self.free) - 1
 
