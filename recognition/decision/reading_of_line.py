@@ -30,7 +30,11 @@ LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut with the same shape."""
-KINDS = {"a letter": string.ascii_uppercase, "a small letter": string.ascii_lowercase, "a digit": string.digits}
+KINDS = {
+    "a letter": string.ascii_uppercase,
+    "a small letter": string.ascii_lowercase,
+    "a digit": string.digits,
+}
 """Kinds of characters that a format with an error confuses."""
 IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
 """Log probability of the format on its line, twins included, below which the line may have another text. 1 in 100 of
@@ -193,7 +197,7 @@ def _check_format_evidence(
 
 
 def format_misfits(
-    openly: Lattice, grammar: Grammar | None, *, sure: float = 0.9, clear: float = 0.8, most_places: int = 3
+    openly: Lattice, grammar: Grammar | None, *, sure: float = 0.8, clear: float = 0.8, most_places: int = 3
 ) -> tuple[Finding, ...]:
     """Report where a clear text is of another kind than the format: the format may be wrong, not the part dirty.
 

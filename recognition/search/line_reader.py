@@ -19,6 +19,8 @@ import numpy as np
 from recognition.combine.read_line import ReadLine, combine_looks
 from recognition.language.grammar import Grammar
 from recognition.lines.find import overlap
+from recognition.lines.ink import on_ink
+from recognition.lines.moves import lengthen
 from recognition.search.line_search import UPSIDE_DOWN_DEG, LineSearch, Move, is_convincing, promise_of, rank
 from recognition.search.part_lines import LineFormat, PartLines, stands_in
 from recognition.views.text_line import TextLine
@@ -90,9 +92,13 @@ class LineReader:
             closely=len(looked) > 1,
             twice=twice,
         )
-        read = [look(line) for line in self._most_promising(view, meant)]
+        first = self._most_promising(view, meant)
+        read = [look(line) for line in first]
         if self.grammar is not None and not any(map(self._is_plain, read)):
-            read += [look(line) for line in self._refined_freely(view, meant)]
+            for line in (*self._refined_freely(view, meant), *self._laid_anew(view, first[0], read[0])):
+                read.append(look(line))
+                if self._is_plain(read[-1]):
+                    break
         main = max(read, key=promise_of)
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
@@ -160,6 +166,31 @@ class LineReader:
             if clear and all(apart(one, text) for text in texts):
                 texts.append(one)
         return self.search.read_once(view, [search.refine(view, [text]).line for text in texts])
+
+    def _laid_anew(
+        self,
+        view: View,
+        first: ReadLine,
+        closely: ReadLine,
+        *,
+        chance_nats: float = 1.0,
+        ends_heights: float = 0.5,
+    ) -> list[ReadLine]:
+        """The line refitted to its ink and lengthened, if a closer look doubts it; only where that is without doubt.
+
+        Args:
+            view: view of the part.
+            first: the line at the first look.
+            closely: the same at several looks.
+            chance_nats: difference in promise that counts as chance.
+            ends_heights: length that is added at both ends, character heights.
+        """
+        if promise_of(closely) > promise_of(first) - chance_nats:
+            return []
+        known = self.search.height_mm is not None
+        lines = on_ink(view, first.line, first.columns, height_known=known)
+        longer = [lengthen(line, ends_heights, ends_heights) for line in (first.line, *lines)]
+        return [one for one in self.search.read_once(view, [*lines, *longer]) if self._is_plain(one)]
 
     def _is_plain(self, line: ReadLine, *, plain_evidence: float = -0.5) -> bool:
         """Whether a line is of the format without doubt.

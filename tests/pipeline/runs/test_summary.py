@@ -64,7 +64,9 @@ def test_numbers_and_names_make_no_error_of_their_own(error: str, kind: str) -> 
 
 
 def test_a_format_that_fits_no_part_is_named_once() -> None:
-    digit = "place 2 reads as a letter (“{}”), which the format does not allow (check the part and the format)"
+    digit = (
+        "place 2 reads as a letter (“{}”), which the format does not allow (check the part and the format)"
+    )
     longer = "found 8 characters (“KX123456”), but the format has 7 (check the part and the format)"
 
     def hints(*messages: str) -> list[str]:
@@ -79,9 +81,7 @@ def test_a_format_that_fits_no_part_is_named_once() -> None:
     assert hints(digit.format("X"), digit.format("F"), "") == [
         "place 2 reads as a letter on 2 of 3 parts: check --format"
     ]
-    assert hints(longer, longer) == [
-        "found 8 characters, but the format has 7 on every part: check --format"
-    ]
+    assert hints(longer, longer) == ["found 8 characters, but the format has 7 on every part: check --format"]
     # of a single part, or of few, the part may be the cause
     assert hints(digit.format("X")) == []
     assert hints(digit.format("X"), *[""] * 5) == []

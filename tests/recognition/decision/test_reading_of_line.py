@@ -76,7 +76,9 @@ def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
         assert sum(shares) <= 1.0 + 1e-9
 
 
-@given(st.text(CHARS, min_size=4, max_size=12), st.floats(0.6, 0.99999), st.sampled_from(["tactile", "vision"]))
+@given(
+    st.text(CHARS, min_size=4, max_size=12), st.floats(0.6, 0.99999), st.sampled_from(["tactile", "vision"])
+)
 @settings(max_examples=40, deadline=None)
 def test_no_place_is_less_sure_than_the_whole_text(text: str, sure: float, source: str) -> None:
     found = read(line_of(text, sure=sure), source=source)

@@ -165,3 +165,18 @@ def test_two_lines_are_different_ink_where_their_characters_have_room() -> None:
             for y_mm, height_mm in ((0.0, 5.0), (down_mm, lower_mm))
         )
         assert apart(upper, lower) == apart(lower, upper) == different
+
+
+@pytest.mark.parametrize("too_high", [1.6, 2.0])
+def test_a_line_that_is_text_without_the_format_grows_to_the_serial_of_the_format(too_high: float) -> None:
+    """The finder saw the end of the serial, too high: the format fits that nowhere."""
+    boxes = np.array(PART.stamped.boxes_mm)[4:7]
+    middle_mm = boxes[:, 1::2].mean()
+    half = TextLine(np.array([(boxes[0, 0], middle_mm), (boxes[-1, 2], middle_mm)]), too_high * 5.0)
+    reader = reader_of("AAA9999")
+    (forced,) = reader.search.read_once(VIEW, [half])
+    assert forced.lattice.text != "KXB4071"
+    assert promise_of(forced) < 0.0
+    main = reader.read(VIEW, about=half).main
+    assert main is not None
+    assert main.lattice.text == "KXB4071"

@@ -13,6 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
+from glyphs.part import stamp
+from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Reading
@@ -200,3 +202,14 @@ def test_photographs_that_each_hide_other_characters_are_read_as_one(
     assert (found.text, found.photos) == (TEXT, 2)
     assert found.notes == ("photograph 3 does not show what the first one shows; it was left out",)
     check_places(found, part)
+
+
+def test_neither_jpeg_quality_nor_the_last_digit_of_the_scale_changes_the_line() -> None:
+    part = stamp("XTR 0740257", height_mm=4.0, layout=Layout(other_text="MRXS36", other_above=True), seed=4)
+    picture = part.photograph(pixel_mm=0.09)
+    reader = VisionReader(ReaderSettings(format="AAA 9999999"))
+    for quality, scale in ((60, 1.0), (60, 1.0 + 1e-7), (80, 1.0), (98, 1.0 + 1e-7)):
+        _, jpeg = cv2.imencode(".jpg", picture.pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        pixels = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_UNCHANGED), dtype=np.uint8)
+        read = reader.read_photo(Photo(pixels, pitch_mm=0.09 * scale))
+        assert (read.text, read.decision) == ("XTR 0740257", Decision.ACCEPT), (quality, scale)
