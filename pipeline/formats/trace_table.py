@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from array import array
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,11 +21,6 @@ from pipeline.formats.traces_file import Column, Columns, Csv, TracesFile
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
 # properties of the clock of a TDMS channel
 _CLOCK = ("wf_increment", "wf_start_offset", "wf_start_time")
-# start of a TDMS segment: tag, contents, version, length, length of its metadata, and their number of channels
-_TDMS_SEGMENT, _TDMS_METADATA, _TDMS_NEW_LIST = struct.Struct("<4sIIQQI"), 2, 4
-# segments or chunks times channels; each takes nptdms some microseconds
-_MOST_TDMS_PIECES = 2_000_000
-_FRAGMENTED = ("has its samples in millions of small pieces", "defragment it, or export it as CSV")
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)\s*([AaPp])?")
 
 Floats = NDArray[np.float64]
@@ -166,11 +160,6 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
         from nptdms import TdmsFile
     except ModuleNotFoundError as error:
         raise MissingExtraError("TDMS", "npTDMS", "tdms") from error
-    _check_tdms_segments(path)
-    # the library tells the number of chunks nowhere else
-    segments = TdmsFile.read_metadata(path)._reader._segments
-    if sum(segment.num_chunks * len(segment.ordered_objects) for segment in segments) > _MOST_TDMS_PIECES:
-        raise DataError(*_FRAGMENTED)
     file = TdmsFile.read(path)
     held = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
     if len(file.groups()) == 1:
@@ -203,23 +192,6 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
         raise DataError(what, "record all channels together, as waveforms (wf_increment, wf_start_time)")
     rate_hz = next((1.0 / step_s for step_s in steps_s.values() if step_s), 0.0)
     return TraceTable(columns, rate_hz=rate_hz, stamped=stamped)
-
-
-def _check_tdms_segments(path: Path) -> None:
-    """Refuse a TDMS file of far too many segments and channels, for each of which its library does some work."""
-    channels = pieces = place = 0
-    with path.open("rb") as stream:
-        while len(head := stream.read(_TDMS_SEGMENT.size)) == _TDMS_SEGMENT.size:
-            tag, contents, _, length, _, listed = _TDMS_SEGMENT.unpack(head)
-            if tag != b"TDSm":
-                break
-            if contents & _TDMS_METADATA:
-                channels = listed if contents & _TDMS_NEW_LIST else channels + listed
-            pieces += 1 + channels
-            if pieces > _MOST_TDMS_PIECES:
-                raise DataError(*_FRAGMENTED)
-            place += _TDMS_SEGMENT.size - 4 + length
-            stream.seek(place)
 
 
 def _on_first_clock(
