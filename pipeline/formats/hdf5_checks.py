@@ -62,6 +62,11 @@ def _check_dataset(dataset: Any, most: int) -> None:
     layout = made.get_layout()
     if layout == h5py.h5d.VIRTUAL or made.get_external_count():
         raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
+    count = math.prod(map(int, dataset.id.shape or ()))
+    # with a single whisker there are twice as many stage positions (x and y) as samples
+    if count > (most if dataset.name == "/scan/signal" else 2 * most):
+        what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
+        raise MarksError(what, hint="split the recording")
     if layout == h5py.h5d.CHUNKED:
         sides = [int(side) for side in made.get_chunk()]
         chunks = math.prod(-(-int(n) // side) for n, side in zip(dataset.id.shape, sides, strict=True))
@@ -71,8 +76,3 @@ def _check_dataset(dataset: Any, most: int) -> None:
         if chunk > MOST_CHUNK_BYTES:
             hint = "write it in smaller chunks"
             raise MarksError(f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", hint=hint)
-    count = math.prod(map(int, dataset.id.shape or ()))
-    # with a single whisker there are twice as many stage positions (x and y) as samples
-    if count > (most if dataset.name == "/scan/signal" else 2 * most):
-        what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
-        raise MarksError(what, hint="split the recording")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -187,39 +185,6 @@ def test_tdms_is_the_scan_again_and_its_damage_is_said(scan: Scan, tmp_path: Pat
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(FileError, match=r"t\.tdms: "):
         import_traces([path], said, touch=TOUCH)
-
-
-def _tdms_segment(objects: bytes, samples: bytes) -> bytes:
-    contents = 2 | 4 | 8 if objects else 8
-    sizes = struct.pack("<IIQQ", contents, 4713, len(objects) + len(samples), len(objects))
-    return b"TDSm" + sizes + objects + samples
-
-
-def _tdms_channels(count: int) -> bytes:
-    """A list of channels of one byte a chunk."""
-    listed = struct.pack("<I", count)
-    for k in range(count):
-        path = f"/'g'/'c{k}'".encode()
-        listed += struct.pack("<I", len(path)) + path + struct.pack("<IIIQI", 20, 1, 1, 1, 0)
-    return listed
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        _tdms_segment(_tdms_channels(1), b"\1" * 2_100_000),
-        _tdms_segment(_tdms_channels(1500), bytes(1500)) + _tdms_segment(b"", bytes(1500)) * 1500,
-        _tdms_segment(struct.pack("<I", 2**32 - 1), b""),
-    ],
-    ids=["chunks", "segments", "declared"],
-)
-def test_tdms_in_small_pieces_is_refused_before_it_is_read(data: bytes, tmp_path: Path) -> None:
-    pytest.importorskip("nptdms")
-    (tmp_path / "t.tdms").write_bytes(data)
-    began_s = time.process_time()
-    with pytest.raises(FileError, match="millions of small pieces; defragment it"):
-        import_traces([tmp_path / "t.tdms"], told(), touch=TOUCH)
-    assert time.process_time() - began_s < 5.0
 
 
 def test_tdms_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
