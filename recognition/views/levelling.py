@@ -167,8 +167,8 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> Height
     Raises:
         MapError: the heights are few, or lie on one line.
     """
+    _check_spread(np.isfinite(height_map.z_mm))
     z = fill_gaps(height_map).z_mm
-    _check_spread(np.isfinite(z))
     rows, cols = z.shape
     step = max(1, int(np.sqrt(z.size / 40_000)))
     if not np.isfinite(z[::step, ::step]).any():  # such as each second row
