@@ -122,8 +122,8 @@ class Automaton:
             """The path of this rank from a state to the end; None if there are fewer."""
             step = self.steps[place][state]
             if (place, state) not in ranked:
-                cost = np.where(step >= 0, -log_belief[place] - after[place + 1][step], np.inf)
-                ways = [_Path(float(cost[k]), int(k), 0) for k in np.flatnonzero(cost < np.inf)]
+                costs = np.where(step >= 0, -log_belief[place] - after[place + 1][step], np.inf)
+                ways = [_Path(float(costs[k]), int(k), 0) for k in np.flatnonzero(costs < np.inf)]
                 heapq.heapify(ways)
                 ranked[place, state] = ways, []
             waiting, best = ranked[place, state]
