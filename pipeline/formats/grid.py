@@ -126,9 +126,8 @@ def _refusal(
     if shape.is_small(factors[1]) and (raw.unit or likeliest is None):
         states = states if raw.xy_mm == MM.get(raw.unit) else ""
         what = f"is too small for characters: {absurd}{states}"
-        return DataError(
-            what, "measure the whole serial, or give the distance of its samples with --pitch-mm"
-        )
+        hint = "" if raw.unit else ", or give the distance of its samples with --pitch-mm"
+        return DataError(what, f"measure the whole serial{hint}")
     if _LEAST_TILT_DEG < (tilt_deg := shape.tilt_deg(*factors)) < _MOST_TILT_DEG:
         return DataError(
             f"{absurd}; it is tilted by {tilt_deg:.0f} degrees", "level the part, and measure it again"
