@@ -30,19 +30,7 @@ from tests.support.waiting import free_port
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", *(f"docs/pages/tutorials/{name}.md" for name in ("read-parts", "line", "judge")),
          "docs/pages/how-to/deploy.md")  # fmt: skip
-INSTALLERS = [
-    "pip",
-    "apt-get",
-    "useradd",
-    "systemctl",
-    "podman",
-    "docker",
-    "pytest",
-    "mkdocs",
-    "openssl",
-    "journalctl",
-    "jq",
-]
+INSTALLERS = ("pip", "pytest", "useradd", "systemctl", "podman", "docker", "openssl")
 BLOCK = re.compile(r"(?P<before>[^\n]*)\n+^```(?P<language>\w*)\n(?P<text>.*?)^```", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"`(\w[\w-]*\.\w+)`[^`]*$")
 LEFT_OUT = ("text", "json")
