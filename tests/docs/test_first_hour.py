@@ -30,21 +30,7 @@ from tests.support.waiting import free_port
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", *(f"docs/pages/tutorials/{name}.md" for name in ("read-parts", "line", "judge")),
          "docs/pages/how-to/deploy.md")  # fmt: skip
-INSTALLERS = (
-    *(
-        "pip",
-        "apt-get",
-        "useradd",
-        "systemctl",
-        "podman",
-        "docker",
-        "pytest",
-        "mkdocs",
-        "openssl",
-        "journalctl",
-        "jq",
-    ),
-)
+INSTALLERS = ("pip", "pytest", "useradd", "systemctl", "podman", "docker", "openssl")
 BLOCK = re.compile(r"(?P<before>[^\n]*)\n+^```(?P<language>\w*)\n(?P<text>.*?)^```", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"`(\w[\w-]*\.\w+)`[^`]*$")
 LEFT_OUT = ("text", "json")
@@ -53,10 +39,10 @@ MOST_S = 600.0
 """For one page, on a busy machine; alone each takes some 20 s."""
 SERVED = """\
 #!{python}
-import os, signal, subprocess, sys, time, urllib.request
+import contextlib, os, signal, subprocess, sys, time, urllib.request
 from pathlib import Path
 
-command = [sys.executable, "-m", "pipeline", *sys.argv[1:]]
+command = ["{command}", *sys.argv[1:]]
 if sys.argv[1:2] == ["demo"]:
     try:
         Path(os.environ["DEMOS"], "-".join(sys.argv[1:])).touch(exist_ok=False)
@@ -66,7 +52,12 @@ if sys.argv[1:2] != ["serve"] or "--init-config" in sys.argv:
     os.execv(command[0], command)
 pid = Path(os.environ["SERVICE_PID"])
 if pid.exists():
-    os.kill(int(pid.read_text()), signal.SIGTERM)
+    before = int(pid.read_text())
+    os.kill(before, signal.SIGTERM)
+    with contextlib.suppress(ProcessLookupError):
+        while True:
+            os.kill(before, 0)
+            time.sleep(0.1)
 log = pid.with_suffix(".log")
 with log.open("wb") as stream:
     process = subprocess.Popen(command, stdout=stream, stderr=stream, start_new_session=True)
@@ -122,7 +113,9 @@ def programs(tmp_path: Path) -> Path:
     executable(
         folder / "curl", f'#!/bin/sh\nexec {program("curl")} --fail-with-body --silent --show-error "$@"\n'
     )
-    executable(folder / "tactile-marks", SERVED.format(python=sys.executable))
+    executable(
+        folder / "tactile-marks", SERVED.format(python=sys.executable, command=program("tactile-marks"))
+    )
     return folder
 
 
