@@ -64,13 +64,13 @@ def fill_gaps(
     return HeightMap(wide[1:-1, 1:-1], height_map.pitch_mm)
 
 
-def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float = 1e-3) -> tuple[str, ...]:
+def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float = 0.02) -> tuple[str, ...]:
     """Say how many samples of a map were filled; empty if hardly any.
 
     Args:
         measured: the map as it was measured.
         mounted: the same map, after `level`.
-        least_share: least share of filled samples that is worth a note.
+        least_share: least share of filled samples that is worth a note: the rim of a mesh has less.
     """
     missing, left = (float(np.isnan(surface.z_mm).mean()) for surface in (measured, mounted))
     if missing - left < least_share:

@@ -13,7 +13,7 @@ from glyphs import stamp
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from tests.factories import extruded
-from whisker_array.estimation.edges import calibrated_moments, edge_map
+from whisker_array.estimation.edges import UNUSABLE, calibrated_moments, edge_map
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
@@ -200,14 +200,14 @@ def test_no_play_is_invented(scan: Scan) -> None:
 # --- flags
 
 
-def test_flagged_samples_never_enter(scan: Scan) -> None:
+def test_unusable_samples_never_enter(scan: Scan) -> None:
     rng = np.random.default_rng(6)
     maps = []
     for wrong in (1e6, -3.0, 0.0):
         sweeps = []
         for i, sweep in enumerate(scan.sweeps):
             bad = np.random.default_rng(i).random(sweep.flags.shape) < 0.02
-            flag = rng.choice([int(f) for f in SampleFlag], size=bad.shape).astype(np.uint8)
+            flag = rng.choice([int(f) for f in SampleFlag if f & UNUSABLE], size=bad.shape).astype(np.uint8)
             moment = np.where(bad, np.float32(wrong), sweep.moment_n_mm)
             sweeps.append(
                 replace(sweep, moment_n_mm=moment, flags=np.where(bad, sweep.flags | flag, sweep.flags))
