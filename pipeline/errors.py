@@ -181,13 +181,13 @@ def processor_limit(limit_s: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
-    """Check that the file exists, and name it in every error raised while it is read.
+    """Check that the file exists, limit the time, and name the file in every error raised while it is read.
 
     Args:
         path: the file.
         most_bytes: size limit of the file.
-        kind: format that a third-party parser reads: each of its errors is reported as damage of the file, and its
-            time is limited. Without it, an unexpected error remains a fault of the program.
+        kind: format that a third-party parser reads: each of its errors is reported as damage of the file. Without
+            it, an unexpected error remains a fault of the program.
 
     Raises:
         FileError: the file is missing or too long, or its content is at fault.
@@ -195,9 +195,7 @@ def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     """
     with naming(path):
         require_file(path, most_bytes=most_bytes)
-        if not kind:
-            yield
-            return
         limit_s = _SPARE_S + _S_PER_MB * path.stat().st_size / 1e6
-        with report_damage(path, kind=kind), processor_limit(limit_s):
+        damage = report_damage(path, kind=kind) if kind else contextlib.nullcontext()
+        with damage, processor_limit(limit_s):
             yield

@@ -34,12 +34,14 @@ _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
 # ="000123" keeps a spreadsheet from taking a serial for a number; 1.23457E+11 is what it makes of one otherwise
 _KEPT_AS_TEXT, _ROUNDED = re.compile(r'="([^"]*)"'), re.compile(r"\d[.,]?\d*[eE]\+\d+")
-# characters; more than any line of a table has, so that a file without line ends is not loaded whole
-_MOST_LINE = 10_000_000
+# characters and cells; more than any line of a table has, so that a file without line ends is not loaded whole
+_MOST_LINE, _MOST_CELLS = 1_000_000, 16_384
 # bytes from which the encoding is detected, and lines from which the delimiter is
 _SAMPLE_BYTES, _SAMPLE_LINES = 4096, 20
 _OLD_WORKBOOK = b"\xd0\xcf\x11\xe0"
 _MOST_SHEET_BYTES = 1_000_000_000
+# a sheet has no more rows; a file of some kB can state one of two thousand million, with all rows before it empty
+_MOST_ROWS = 1_048_576
 # a number of a sheet has 15 digits; a longer serial in it has been rounded
 _EXACT_NUMBERS = 10**15
 
@@ -85,6 +87,8 @@ def table_lines(
         else _csv_lines(path, head, delimiter, skip_lines, comments)
     )
     for line in lines:
+        if len(line.cells) > _MOST_CELLS:
+            raise DataError(f"has over {_MOST_CELLS:,} cells in line {line.number}", "give a table")
         if any(line.cells) and not (comments and line.cells[0].startswith("#")):
             yield line
 
@@ -103,7 +107,8 @@ def _csv_lines(
             if not delimiter:
                 lines, delimiter, skipped = _detect_delimiter(lines, comments=comments)
             # strict: otherwise one quote too many swallows the lines after it
-            blanks = re.compile(rf'(?<!")" +(?={re.escape(delimiter)}|\s*$)')
+            # possessive: giving blanks back would take quadratic time on a long run of them
+            blanks = re.compile(rf'(?<!")" ++(?={re.escape(delimiter)}|\s*$)')
             tidy = (blanks.sub('"', line) if '" ' in line else line for line in lines)
             reader = csv.reader(tidy, delimiter=delimiter, skipinitialspace=True, strict=True)
             for row in reader:
@@ -126,7 +131,7 @@ def _sheet_lines(path: Path) -> Iterator[TableLine]:
         book = load_workbook(path, read_only=True, data_only=True)
         sheet = book.worksheets[0]
         sheet.reset_dimensions()  # other programs state it wrongly
-        for number, row in enumerate(sheet.iter_rows(), start=1):
+        for number, row in enumerate(sheet.iter_rows(max_row=_MOST_ROWS), start=1):
             yield TableLine(number, tuple(_text_of(_text_of_cell(cell)) for cell in row))
     except DataError:
         raise
@@ -224,7 +229,7 @@ def _bounded_lines(stream: TextIO) -> Iterator[str]:
     """
     while line := stream.readline(_MOST_LINE):
         if len(line) == _MOST_LINE:
-            raise DataError("has a line of over 10 million characters", "give a table")
+            raise DataError(f"has a line of over {_MOST_LINE:,} characters", "give a table")
         yield line
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -204,3 +206,42 @@ def test_what_may_be_a_range_or_a_serial_is_asked(cell: str, format: str | None,
     told = rf"line 1: {cell} may be one serial, or all .*; write {first}\.\.{last} for a range"
     with pytest.raises(FileError, match=told):
         read_order(tmp_path / "order.txt", None if format is None else Grammar.parse(format))
+
+
+def _workbook_of(path: Path, sheet: str) -> Path:
+    """A workbook with this content of its sheet."""
+    whole = workbook(path.with_name("whole.xlsx"), ("part", "text"), ("a", "B"))
+    space = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
+        for name in source.namelist():
+            content = source.read(name)
+            if name.endswith("sheet1.xml"):
+                content = f'<worksheet xmlns="{space}"><sheetData>{sheet}</sheetData></worksheet>'.encode()
+            made.writestr(name, content)
+    return path
+
+
+def test_a_small_table_cannot_cost_long_work(tmp_path: Path) -> None:
+    table = tmp_path / "order.csv"
+    table.write_text('part,serial\n"a"' + " " * 200_000 + "x,KX1\n")  # quadratic if blanks are given back
+    far_row = _workbook_of(tmp_path / "far.xlsx", '<row r="2000000000"><c t="n"><v>1</v></c></row>')
+    wide_line = tmp_path / "wide.csv"
+    wide_line.write_text("serial" + ",a" * 20_000 + "\n")
+    start = time.process_time()
+    for path, problem in (
+        (table, "is not a CSV table after line 1"),
+        (far_row, "holds no serial"),
+        (wide_line, "has over 16,384 cells in line 1"),
+    ):
+        with pytest.raises(FileError, match=problem):
+            read_order(path)
+    assert time.process_time() - start < 10.0
+
+
+def test_the_time_for_a_table_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.errors._SPARE_S", 0.3)
+    path = _workbook_of(tmp_path / "order.xlsx", "<row>" + "<c><v>1</v></c>" * 500_000 + "</row>")
+    start = time.process_time()
+    with pytest.raises(FileError, match=r"order\.xlsx: takes more than 0 s to decode"):
+        read_order(path)
+    assert time.process_time() - start < 3.0
