@@ -28,6 +28,8 @@ _LEAD_IN = {"little": struct.Struct("<4s4xIQQ"), "big": struct.Struct(">4s4xIQQ"
 _BIG_ENDIAN = 1 << 6
 # limits of the library's work on a TDMS file, which takes some seconds at each
 _MOST_SEGMENTS, _MOST_OBJECTS, _MOST_DESCRIPTION_BYTES, _MOST_PIECES = 100_000, 200_000, 16_000_000, 300_000
+# objects of all segments together: a segment without a list of its own has those of the segment before
+_MOST_INHERITED, _NEW_LIST = 10_000_000, 1 << 2
 # what instruments write for a signal beyond their range, or for none
 _NO_READING = re.compile(
     r"[+-]?(o\.?l\.?|ov(er|f|l).*|inf(inity)?|nan|#?n/?a|1\.?#\w+|-+|\*+)", re.IGNORECASE
@@ -179,17 +181,21 @@ def _check_work(path: Path) -> None:
     Raises:
         DataError: there are too many.
     """
-    place = segments = objects = described = 0
+    place = segments = objects = described = held = inherited = 0
     with path.open("rb") as file:
         while len(lead_in := file.read(28)) == 28 and lead_in.startswith(b"TDSm"):
             order: Literal["big", "little"] = "big" if lead_in[4] & _BIG_ENDIAN else "little"
             _, _, following, description = _LEAD_IN[order].unpack(lead_in)
             segments += 1
             described += min(description, following)
-            objects += int.from_bytes(file.read(4), order) if description >= 4 else 0
+            listed = int.from_bytes(file.read(4), order) if description >= 4 else 0
+            objects += listed
+            held = listed if lead_in[4] & _NEW_LIST else max(held, listed)
+            inherited += held
             for count, most, what in (
                 (segments, _MOST_SEGMENTS, "segments"),
                 (objects, _MOST_OBJECTS, "described objects"),
+                (inherited, _MOST_INHERITED, "objects in its segments together"),
                 (described, _MOST_DESCRIPTION_BYTES, "bytes of descriptions"),
             ):
                 if count > most:

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SkipValidatio
 
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.job_file import NAME
-from pipeline.common.names import check_visible
+from pipeline.common.names import check_visible, folded
 from pipeline.common.people_records import AuditFigures
 from pipeline.common.reading_records import to_json_bytes
 from pipeline.common.records import (
@@ -281,8 +281,17 @@ def parts_router(service: Service) -> APIRouter:
 
     @router.get("/parts")
     def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = LooksUp) -> list[PartAnswer]:
-        """Parts, newest first."""
-        return [answer(part, root_path) for part in store.parts(**sought.model_dump())]
+        """Parts, newest first.
+
+        A token of the scope write alone gets the parts of one name, which it must give whole.
+        """
+        reads = Scope.READ in caller.scopes
+        if not reads and not folded(sought.name):
+            raise Problem(
+                403, "the scope write looks up parts by their whole name: give name, or a token to read"
+            )
+        found = store.parts(**sought.model_dump(), whole_name=not reads)
+        return [answer(part, root_path) for part in found]
 
     @router.get(
         "/parts.csv", response_class=StreamingResponse, responses={200: {"content": {"text/csv": {}}}}

@@ -46,6 +46,7 @@ def find_parts(
     would_be: PartState | None = None,
     text: str = "",
     name: str = "",
+    whole_name: bool = False,
     job: str = "",
     line: str = "",
     since: datetime | None = None,
@@ -62,6 +63,7 @@ def find_parts(
         would_be: state that they would have outside shadow mode.
         text: text that their serial contains, in upper or lower case.
         name: text that their name contains, in upper or lower case.
+        whole_name: whether it is the whole name.
         job: job that they were read by.
         line: line that they come from.
         since: earliest time at which they were received.
@@ -78,6 +80,8 @@ def find_parts(
         for column, value, fold in (("text", text, str.casefold), ("name", name, folded))
         if value
     ]
+    if whole_name:
+        wanted.append(parts.c.name_folded == folded(fit(name, "what is sought")))
     # not `created_at` alone: by its index the database would sort all matches for every page, instead of using the ids
     received = sa.func.coalesce(parts.c.created_at, parts.c.created_at)
     if since is not None:

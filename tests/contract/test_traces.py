@@ -353,8 +353,15 @@ def tdms_description(*paths: str) -> bytes:
         ),
         (lambda: tdms_segment(struct.pack("<I", 250_000), b"", 6), "200,000 described objects"),
         (lambda: tdms_segment(bytes(17_000_000), b"", 6), "16,000,000 bytes of descriptions"),
+        (
+            lambda: (
+                tdms_segment(tdms_description(*(f"/'daq'/'{k}'" for k in range(3000))), bytes(3000), 14)
+                + 30_000 * tdms_segment(b"", b"", 8)
+            ),
+            "10,000,000 objects in its segments together",
+        ),
     ],
-    ids=["pieces", "segments", "objects", "descriptions"],
+    ids=["pieces", "segments", "objects", "descriptions", "inherited objects"],
 )
 def test_tdms_work_is_counted_before_it_is_done(
     command: Command, tmp_path: Path, spoil: Callable[[], bytes], says: str

@@ -27,6 +27,26 @@ def test_a_review_over_http_bears_the_tokens_name_and_claims_hold_there_too(tmp_
         assert (kept.who, kept.token) == ("Grace", "Grace")
 
 
+def test_a_token_to_write_looks_up_a_part_but_does_not_list_parts(tmp_path: Path) -> None:
+    with inline_service(tmp_path, host="0.0.0.0") as (service, client):
+        writes, reads = (
+            {"Authorization": f"Bearer {service.store.add_token(scope, [scope])}"}
+            for scope in (Scope.WRITE, Scope.READ)
+        )
+        part, other = (received(service.store, PartState.REVIEW, name=name) for name in ("P17", "P170"))
+
+        def listed(query: str, who: dict[str, str]) -> set[str]:
+            return {found["id"] for found in client.get(f"/v1/parts{query}", headers=who).json()}
+
+        for query in ("", "?state=review", "?name=%20"):
+            assert client.get(f"/v1/parts{query}", headers=writes).status_code == 403
+            assert listed(query, reads) == {part.id, other.id}
+        assert listed("?name=p17", writes) == {part.id}
+        assert listed("?name=P1", writes) == set()
+        assert listed("?name=p17", reads) == {part.id, other.id}
+        assert client.get(f"/v1/parts/{part.id}", headers=writes).json()["name"] == "P17"
+
+
 def test_without_tokens_a_review_asks_for_a_name(tmp_path: Path) -> None:
     with inline_service(tmp_path) as (service, client):
         address = f"/v1/parts/{received(service.store, PartState.REVIEW).id}/review"
