@@ -23,12 +23,13 @@ MOST_CHUNKS = 50_000
 """Most chunks of an HDF5 dataset: HDF5 makes an object for each, even for those that were never written."""
 
 
-def check_hdf5(path: Path, *, most: int) -> None:
-    """Check that all content of an HDF5 file is inside it, in small chunks and of bounded size.
+def check_hdf5(path: Path, *, most: int | None) -> None:
+    """Check that all content of an HDF5 file is inside it, in few and small chunks and of bounded size.
 
     Args:
         path: the file.
-        most: most values of its signal; another dataset may hold twice as many.
+        most: most values of its signal; another dataset may hold twice as many. Without it, only objects and chunks are
+            counted.
 
     Raises:
         MarksError: a check fails.
@@ -42,7 +43,7 @@ def check_hdf5(path: Path, *, most: int) -> None:
         if len(links) > MOST_OBJECTS or name.count("/") >= MOST_DEPTH:
             what = f"holds more than {MOST_OBJECTS:,} groups or nests them deeper than {MOST_DEPTH}"
             return MarksError(what, hint="write it again with tactile-marks")
-        if isinstance(link, h5py.ExternalLink):
+        if most is not None and isinstance(link, h5py.ExternalLink):
             return MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
         return None
 
@@ -55,11 +56,18 @@ def check_hdf5(path: Path, *, most: int) -> None:
                 _check_dataset(found, most)
 
 
-def _check_dataset(dataset: Any, most: int) -> None:
+def _check_dataset(dataset: Any, most: int | None) -> None:
     import h5py
 
     made = dataset.id.get_create_plist()
-    layout = made.get_layout()
+    layout, sides = made.get_layout(), []
+    if layout == h5py.h5d.CHUNKED:
+        sides = [int(side) for side in made.get_chunk()]
+        chunks = math.prod(-(-int(n) // side) for n, side in zip(dataset.id.shape, sides, strict=True))
+        if chunks > MOST_CHUNKS:
+            raise MarksError(f"{dataset.name} has {chunks:,} chunks", hint="write it in larger chunks")
+    if most is None:
+        return
     if layout == h5py.h5d.VIRTUAL or made.get_external_count():
         raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
     count = math.prod(map(int, dataset.id.shape or ()))
@@ -68,10 +76,6 @@ def _check_dataset(dataset: Any, most: int) -> None:
         what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
         raise MarksError(what, hint="split the recording")
     if layout == h5py.h5d.CHUNKED:
-        sides = [int(side) for side in made.get_chunk()]
-        chunks = math.prod(-(-int(n) // side) for n, side in zip(dataset.id.shape, sides, strict=True))
-        if chunks > MOST_CHUNKS:
-            raise MarksError(f"{dataset.name} has {chunks:,} chunks", hint="write it in larger chunks")
         chunk = math.prod(sides) * dataset.id.get_type().get_size()
         if chunk > MOST_CHUNK_BYTES:
             hint = "write it in smaller chunks"

@@ -91,9 +91,10 @@ def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
 
     most_bytes = MOST_BYTES["scan"] if most is None else most * 16 + SPARE_BYTES
     with reading(Path(path), kind="HDF5", most_bytes=most_bytes):
-        if most is not None:
-            if not h5py.is_hdf5(path):
-                hint = "record it again, or send a height map under its own suffix"
-                raise DataError("is not an HDF5 file", hint)
+        if h5py.is_hdf5(path):
             check_hdf5(Path(path), most=most)
+        elif most is not None:
+            raise DataError(
+                "is not an HDF5 file", "record it again, or send a height map under its own suffix"
+            )
         return load_scan(path)

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import sdfio
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings
-from pipeline.formats.touch_file import read_height_map
+from pipeline.formats.touch_file import read_height_map, read_scan
 
 
 def relief() -> NDArray[np.float64]:
@@ -105,3 +106,14 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     with pytest.raises(FileError, match=r"tactile-marks\[formats\]"):
         read_height_map(tmp_path / "a.sur")
+
+
+def test_chunks_of_a_recording_are_counted_on_the_command_line_as_in_the_service(tmp_path: Path) -> None:
+    path = tmp_path / "chunks.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("scan/signal", data=np.zeros((60_000, 1), dtype=np.float32), chunks=(1, 1))
+    for most in (None, 1_000_000):
+        with pytest.raises(
+            FileError, match=r"chunks\.h5: /scan/signal has 60,000 chunks; write it in larger"
+        ):
+            read_scan(path, most=most)
