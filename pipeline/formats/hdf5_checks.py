@@ -28,8 +28,8 @@ def check_hdf5(path: Path, *, most: int | None) -> None:
 
     Args:
         path: the file.
-        most: most values of its signal; another dataset may hold twice as many. Without it, only objects and chunks are
-            counted.
+        most: most values of its signal; another dataset may hold twice as many. Without it, only objects and chunks
+            are checked.
 
     Raises:
         MarksError: a check fails.
@@ -60,22 +60,20 @@ def _check_dataset(dataset: Any, most: int | None) -> None:
     import h5py
 
     made = dataset.id.get_create_plist()
-    layout, sides = made.get_layout(), []
+    layout = made.get_layout()
+    if most is not None:
+        if layout == h5py.h5d.VIRTUAL or made.get_external_count():
+            raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
+        count = math.prod(map(int, dataset.id.shape or ()))
+        # with a single whisker there are twice as many stage positions (x and y) as samples
+        if count > (most if dataset.name == "/scan/signal" else 2 * most):
+            what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
+            raise MarksError(what, hint="split the recording")
     if layout == h5py.h5d.CHUNKED:
         sides = [int(side) for side in made.get_chunk()]
         chunks = math.prod(-(-int(n) // side) for n, side in zip(dataset.id.shape, sides, strict=True))
         if chunks > MOST_CHUNKS:
             raise MarksError(f"{dataset.name} has {chunks:,} chunks", hint="write it in larger chunks")
-    if most is None:
-        return
-    if layout == h5py.h5d.VIRTUAL or made.get_external_count():
-        raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
-    count = math.prod(map(int, dataset.id.shape or ()))
-    # with a single whisker there are twice as many stage positions (x and y) as samples
-    if count > (most if dataset.name == "/scan/signal" else 2 * most):
-        what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
-        raise MarksError(what, hint="split the recording")
-    if layout == h5py.h5d.CHUNKED:
         chunk = math.prod(sides) * dataset.id.get_type().get_size()
         if chunk > MOST_CHUNK_BYTES:
             hint = "write it in smaller chunks"
