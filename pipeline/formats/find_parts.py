@@ -40,7 +40,7 @@ _MOST_NAMES = 20
 _HINTS = (
     (PHOTO_SUFFIXES, "lone photographs are read without --mode, heights in pictures with --height-image"),
     (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
-    (TABLE_SUFFIXES, "tables of heights are only read if they are named themselves"),
+    (TABLE_SUFFIXES, "a table is only read if it is named itself"),
 )
 
 

@@ -130,7 +130,8 @@ def _refusal(
         return DataError(what, f"measure the whole serial{hint}")
     if _LEAST_TILT_DEG < (tilt_deg := shape.tilt_deg(*factors)) < _MOST_TILT_DEG:
         return DataError(
-            f"{absurd}; it is tilted by {tilt_deg:.0f} degrees", "level the part, and measure it again"
+            f"{shape.span(*factors)}; it is tilted by {tilt_deg:.0f} degrees",
+            "level the part, and measure it again",
         )
     if raw.one_unit and shape.is_upright(*factors):
         return DataError(f"{absurd}; its marks do not face z", "turn it until its marked side faces z")
@@ -209,7 +210,7 @@ class _Shape:
         size = self._size(pitch)
         least = LEAST_RELIEF_MM if self.raw.z_mm is None else LEAST_RELIEF_SHARE * shorter
         if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * longer) or 0.0 < relief < least:
-            return f"heights span {_length(relief)} on a map of {size}"
+            return self.span(z_mm, xy_mm)
         if self.raw.one_unit:  # a mesh may show the part's base, too
             return ""
         if depth > MOST_DEPTH_MM:
@@ -227,6 +228,10 @@ class _Shape:
         if longer > MOST_PLATE_MM or self.is_small(xy_mm):
             return f"the map measures {self._size(pitch)}"
         return ""
+
+    def span(self, z_mm: float, xy_mm: float) -> str:
+        """The range of heights and the size, in words."""
+        return f"heights span {_length(self.relief * z_mm)} on a map of {self._size(self.pitch * xy_mm)}"
 
     def _size(self, pitch_mm: float) -> str:
         rows, cols = self.raw.z.shape
