@@ -203,6 +203,8 @@ def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
     if error.timed_out:
         busy_machine = f"{error}, for most of which it waited; send it again later"
         return UnreadableProblem(503, busy_machine, headers={"Retry-After": "60"})
-    if error.crashed and lost > 1:
-        return UnreadableProblem(422, f"it has ended {lost} workers, the last so: {error}; report it")
+    if lost > 1:
+        detail = f"it has ended {lost} workers, the last so: {error}; if it happens again, report it"
+        later = None if error.crashed else {"Retry-After": "60"}
+        return UnreadableProblem(422 if error.crashed else 503, detail, headers=later)
     return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})

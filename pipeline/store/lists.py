@@ -26,13 +26,13 @@ _WRITTEN = {HOUR: "%Y-%m-%d %H", DAY: "%Y-%m-%d"}
 
 
 def latest_named(tx: Transaction, name: str) -> PartRecord:
-    """The latest part of a name.
+    """The latest part of a name, however it is spelled.
 
     Raises:
         NotFoundError: there is none.
     """
-    same = parts.c.record["name"].as_string() == fit(name, "the name")
-    wanted = _IDS.where(parts.c.name_folded == name.casefold(), same).order_by(parts.c.id.desc()).limit(1)
+    same = parts.c.name_folded == folded(fit(name, "the name"))
+    wanted = _IDS.where(same).order_by(parts.c.id.desc()).limit(1)
     for part in select_parts(tx, wanted):
         return part
     raise NotFoundError(f"there is no part named {name!r}", hint="check the name")

@@ -36,7 +36,9 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
     about = ABOUT_SERIAL
     if reading.flags & ReadingFlag.FORMAT_NOT_MET:
         # what is read is clear: doubts under a format that does not fit it are no doubts about the part
-        about &= ~(ReadingFlag.of(Kind.STROKES) | ReadingFlag.LOW_CONFIDENCE | ReadingFlag.FORMAT_OVERRULED)
+        about &= ~(
+            ReadingFlag.of(Kind.EXPLANATION) | ReadingFlag.LOW_CONFIDENCE | ReadingFlag.FORMAT_OVERRULED
+        )
     reasons = [found for flag in about if (found := _findings(reading, flag))]
     rules = _findings(reading, reading.flags & MEASURE_FLAGS)
     scan = _findings(reading, reading.flags & ~(ABOUT_SERIAL | MEASURE_FLAGS))

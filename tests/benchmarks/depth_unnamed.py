@@ -50,7 +50,13 @@ def readings(font: Font, severity: float, parts: int, *, named: bool) -> Iterato
     reader = Reader(fonts=[font] if named else [], format=FORMAT)
     for k in range(parts):
         part = stamp(
-            format=FORMAT, font=font, height_mm=5.0, depth_mm=0.16, pitch_mm=0.06, dirt=severity, seed=(31, k)
+            format=FORMAT,
+            fonts=font,
+            height_mm=5.0,
+            depth_mm=0.16,
+            pitch_mm=0.06,
+            dirt=severity,
+            seed=(31, k),
         )
         yield part, reader.read(part.height_map, soil=part.soil)
 

@@ -41,7 +41,7 @@ def read_parts(reader: Reader, *, parts: int, seed: int) -> Iterator[ReadPart]:
     for number in range(parts):
         dirt, font = SEVERITIES[number % 3], FONTS[number // 3 % 3]
         text = random_text(FORMAT, rng=np.random.default_rng((seed, number)))
-        part = stamp(text, font=font, dirt=dirt, seed=(seed, number))
+        part = stamp(text, fonts=font, dirt=dirt, seed=(seed, number))
         touch = reader.touch.read_height_map(part.height_map, soil=part.soil)
         vision = reader.vision.read_photo(part.photograph())
         # fusion needs neither scan nor map, which are large

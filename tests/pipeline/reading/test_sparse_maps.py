@@ -18,7 +18,7 @@ from pipeline.formats.touch_file import read_part_map
 from pipeline.reading.part_reader import read_surface
 from recognition import Reader
 
-PART = stamp("K4", font="gothic", height_mm=5, seed=1).height_map
+PART = stamp("K4", fonts="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
 READER = Reader(fonts=("gothic",), height_mm=5)
 Known = NDArray[np.bool_]

@@ -34,7 +34,7 @@ def test_without_a_named_font_a_depth_is_true_or_not_measured(
 ) -> None:
     loaded = load_font(font)
     for seed in range(2):
-        part = stamp(format="AA9999", font=loaded, dirt=dirt, seed=(71, seed), **PART)
+        part = stamp(format="AA9999", fonts=loaded, dirt=dirt, seed=(71, seed), **PART)
         reading = reader.read(part.height_map, soil=part.soil)
         assert reading.text == part.text
         for c, truth in zip(reading.characters, true_depths(part, loaded), strict=True):
@@ -51,7 +51,7 @@ def test_without_a_named_font_a_depth_is_true_or_not_measured(
 
 
 def test_most_depths_of_a_stand_in_are_measured_without_a_name(reader: Reader) -> None:
-    part = stamp(format="AA9999", font="gothic", seed=(72, 0), **PART)
+    part = stamp(format="AA9999", fonts="gothic", seed=(72, 0), **PART)
     reading = reader.read(part.height_map)
     assert sum(c.depth is not None for c in reading.characters) >= 5
     assert reading.font == "gothic"
@@ -59,7 +59,7 @@ def test_most_depths_of_a_stand_in_are_measured_without_a_name(reader: Reader) -
 
 @pytest.mark.parametrize(("named", "font"), [("timesr", "gothic"), ("gothic", "timesr")])
 def test_a_wrong_font_is_said_and_measured_along_the_strokes_that_are_there(named: str, font: str) -> None:
-    part = stamp(format="AA9999", font=font, seed=(9, 0), **PART)
+    part = stamp(format="AA9999", fonts=font, seed=(9, 0), **PART)
     reading = Reader(fonts=[named], format="AA9999").read(part.height_map)
     assert reading.text == part.text
     assert (reading.decision, reading.font) == (Decision.REVIEW, "")
@@ -76,7 +76,7 @@ def test_a_wrong_font_is_said_and_measured_along_the_strokes_that_are_there(name
 @pytest.mark.parametrize("font", ["gothic", "timesr"])
 @pytest.mark.parametrize("dirt", [0.0, 0.5])
 def test_the_right_font_fits(font: str, dirt: float) -> None:
-    part = stamp(format="AA9999", font=font, dirt=dirt, seed=(73, 0), **PART)
+    part = stamp(format="AA9999", fonts=font, dirt=dirt, seed=(73, 0), **PART)
     reading = Reader(fonts=[font], format="AA9999").read(part.height_map, soil=part.soil)
     assert not reading.flags & ReadingFlag.FOREIGN_SHAPES
     assert reading.font == font

@@ -432,7 +432,7 @@ async def test_nobody_may_write_or_be_the_administrator(shared: Shared) -> None:
 
 
 async def test_of_more_sessions_than_may_be_one_in_use_stays_and_a_stop_does_not_wait_for_ever() -> None:
-    async def never(_: str, job: str = "") -> PartRecord:
+    async def never(_: str, job: str = "", **__: object) -> PartRecord:
         await asyncio.Event().wait()
         raise AssertionError
 
@@ -478,7 +478,8 @@ async def test_who_does_not_read_the_answers_is_let_go(
 
 
 async def test_idle_sessions_of_one_address_keep_no_controller_out() -> None:
-    port = OpcUaPort(OpcUaSettings(), read_at_once, connections=2)
+    calls: Any = SimpleNamespace(trigger=read_at_once, release=read_at_once, look_up=read_at_once)
+    port = OpcUaPort(OpcUaSettings(), calls, connections=2)
     await port.start()
     url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
     idle = [Client(url, timeout=LONG_S) for _ in range(2)]
