@@ -208,8 +208,8 @@ class CameraWork:
             return await self._wait_for_pictures(camera, name, folder, known)
 
         def photograph() -> Taken:
-            taken = camera.take(name)
-            return Taken(_copies((taken,) if isinstance(taken, Path) else taken, folder))
+            files = camera.take(name)
+            return Taken(_copies((files,) if isinstance(files, Path) else files, folder))
 
         return await self.thread.call_async(photograph)
 
@@ -244,12 +244,12 @@ class CameraWork:
             late = now_s - began_s >= self._timeout_s
             still = now_s - since_s >= (_SET_STILL_S if any(set_of(path.name) for path in new) else _STILL_S)
             if new and (late or still):
-                taken = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
-                self._taken.extend(taken)
+                new_keys = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
+                self._taken.extend(new_keys)
                 photos = await self.thread.call_async(partial(_copies_if_whole, new, folder, as_is=late))
                 if photos is not None:
-                    return Taken(photos, taken)
-                for key in taken:
+                    return Taken(photos, new_keys)
+                for key in new_keys:
                     self._taken.remove(key)
             elif late:
                 raise camera.missing(name, older=bool(pictures), waited_s=self._timeout_s)
