@@ -204,13 +204,8 @@ class FoundFiles:
         self.add(files, root=root)
         for below in folders:
             why = "" if self._recurse else "--no-recurse"
-            why = (
-                "hidden"
-                if split_name(below)[1].startswith(".")
-                else "a link"
-                if os.path.islink(below)
-                else why
-            )
+            why = "a link" if os.path.islink(below) else why
+            why = "hidden" if split_name(below)[1].startswith(".") else why
             try:
                 if not why:
                     self._add_folder(below, root=root)

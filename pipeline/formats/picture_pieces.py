@@ -24,7 +24,7 @@ _MOST_DIRECTORIES = 64
 
 
 def check_pieces(data: bytes, kind: str) -> None:
-    """Refuse a picture of far more pieces than a photograph.
+    """Refuse a picture of far more pieces than a photograph has.
 
     Args:
         data: the file.
@@ -36,7 +36,7 @@ def check_pieces(data: bytes, kind: str) -> None:
     if kind == "PPM" and not _PGM_HEAD.match(data[:_MOST_PGM_HEAD_BYTES]):
         raise DataError("is a PGM with a damaged head or long comments", "save it as PNG")
     pieces = {"PNG": _png_chunks, "JPEG": _jpeg_segments, "GIF": _gif_blocks}
-    counts = _tiff_values(data) if kind == "TIFF" else (1 for _ in pieces.get(kind, _no_pieces)(data))
+    counts = _tiff_values(data) if kind == "TIFF" else (1 for _ in pieces.get(kind, lambda _: iter(()))(data))
     if any(total > MOST_PIECES for total in accumulate(counts)):
         raise DataError(f"is a {kind} of more than {MOST_PIECES:,} pieces", "save it as a usual JPEG or PNG")
 
@@ -44,10 +44,6 @@ def check_pieces(data: bytes, kind: str) -> None:
 def jpeg_scans(data: bytes) -> int:
     """Passes of a JPEG over its pixels: start-of-scan markers before the end of the picture."""
     return sum(marker == _START_OF_SCAN for marker in _jpeg_segments(data))
-
-
-def _no_pieces(_: bytes) -> Iterator[int]:
-    return iter(())
 
 
 def _png_chunks(data: bytes) -> Iterator[int]:
@@ -58,7 +54,6 @@ def _png_chunks(data: bytes) -> Iterator[int]:
 
 
 def _jpeg_segments(data: bytes) -> Iterator[int]:
-    """The markers up to the end of the picture."""
     place = 2
     while (match := _NEXT_MARKER.search(data, place)) is not None:
         marker, place = data[match.start() + 1], match.end()
@@ -73,7 +68,7 @@ def _gif_blocks(data: bytes) -> Iterator[int]:
     """The blocks of all frames and extensions, and the parts of at most 255 bytes that their data come in."""
 
     def colours(place: int) -> int:
-        """Bytes of the table of colours that the flags at a place declare."""
+        # bytes of the table of colours that the flags at a place declare
         flags = data[place] if place < len(data) else 0
         return 3 << (flags & 7) + 1 if flags & 0x80 else 0
 

@@ -71,9 +71,9 @@ def lead_nats(lattice: Lattice, text: str, other: str) -> float:
     if len(other) != lattice.n_places or not set(other) <= set(lattice.chars):
         return math.inf
     belief, _ = _spread(lattice, lattice.chars)
-    here, there = ([lattice.chars.index(c) for c in characters] for characters in (text, other))
+    ours, others = ([lattice.chars.index(c) for c in characters] for characters in (text, other))
     places = np.arange(lattice.n_places)
-    return float((np.log(belief[places, here]) - np.log(belief[places, there])).sum())
+    return float((np.log(belief[places, ours]) - np.log(belief[places, others])).sum())
 
 
 def _spread(own: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:

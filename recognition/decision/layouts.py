@@ -1,4 +1,4 @@
-"""Layouts that are not read: which of them a part without a sure reading looks like.
+"""Recognise layouts that are not read.
 
     mirrored    a line reads well in the mirrored view
     stacked     the pieces of a line that runs up or down, laid side by side, read well
