@@ -568,7 +568,6 @@ class Intake:
 
 
 def _unread(why: str) -> ReadPart:
-    """A part whose photographs cannot be read."""
     what = f"photograph cannot be read: {why}"
     reasons = (ReasonRecord("unreadable_photo"),)
     return ReadPart(

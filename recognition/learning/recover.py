@@ -102,7 +102,6 @@ def _number(name: str) -> int:
 
 
 def _exported(network: Recogniser) -> dict[str, Numbers]:
-    """Numbers of a network's floating-point export, by name."""
     with tempfile.TemporaryDirectory() as folder:
         whole, prepared = Path(folder, "whole.onnx"), Path(folder, "prepared.onnx")
         export_float(network, whole)

@@ -51,11 +51,6 @@ class MqttCalls:
 
 
 def _fields_of(payload: bytes) -> dict[str, str]:
-    """The fields of a call.
-
-    Raises:
-        Problem: it is neither text nor such an object of JSON.
-    """
     if len(payload) > _MOST_BYTES:
         raise Problem(413, f"a call has at most {_MOST_BYTES} bytes")
     try:
