@@ -56,7 +56,9 @@ def with_layout(
         return reading
     if sure:
         return reading.with_findings(Finding(ReadingFlag.UNREAD_MARKS, text))
-    return reading.without_flags(EXPLANATIONS).with_findings(Finding(ReadingFlag.LAYOUT, text))
+    return reading.without_flags(EXPLANATIONS | ReadingFlag.FORMAT_NOT_MET).with_findings(
+        Finding(ReadingFlag.LAYOUT, text)
+    )
 
 
 def _layouts(
