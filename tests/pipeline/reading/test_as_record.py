@@ -28,6 +28,7 @@ from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.marks.depth import MarkDepth
+from recognition.senses.settings import ReaderSettings
 from recognition.views.codes import Code
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
@@ -68,7 +69,9 @@ class FakeReader:
 
 @pytest.fixture(autouse=True)
 def _fake_readers(monkeypatch: pytest.MonkeyPatch) -> None:
-    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, apply_certificate=lambda found: found)
+    reader: Any = SimpleNamespace(
+        touch=FakeReader(), settings=ReaderSettings(), grammar=None, apply_certificate=lambda found: found
+    )
     monkeypatch.setattr("pipeline.reading.readers.reader_of", lambda _: reader)
 
 
