@@ -92,7 +92,7 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
-    asked = [
+    choices = [
         (unit == "in", shape.unusual(z), what, unit)
         for unit in UNITS
         # no format that states a unit confuses it with the nanometre
@@ -103,7 +103,11 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
         if raw.xy_mm is None or raw.z_mm is not None or what == "heights"
     ]
     problem = _refusal(
-        raw, shape, absurd, (z_mm, xy_mm), min(asked, key=lambda one: one[:2])[2:] if asked else None
+        raw,
+        shape,
+        absurd,
+        (z_mm, xy_mm),
+        min(choices, key=lambda choice: choice[:2])[2:] if choices else None,
     )
     if problem is None:
         return z_mm, xy_mm  # flat, noisy or askew
