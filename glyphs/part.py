@@ -150,7 +150,7 @@ def stamp(
     Args:
         text: the serial; or
         format: format of a serial to draw (`A` a letter, `9` a digit, `*` either).
-        fonts: built-in name, font file or font; one, as a line is stamped with one.
+        fonts: built-in name, font file or font; only one, alone or in a list.
         height_mm: character height.
         depth_mm: depth of the mark; default: usual for the height.
         face: face of the die.
@@ -183,7 +183,7 @@ def stamp(
     rng = np.random.default_rng(key)
     several = (fonts,) if isinstance(fonts, str | Path | Font) else tuple(fonts)
     if len(several) != 1:
-        raise StampError(f"{len(several)} fonts are given", hint="a line is stamped with one: give one")
+        raise StampError(f"{len(several)} fonts are given", hint="give one: a line is stamped in one font")
     letters = several[0] if isinstance(several[0], Font) else load_font(several[0])
     line = random_text(format, rng=rng) if format is not None else text or ""
     if variation is not None and practice is not None:

@@ -19,13 +19,13 @@ def lists_options(source: Callable[..., Any], names: Collection[str]) -> Callabl
 
     def decorate(function: F) -> F:
         signature = inspect.signature(function)
-        *own, _ = signature.parameters.values()
+        *parameters, _ = signature.parameters.values()
         options = [
             option.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=_plain(option.annotation))
             for name, option in inspect.signature(source).parameters.items()
             if name in names
         ]
-        function.__signature__ = signature.replace(parameters=[*own, *options])  # type: ignore[attr-defined]
+        function.__signature__ = signature.replace(parameters=[*parameters, *options])  # type: ignore[attr-defined]
         return function
 
     return decorate

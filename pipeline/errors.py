@@ -154,12 +154,12 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 
 @contextlib.contextmanager
 def processor_limit(limit_s: float) -> Iterator[None]:
-    """Interrupt Python code that takes too much time of the processor, such as a parser that loops as a file tells it.
+    """Limit the processor time of Python code, such as that of a parser that a file makes loop.
 
-    Only in the main thread, where the system has such a timer and nobody else uses it.
+    Only in the main thread of a system with such a timer, if it is not in use.
 
     Raises:
-        DataError: the time is over. It is raised again each second, for code that ignores any exception.
+        DataError: the time is over; raised again each second, for code that catches every exception.
     """
     main = threading.current_thread() is threading.main_thread()
     if not (main and hasattr(signal, "setitimer") and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL):

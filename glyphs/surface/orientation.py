@@ -67,13 +67,13 @@ def draw_triangles(z, places, faces):  # type: ignore[no-untyped-def]
             left, right = np.inf, -np.inf
             for p, q in ((a, b), (b, c), (c, a)):
                 if abs(q[1] - p[1]) < 1e-9:
-                    at = p[0], q[0]
+                    crossing = p[0], q[0]
                 else:
                     share = (v - p[1]) / (q[1] - p[1])
                     x = p[0] + min(max(share, 0.0), 1.0) * (q[0] - p[0])
-                    at = x, x
+                    crossing = x, x
                 if min(p[1], q[1]) - 1e-6 <= v <= max(p[1], q[1]) + 1e-6:
-                    left, right = min(left, at[0], at[1]), max(right, at[0], at[1])
+                    left, right = min(left, crossing[0], crossing[1]), max(right, crossing[0], crossing[1])
             if left > right:
                 continue
             for u in range(max(0, math.ceil(left - 1e-6)), min(z.shape[1] - 1, math.floor(right + 1e-6)) + 1):

@@ -1,8 +1,7 @@
-"""Names of parts and people: one form and one comparison, whatever input they come from.
+"""Form and comparison of the names of parts and people, the same for every input.
 
-Composed and decomposed letters, and full-width and plain ones, are one (NFKC). Two names that differ only in case are
-the same name. Hidden characters are refused, or replaced in names that the sender cannot correct, such as those of
-files.
+Composed and decomposed letters, and full-width and plain ones, are the same (NFKC). So are names that differ only in
+case. Hidden characters are refused, or replaced in names that the sender cannot correct, such as those of files.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ class HiddenCharacterError(MarksError):
 
 
 def check_visible(text: str) -> str:
-    """The text itself.
+    """Return the text if it has no hidden character.
 
     Raises:
         HiddenCharacterError: it has hidden characters.
@@ -30,7 +29,7 @@ def check_visible(text: str) -> str:
 
 
 def clean_name(name: str) -> str:
-    """The form in which a name is kept: normalised, with single blanks between words.
+    """Normalise a name, with single blanks between words.
 
     Raises:
         HiddenCharacterError: it has hidden characters.
@@ -39,7 +38,7 @@ def clean_name(name: str) -> str:
 
 
 def printable_name(name: str) -> str:
-    """The form of a name that cannot be corrected: each hidden character is replaced by an underscore."""
+    """Normalise a name, with an underscore in place of each hidden character."""
     return clean_name("".join("_" if is_hidden(char) else char for char in name))
 
 

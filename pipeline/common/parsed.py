@@ -28,7 +28,7 @@ _TOO_DEEP = re.compile(r"""(?<!["'\w-])(?:["'\w-]++[ \t]*+\.[ \t]*+){201}""")
 _TWICE = re.compile(
     r"Cannot (?:declare|redefine namespace|mutate immutable namespace) \((.*?),?\).*at (line \d+)"
 )
-"""What the parser says of a table that is there twice, or as dotted keys, too."""
+"""Message of the parser about a table that is there twice, or also as dotted keys."""
 _OVERWRITTEN = re.compile(r"Cannot overwrite a value \(at ([^,)]+)")
 
 Model = TypeVar("Model")
@@ -63,13 +63,10 @@ def toml_of(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         if twice := _TWICE.search(str(error)):
             table = ".".join(re.findall(r"'([^']+)'", twice[1]))
-            what, hint = (
-                f"begins [{table}] a second time in {twice[2]}",
-                "keep all that it holds in one place",
-            )
-            raise FileError(path, what, hint) from error
+            what = f"has a second [{table}] in {twice[2]}"
+            raise FileError(path, what, "put all its settings in one place") from error
         if again := _OVERWRITTEN.search(str(error)):
-            raise FileError(path, f"has a name for the second time in {again[1]}", "take one out") from error
+            raise FileError(path, f"sets a name twice, again in {again[1]}", "remove one of them") from error
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
     except ValueError as error:  # for numbers that are too long
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
@@ -174,7 +171,7 @@ _BOUNDS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"
 
 
 def advice(error: ErrorDetails) -> str:
-    """What to write in place of a value that pydantic refuses, in plain words."""
+    """Advice about a value that pydantic refuses."""
     kind, limits = error["type"], error.get("ctx", {})
     if kind == "literal_error":
         return f"write {limits['expected']}"

@@ -173,18 +173,18 @@ def _unpacked_matlab(data: bytes, most: int) -> io.BytesIO:
     if 0 in data[:4]:  # version 4, which is not packed
         return io.BytesIO(data)
     tag = struct.Struct("<II" if data[126:128] == b"IM" else ">II")
-    left, at, unpacked = 8 * most + SPARE_BYTES, 128, io.BytesIO(data[:128])
-    unpacked.seek(at)
-    while at + tag.size <= len(data):
-        kind, size = tag.unpack_from(data, at)
-        end = at + tag.size + size
-        part = data[at:end]
+    spare_bytes, place, unpacked = 8 * most + SPARE_BYTES, 128, io.BytesIO(data[:128])
+    unpacked.seek(place)
+    while place + tag.size <= len(data):
+        kind, size = tag.unpack_from(data, place)
+        end = place + tag.size + size
+        part = data[place:end]
         if kind == _MATLAB_PACKED:
-            part = zlib.decompressobj().decompress(part[tag.size :], left + 1)
-            left -= len(part)
-            if left < 0:
+            part = zlib.decompressobj().decompress(part[tag.size :], spare_bytes + 1)
+            spare_bytes -= len(part)
+            if spare_bytes < 0:
                 raise DataError(f"unpacks to more than {most:,} samples", "save the heights alone")
         unpacked.write(part)
-        at = end
+        place = end
     unpacked.seek(0)
     return unpacked

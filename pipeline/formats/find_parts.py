@@ -40,7 +40,7 @@ _MOST_NAMES = 20
 _HINTS = (
     (PHOTO_SUFFIXES, "lone photographs are read without --mode, heights in pictures with --height-image"),
     (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
-    (TABLE_SUFFIXES, "tables of heights are only read if they are named themselves"),
+    (TABLE_SUFFIXES, "a table is only read if it is named itself"),
 )
 
 
@@ -142,27 +142,27 @@ def discover(
     names = [local_name(str(given)) for given in inputs]
     if len(names) + len(manifests) == 1 and (manifests or is_manifest(names[0])):
         return Listing(read_manifest((*names, *manifests)[0]), PassedOver())
-    found = FoundFiles(recurse=recurse, photos=photos, height_images=height_images)
+    part_files = FoundFiles(recurse=recurse, photos=photos, height_images=height_images)
     for name in names:
         if len(names) > 1 and names_no_files(name):  # of a glob that the shell has expanded
-            found.passed_over.files.append(name)
+            part_files.passed_over.files.append(name)
         elif is_manifest(name):
-            found.add_listed(read_manifest(name))
+            part_files.add_listed(read_manifest(name))
         elif not is_url(name):
-            found.add_local(name, beside=beside)
+            part_files.add_local(name, beside=beside)
         elif not has_magic(name) and not name.endswith("/") and (is_web(name) or key_and_kind(name)[1]):
-            found.add([name], named=True)
+            part_files.add([name], named=True)
         else:
             groups, folders = list_remote(name, recurse=recurse)
             for root, files in groups:
-                found.add(files, named=files == [name], root=root)
-            found.passed_over.folders.update(folders)
+                part_files.add(files, named=files == [name], root=root)
+            part_files.passed_over.folders.update(folders)
     for manifest in manifests:
-        found.add_listed(read_manifest(manifest))
-    parts = found.parts()
+        part_files.add_listed(read_manifest(manifest))
+    parts = part_files.parts()
     if not parts:
-        raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
-    return Listing(with_unique_names(parts), found.passed_over)
+        raise NothingFoundError([*inputs, *manifests], part_files.passed_over.describe())
+    return Listing(with_unique_names(parts), part_files.passed_over)
 
 
 class FoundFiles:
@@ -193,9 +193,9 @@ class FoundFiles:
         elif os.path.exists(given) or not glob.has_magic(given):
             self.add([path, *(self._photos_of(path) if beside else ())], named=True)
         else:
-            found = sorted(Path(p).as_posix() for p in glob.glob(given, recursive=True))
-            folders = [name for name in found if os.path.isdir(name)]
-            self.add([name for name in found if os.path.isfile(name)])
+            names = sorted(Path(p).as_posix() for p in glob.glob(given, recursive=True))
+            folders = [name for name in names if os.path.isdir(name)]
+            self.add([name for name in names if os.path.isfile(name)])
             for folder in folders if "**" not in given else ():
                 self._add_folder(folder, root=folder)
 
@@ -204,13 +204,8 @@ class FoundFiles:
         self.add(files, root=root)
         for below in folders:
             why = "" if self._recurse else "--no-recurse"
-            why = (
-                "hidden"
-                if split_name(below)[1].startswith(".")
-                else "a link"
-                if os.path.islink(below)
-                else why
-            )
+            why = "a link" if os.path.islink(below) else why
+            why = "hidden" if split_name(below)[1].startswith(".") else why
             try:
                 if not why:
                     self._add_folder(below, root=root)
@@ -270,10 +265,10 @@ class FoundFiles:
         folder = Path(path).parent.as_posix()
         if folder not in self._beside:
             stems = self._beside[folder] = {}
-            for found in _entries(folder)[0]:
-                other, kind = self._key_and_kind(found)
+            for file in _entries(folder)[0]:
+                other, kind = self._key_and_kind(file)
                 if other is not None and kind == "photo":
-                    stems.setdefault(other[1], []).append(found)
+                    stems.setdefault(other[1], []).append(file)
         return self._beside[folder].get(key[1], [])
 
 
@@ -281,12 +276,12 @@ def _entries(folder: str) -> tuple[list[str], list[str]]:
     """Files and folders in a folder, each sorted by name, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
-            found = sorted((Path(e.path).as_posix(), _is_file(e)) for e in entries)
+            paths = sorted((Path(e.path).as_posix(), _is_file(e)) for e in entries)
     except OSError as error:
         what = f"cannot be listed ({error.strerror or error})"
         raise FileError(folder, what, "check its permissions") from error
-    return [name for name, file in found if file], [
-        name for name, file in found if not file and os.path.isdir(name)
+    return [name for name, file in paths if file], [
+        name for name, file in paths if not file and os.path.isdir(name)
     ]
 
 

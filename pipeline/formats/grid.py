@@ -92,7 +92,7 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
-    asked = [
+    choices = [
         (unit == "in", shape.unusual(z), what, unit)
         for unit in UNITS
         # no format that states a unit confuses it with the nanometre
@@ -103,7 +103,11 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
         if raw.xy_mm is None or raw.z_mm is not None or what == "heights"
     ]
     problem = _refusal(
-        raw, shape, absurd, (z_mm, xy_mm), min(asked, key=lambda one: one[:2])[2:] if asked else None
+        raw,
+        shape,
+        absurd,
+        (z_mm, xy_mm),
+        min(choices, key=lambda choice: choice[:2])[2:] if choices else None,
     )
     if problem is None:
         return z_mm, xy_mm  # flat, noisy or askew
@@ -130,7 +134,8 @@ def _refusal(
         return DataError(what, f"measure the whole serial{hint}")
     if _LEAST_TILT_DEG < (tilt_deg := shape.tilt_deg(*factors)) < _MOST_TILT_DEG:
         return DataError(
-            f"{absurd}; it is tilted by {tilt_deg:.0f} degrees", "level the part, and measure it again"
+            f"{shape.span(*factors)}; it is tilted by {tilt_deg:.0f} degrees",
+            "level the part, and measure it again",
         )
     if raw.one_unit and shape.is_upright(*factors):
         return DataError(f"{absurd}; its marks do not face z", "turn it until its marked side faces z")
@@ -209,7 +214,7 @@ class _Shape:
         size = self._size(pitch)
         least = LEAST_RELIEF_MM if self.raw.z_mm is None else LEAST_RELIEF_SHARE * shorter
         if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * longer) or 0.0 < relief < least:
-            return f"heights span {_length(relief)} on a map of {size}"
+            return self.span(z_mm, xy_mm)
         if self.raw.one_unit:  # a mesh may show the part's base, too
             return ""
         if depth > MOST_DEPTH_MM:
@@ -227,6 +232,10 @@ class _Shape:
         if longer > MOST_PLATE_MM or self.is_small(xy_mm):
             return f"the map measures {self._size(pitch)}"
         return ""
+
+    def span(self, z_mm: float, xy_mm: float) -> str:
+        """The range of heights and the size, in words."""
+        return f"heights span {_length(self.relief * z_mm)} on a map of {self._size(self.pitch * xy_mm)}"
 
     def _size(self, pitch_mm: float) -> str:
         rows, cols = self.raw.z.shape

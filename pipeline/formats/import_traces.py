@@ -163,9 +163,9 @@ def _pass(
     return _Pass(name, path, direction, u[ahead], step, across, signal[rows[ahead]], air)
 
 
-def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], at: Floats) -> None:
+def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], position_mm: Floats) -> None:
     """Refuse a position that jumps against the travel or across it, as that of a counter that wraps or is reset."""
-    steps = np.diff(at[rows], axis=0)
+    steps = np.diff(position_mm[rows], axis=0)
     size = np.abs(steps).max(axis=1)
     usual = float(np.median(size[size > 0.0])) if size.any() else 0.0
     jumps = np.flatnonzero(size > max(20.0 * usual, _JUMP * float((size * (size <= 20.0 * usual)).sum())))

@@ -256,17 +256,17 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
             with Image.open(path, formats=("PNG",)) as again:
                 again.verify()  # loading ignores damaged checksums
         if by_opencv:
-            made = _decoded_by_opencv(path, page)
+            pixels = _decoded_by_opencv(path, page)
         else:
             image.load()
             opaque = "RGBA" if image.has_transparency_data else "RGB"
-            made = np.asarray(image if image.mode in ("RGB", "RGBA") else image.convert(opaque))
+            pixels = np.asarray(image if image.mode in ("RGB", "RGBA") else image.convert(opaque))
     except (OSError, SyntaxError, ValueError) as error:
         what = f"is a {image.format} that is damaged, unusual or ends too soon"
         raise DataError(what, "copy it again, or save it as PNG of 8 bit") from error
     # both libraries have turned a TIFF already
     turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
-    return turn_upright(made, turned)
+    return turn_upright(pixels, turned)
 
 
 def _needs_opencv(path: Path, image: ImageFile) -> bool:

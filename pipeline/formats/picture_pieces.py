@@ -24,7 +24,7 @@ _MOST_DIRECTORIES = 64
 
 
 def check_pieces(data: bytes, kind: str) -> None:
-    """Refuse a picture of far more pieces than a photograph.
+    """Refuse a picture of far more pieces than a photograph has.
 
     Args:
         data: the file.
@@ -36,7 +36,7 @@ def check_pieces(data: bytes, kind: str) -> None:
     if kind == "PPM" and not _PGM_HEAD.match(data[:_MOST_PGM_HEAD_BYTES]):
         raise DataError("is a PGM with a damaged head or long comments", "save it as PNG")
     pieces = {"PNG": _png_chunks, "JPEG": _jpeg_segments, "GIF": _gif_blocks}
-    counts = _tiff_values(data) if kind == "TIFF" else (1 for _ in pieces.get(kind, _no_pieces)(data))
+    counts = _tiff_values(data) if kind == "TIFF" else (1 for _ in pieces.get(kind, lambda _: iter(()))(data))
     if any(total > MOST_PIECES for total in accumulate(counts)):
         raise DataError(f"is a {kind} of more than {MOST_PIECES:,} pieces", "save it as a usual JPEG or PNG")
 
@@ -46,53 +46,48 @@ def jpeg_scans(data: bytes) -> int:
     return sum(marker == _START_OF_SCAN for marker in _jpeg_segments(data))
 
 
-def _no_pieces(_: bytes) -> Iterator[int]:
-    return iter(())
-
-
 def _png_chunks(data: bytes) -> Iterator[int]:
-    at = 8
-    while at < len(data):
-        yield at
-        at += 12 + int.from_bytes(data[at : at + 4], "big")
+    place = 8
+    while place < len(data):
+        yield place
+        place += 12 + int.from_bytes(data[place : place + 4], "big")
 
 
 def _jpeg_segments(data: bytes) -> Iterator[int]:
-    """The markers up to the end of the picture."""
-    at = 2
-    while (place := _NEXT_MARKER.search(data, at)) is not None:
-        marker, at = data[place.start() + 1], place.end()
+    place = 2
+    while (match := _NEXT_MARKER.search(data, place)) is not None:
+        marker, place = data[match.start() + 1], match.end()
         if marker == 0xD9:
             break
         yield marker
         if marker not in (0x01, 0xD8):
-            at += max(2, int.from_bytes(data[at : at + 2], "big"))
+            place += max(2, int.from_bytes(data[place : place + 2], "big"))
 
 
 def _gif_blocks(data: bytes) -> Iterator[int]:
     """The blocks of all frames and extensions, and the parts of at most 255 bytes that their data come in."""
 
-    def colours(at: int) -> int:
-        """Bytes of the table of colours that the flags at a place declare."""
-        flags = data[at] if at < len(data) else 0
+    def colours(place: int) -> int:
+        # bytes of the table of colours that the flags at a place declare
+        flags = data[place] if place < len(data) else 0
         return 3 << (flags & 7) + 1 if flags & 0x80 else 0
 
-    at = 13 + colours(10)
-    while at < len(data):
-        yield at
-        if data[at] == 0x2C:
-            at += 11 + colours(at + 9)
-        elif data[at] == 0x21:
-            at += 2
-        elif data[at] == 0x3B:
+    place = 13 + colours(10)
+    while place < len(data):
+        yield place
+        if data[place] == 0x2C:
+            place += 11 + colours(place + 9)
+        elif data[place] == 0x21:
+            place += 2
+        elif data[place] == 0x3B:
             break
         else:
-            at += 1
+            place += 1
             continue
-        while at < len(data) and data[at]:
-            yield at
-            at += data[at] + 1
-        at += 1
+        while place < len(data) and data[place]:
+            yield place
+            place += data[place] + 1
+        place += 1
 
 
 def _tiff_values(data: bytes) -> Iterator[int]:
@@ -101,16 +96,16 @@ def _tiff_values(data: bytes) -> Iterator[int]:
     big = b"+" in data[2:4]
     width, size, entry = (8, 8, 20) if big else (4, 2, 12)
 
-    def number(at: int, length: int) -> int:
-        return int.from_bytes(data[at : at + length], order)  # type: ignore[arg-type]
+    def number(place: int, length: int) -> int:
+        return int.from_bytes(data[place : place + length], order)  # type: ignore[arg-type]
 
-    at = number(8 if big else 4, width)
+    place = number(8 if big else 4, width)
     for _ in range(_MOST_DIRECTORIES):
-        if not 0 < at < len(data):
+        if not 0 < place < len(data):
             break
-        entries = number(at, size)
+        entries = number(place, size)
         yield entries
-        for place in range(at + size, min(at + size + entries * entry, len(data)), entry):
-            if _TIFF_PLACES[0] <= number(place, 2) <= _TIFF_PLACES[1]:
-                yield number(place + 4, width)
-        at = number(at + size + entries * entry, width)
+        for field in range(place + size, min(place + size + entries * entry, len(data)), entry):
+            if _TIFF_PLACES[0] <= number(field, 2) <= _TIFF_PLACES[1]:
+                yield number(field + 4, width)
+        place = number(place + size + entries * entry, width)

@@ -173,26 +173,26 @@ def map_of_points(
     Raises:
         DataError: too few points, points in one line, or a map of more samples than the limit.
     """
-    at: Points = np.array(points, dtype=np.float64)
+    xyz: Points = np.array(points, dtype=np.float64)
     if faces is None:
-        empty = ~at.any(axis=1)
+        empty = ~xyz.any(axis=1)
         if empty.sum() > 1:
-            at[empty] = np.nan  # sensors write 0 0 0 where they saw nothing
+            xyz[empty] = np.nan  # sensors write 0 0 0 where they saw nothing
         for axis in range(3):
-            without_bad_points(at[:, axis])
-    known = np.asarray(np.isfinite(at).all(axis=1))
+            without_bad_points(xyz[:, axis])
+    known = np.asarray(np.isfinite(xyz).all(axis=1))
     if known.sum() < 4:
         raise DataError(f"holds {known.sum()} points", "export the surface")
     if faces is None:
-        if _is_profile(at[known]):
+        if _is_profile(xyz[known]):
             raise DataError(*PROFILE)
         faces = np.empty((0, 3), dtype=np.int64)
-    gridded = _on_grid(at[known])
+    gridded = _on_grid(xyz[known])
     if gridded is None:
-        normal = plate_normal(at[known])
+        normal = plate_normal(xyz[known])
         if normal is not None and normal[2] < _LEVEL:
-            at = at @ rotation_to_z(normal).T
-        gridded = _grid_of_triangles(at, faces, known, most)
+            xyz = xyz @ rotation_to_z(normal).T
+        gridded = _grid_of_triangles(xyz, faces, known, most)
     z, x_pitch, y_pitch = gridded
     return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
 

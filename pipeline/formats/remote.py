@@ -76,11 +76,11 @@ def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]]
                 return bare.removesuffix(start) + str(entry["name"]).rstrip("/")
             return str(files.unstrip_protocol(str(entry["name"]).rstrip("/")))
 
-        found: dict[str, list[str]] = {}
+        urls: dict[str, list[str]] = {}
         skipped: dict[str, str] = {}
 
         def add(root: str, path: str, entries: list[dict[str, Any]]) -> None:
-            found.setdefault(root, []).extend(sorted(url_of(entry) for entry in entries if _is_file(entry)))
+            urls.setdefault(root, []).extend(sorted(url_of(entry) for entry in entries if _is_file(entry)))
             # a store may list a folder among its own entries
             folders = {str(e["name"]).rstrip("/"): url_of(e) for e in entries if not _is_file(e)}
             for below, folder in sorted(folders.items()):
@@ -96,7 +96,7 @@ def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]]
             add("", path, list(files.glob(path, detail=True).values()))
         else:
             add(bare, path, files.ls(path, detail=True))
-        return list(found.items()), skipped
+        return list(urls.items()), skipped
 
 
 @contextlib.contextmanager

@@ -315,20 +315,20 @@ def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], str, float |
     Raises:
         DataError: a unit is unknown.
     """
-    found: dict[str, tuple[int, str]] = {}
+    axes: dict[str, tuple[int, str]] = {}
     for column, name in enumerate(table.names):
         if len(name) <= _MOST_NAME and (axis := _AXIS.fullmatch(name.strip("\"'# "))):
             unit = axis["unit"] or ""
             if unit and unit not in MM and not unit.startswith(("px", "pixel")):
                 what = f"has the column {name!r}, and {unit} is no unit of length that is known"
                 raise DataError(what, "export it in nm, um, mm, m or in, or leave the unit out")
-            found.setdefault(axis["axis"][0].replace("h", "z"), (column, unit if unit in MM else ""))
-    if {"r", "c", "z"} <= found.keys():
-        rows, columns, heights = (table.rows[:, found[axis][0]] for axis in "rcz")
-        return np.stack([columns, -rows, heights], axis=1), found["z"][1], None
-    if not {"x", "y", "z"} <= found.keys():
+            axes.setdefault(axis["axis"][0].replace("h", "z"), (column, unit if unit in MM else ""))
+    if {"r", "c", "z"} <= axes.keys():
+        rows, columns, heights = (table.rows[:, axes[axis][0]] for axis in "rcz")
+        return np.stack([columns, -rows, heights], axis=1), axes["z"][1], None
+    if not {"x", "y", "z"} <= axes.keys():
         return None
-    return table.rows[:, [found[axis][0] for axis in "xyz"]], found["z"][1], MM.get(found["x"][1])
+    return table.rows[:, [axes[axis][0] for axis in "xyz"]], axes["z"][1], MM.get(axes["x"][1])
 
 
 def _zygo(text: str, most: int) -> RawMap:

@@ -82,8 +82,8 @@ class TraceTable:
         lost = np.flatnonzero(~(np.abs(rows) < OVERLOAD).all(axis=1))
         if lost.size:
             value = rows[lost[0]][~(np.abs(rows[lost[0]]) < OVERLOAD)][0]
-            said = f"no {what}" if np.isnan(value) else f"the {what} {value:g}, an overload,"
-            raise DataError(f"has {said} {self.at(int(lost[0]))}", hint)
+            value_text = f"no {what}" if np.isnan(value) else f"the {what} {value:g}, an overload,"
+            raise DataError(f"has {value_text} {self.at(int(lost[0]))}", hint)
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
@@ -107,8 +107,8 @@ def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
     return _text(path, layout.columns, layout.csv)
 
 
-def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
-    wanted = asked.named()
+def _text(path: Path, names: Columns, how: Csv) -> TraceTable:
+    wanted = names.named()
     lines = table_lines(path, delimiter=how.delimiter, skip_lines=how.skip_lines)
     header, first_line = TableLine(how.skip_lines, ()), how.skip_lines + 1
     if any(isinstance(c, str) for c in wanted):
@@ -124,9 +124,9 @@ def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
         if line.number != (expected := first_line + len(values) // n):
             raise DataError(f"has an empty line {expected} before further values", "take it out")
         for place, name in zip(places, wanted, strict=True):
-            stamp = second_of_day(line.cell(place)) if name == asked.time else None
+            stamp = second_of_day(line.cell(place)) if name == names.time else None
             stamped.update(() if stamp is None else (name,))
-            values.append(_number(line, place, name, asked, how.decimal) if stamp is None else stamp)
+            values.append(_number(line, place, name, names, how.decimal) if stamp is None else stamp)
     if not values:
         raise DataError("has no values below its header", "export it again")
     columns = dict(zip(wanted, np.asarray(values).reshape(-1, n).T.copy(), strict=True))
@@ -161,12 +161,12 @@ def _place(column: Column, header: Sequence[str]) -> int:
     raise DataError(f"has no column {column!r} (it has {held})", hint)
 
 
-def _number(line: TableLine, place: int, name: Column, asked: Columns, decimal: str) -> float:
+def _number(line: TableLine, place: int, name: Column, names: Columns, decimal: str) -> float:
     if place >= len(line.cells):
         what = f"has {len(line.cells)} values in line {line.number}, none for column {name!r}"
         raise DataError(what, "correct that line, or csv.delimiter")
     written = line.cells[place]
-    if not written or (name in asked.moment and _NO_READING.fullmatch(written)):
+    if not written or (name in names.moment and _NO_READING.fullmatch(written)):
         return float("nan")
     try:
         return float(written.replace(",", ".") if decimal == "," else written)
@@ -222,7 +222,7 @@ def _tdms_values(file: Any, channels: Mapping[Column, Any]) -> dict[Column, NDAr
     return {name: np.concatenate(held) if held else np.empty(0) for name, held in pieces.items()}
 
 
-def _tdms(path: Path, asked: Columns) -> TraceTable:
+def _tdms(path: Path, names: Columns) -> TraceTable:
     try:
         from nptdms import TdmsFile
     except ModuleNotFoundError as error:
@@ -233,10 +233,10 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
         held = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
         if len(file.groups()) == 1:
             held |= {c.name: c for c in held.values()}
-        if absent := [name for name in asked.named() if name not in held]:
+        if absent := [name for name in names.named() if name not in held]:
             has = ", ".join(held)[:150] or "nothing"
             raise DataError(f"has no channel {absent[0]!r} (it has {has})", "correct [columns]")
-        channels = {name: held[str(name)] for name in asked.named()}
+        channels = {name: held[str(name)] for name in names.named()}
         columns = _tdms_values(file, channels)
     stamped = frozenset(name for name, values in columns.items() if values.dtype.kind == "M")
     for name, values in columns.items():
@@ -253,7 +253,7 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
         if bare := [name for name, step_s in steps_s.items() if not step_s]:
             what = f"has channels that begin at different times, and channel {bare[0]!r} without wf_increment"
             raise DataError(what, "record all channels as waveforms, or together")
-        columns = _on_first_clock(columns, channels, (asked.lifted, asked.number))
+        columns = _on_first_clock(columns, channels, (names.lifted, names.number))
     lengths = {name: values.size for name, values in columns.items()}
     short, longest = min(lengths, key=lambda name: lengths[name]), max(lengths.values())
     if lengths[short] < longest:

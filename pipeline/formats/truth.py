@@ -144,7 +144,6 @@ class PartTexts(dict[str, str]):
 
     @cached_property
     def _by_last(self) -> dict[str, list[str]]:
-        """The names by their last component."""
         alike: dict[str, list[str]] = {}
         for name in self:
             alike.setdefault(folded(name).rpartition("/")[2], []).append(name)

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from recognition.language.grammar import Grammar
 
 
-def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts:
+def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
     """Load the value of `--verify`: a text, or the name of a table with the columns part and text.
 
     Args:
-        given: the text, or the name of a table: one that ends in .csv or .xlsx, or that of an existing file.
+        value: the text, or the name of a table: one that ends in .csv or .xlsx, or that of an existing file.
         grammar: grammar that every text must match.
 
     Returns:
@@ -32,14 +32,14 @@ def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts
     def broken(text: str) -> str:
         return "" if grammar is None else "; ".join(grammar.objections(text))
 
-    if not given.lower().endswith((".csv", ".xlsx")) and not os.path.isfile(given):
-        if not given.strip():
+    if not value.lower().endswith((".csv", ".xlsx")) and not os.path.isfile(value):
+        if not value.strip():
             hint = "give the text that the part should read, or a CSV table"
             raise SettingsError("--verify is empty", hint=hint)
-        if broken(given):
-            raise SettingsError(f"--verify is {given!r}, but {broken(given)}", hint="correct it or --format")
-        return given.strip()
-    path = Path(given)
+        if broken(value):
+            raise SettingsError(f"--verify is {value!r}, but {broken(value)}", hint="correct it or --format")
+        return value.strip()
+    path = Path(value)
     table = load_truth(path)
     for part, text in table.items():
         if not text:

@@ -35,5 +35,5 @@ def repeated(record: ReadingRecord, repeats: Repeats) -> Objection | None:
 
 
 def reviewed(record: ReadingRecord, objection: Objection | None) -> ReadingRecord:
-    """The record, sent to review if there is an objection."""
+    """Send a record to review if there is an objection."""
     return record if objection is None else replace(with_objection(record, objection), decision="review")

@@ -69,6 +69,8 @@ class RunOptions:
             table = Path(self.out)
             check_writable(table, SUFFIXES)
             if has_rows(table) and not (self.force or unfinished(table).exists()):
-                raise FileError(table, "is finished", "name another table, or replace it with --force")
+                raise FileError(
+                    table, "is a finished table", "name another table, or replace it with --force"
+                )
         if self.summary is not None:
             check_writable(self.summary)

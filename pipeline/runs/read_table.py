@@ -102,11 +102,16 @@ def _cells(record: ReadingRecord) -> dict[str, str]:
         "decision": record.decision or "error",
         "confidence": "" if record.error else f"{record.confidence:.3f}",
         "verdict": record.verdict,
-        "depth mm": "" if row["depth_min_mm"] is None else f"{row['depth_min_mm']:.3f}",
+        "depth mm": "" if row["depth_min_mm"] is None else f"{row['depth_min_mm']:.3f}{_share(record)}",
         "grade": row["grade"],
         "source": record.source,
         "seconds": f"{record.seconds:.2f}",
     }
+
+
+def _share(record: ReadingRecord) -> str:
+    measured, places = sum(c.depth_min_mm is not None for c in record.characters), len(record.characters)
+    return f" ({measured}/{places})" if measured < places else ""
 
 
 def notes(record: ReadingRecord) -> str:

@@ -134,7 +134,6 @@ class Run:
         return record
 
     def _final(self, record: ReadingRecord, repeats: Repeats) -> ReadingRecord:
-        """Send the part to review if its serial is repeated, and count it."""
         objection = repeated(record, repeats)
         if objection is not None and self.store is not None:
             self.store.send_to_review(record, objection)

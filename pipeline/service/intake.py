@@ -301,15 +301,15 @@ class Intake:
         new = NewPart(name=name, expected=expected, job=job, touch=Touch.STAGE)
         with self.work_folder() as folder:
             try:
-                taken = await self.camera.take(new.name, folder, known=self.store.known_keys)
+                pictures = await self.camera.take(new.name, folder, known=self.store.known_keys)
             except OSError as error:
                 raise OwnProblem(
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
             received = await self.receive(
                 new,
-                taken.photos,
-                idempotency=IdempotencyKey.of_files(taken.keys) if taken.keys else None,
+                pictures.photos,
+                idempotency=IdempotencyKey.of_files(pictures.keys) if pictures.keys else None,
                 call=call,
                 keep_unreadable=True,
             )
@@ -437,12 +437,12 @@ class Intake:
         """
 
         def photos() -> tuple[Path, ...]:
-            kept = [e for e in self.store.evidence(part.id) if e.kind is EvidenceKind.PHOTO]
-            whole = self.evidence.whole(e.sha256 for e in kept if not e.gone)
-            if kept and not whole:
+            photographs = [e for e in self.store.evidence(part.id) if e.kind is EvidenceKind.PHOTO]
+            paths = self.evidence.whole(e.sha256 for e in photographs if not e.gone)
+            if photographs and not paths:
                 what = f"the photographs of part {part.id} are no longer kept whole"
                 raise Problem(409, f"{what}; send photograph and scan together as a new part")
-            return whole
+            return paths
 
         return await asyncio.to_thread(photos)
 
@@ -568,7 +568,6 @@ class Intake:
 
 
 def _unread(why: str) -> ReadPart:
-    """A part whose photographs cannot be read."""
     what = f"photograph cannot be read: {why}"
     reasons = (ReasonRecord("unreadable_photo"),)
     return ReadPart(

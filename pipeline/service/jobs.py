@@ -41,7 +41,6 @@ from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 MOST_AWAY_S = 3600.0
 """Seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back. After
 that its removal counts as meant."""
-NO_TEXT = "its name is not UTF-8 text; rename it"
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
 _OF_THE_SERIAL = {"format", "lexicon", "check", "exclude", "region", "line"}
 _NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}

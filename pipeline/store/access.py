@@ -62,11 +62,11 @@ def add_token(
         )
     secret = new_token()
     row = {"name": fit(name, "the token's name"), "secret_hash": token_hash(secret), "scopes": granted}
-    taken = _token_name(tx, name)
-    if taken is not None or not tx.insert_if_new(
+    namesake = _token_name(tx, name)
+    if namesake is not None or not tx.insert_if_new(
         tokens, {**row, "created_at": tx.now, "expires_at": expires_at}
     ):
-        what = f"there is or was a token {taken or name!r}, and reviews are signed with it"
+        what = f"there is or was a token {namesake or name!r}, and reviews are signed with it"
         raise ConflictError(what, hint="choose another name")
     return secret
 

@@ -24,7 +24,7 @@ import sqlalchemy as sa
 
 from glyphs.atomic import sync_folder
 from glyphs.errors import FileError
-from pipeline.common.file_lock import exclusively
+from glyphs.file_lock import exclusively
 from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_folder
 from pipeline.common.version import file_sha256, program_version

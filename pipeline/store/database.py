@@ -21,7 +21,7 @@ from sqlalchemy import exc
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Row
 
-from pipeline.common.file_lock import exclusively
+from glyphs.file_lock import exclusively
 from pipeline.common.private import close_to_others, private_file
 from pipeline.store.errors import StoreError, UnfitError, UnwritableError, cleaned, fit
 from pipeline.store.tables import METADATA

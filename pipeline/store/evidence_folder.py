@@ -32,8 +32,8 @@ from typing import TYPE_CHECKING
 
 from glyphs.atomic import replacing, sync_folder, sync_names
 from glyphs.errors import FileError
+from glyphs.file_lock import exclusively
 from glyphs.plain_text import visible
-from pipeline.common.file_lock import exclusively
 from pipeline.common.private import open_no_link, private_folder
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ _THREADS = (
 )
 LOOK_S = 0.25
 _STARVED = 0.5
-"""Share of its time limit for which a worker that is slow by itself had a core."""
+"""Least share of its time limit for which a slow worker had a core; with less, the machine was busy."""
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
 _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
@@ -132,7 +132,7 @@ class Worker:
         return WorkerLostError("the workers are stopping")
 
     def _core_s(self) -> float:
-        """Time for which the process has had a core, s; where that is not known, as if it had one since ever."""
+        """Processor time of the process, s; the wall-clock time where that is not known."""
         try:
             stat = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii", errors="replace")
             return sum(map(int, stat.rpartition(")")[2].split()[11:13])) / os.sysconf("SC_CLK_TCK")

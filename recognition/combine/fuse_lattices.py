@@ -56,24 +56,24 @@ def contradict(touch: Lattice, camera: Lattice, *, sure: float = 0.97) -> bool:
         camera: posteriors of as many places.
         sure: belief from which a sense counts as sure.
     """
-    bests = (np.exp(own.log_belief).max(axis=1, initial=0.0) >= sure for own in (touch, camera))
+    bests = (np.exp(lattice.log_belief).max(axis=1, initial=0.0) >= sure for lattice in (touch, camera))
     return any(a != b for a, b, *both in zip(touch.text, camera.text, *bests, strict=True) if all(both))
 
 
-def lead_nats(own: Lattice, text: str, other: str) -> float:
+def lead_nats(lattice: Lattice, text: str, other: str) -> float:
     """Log ratio of the probabilities of two texts by one sense; what it has not read counts for neither.
 
     Args:
-        own: posteriors of the sense.
+        lattice: posteriors of the sense.
         text: text of its characters, as long as it has places.
         other: another text; infinitely less likely if it has another length or other characters.
     """
-    if len(other) != own.n_places or not set(other) <= set(own.chars):
+    if len(other) != lattice.n_places or not set(other) <= set(lattice.chars):
         return math.inf
-    belief, _ = _spread(own, own.chars)
-    here, there = ([own.chars.index(c) for c in one] for one in (text, other))
-    places = np.arange(own.n_places)
-    return float((np.log(belief[places, here]) - np.log(belief[places, there])).sum())
+    belief, _ = _spread(lattice, lattice.chars)
+    ours, others = ([lattice.chars.index(c) for c in characters] for characters in (text, other))
+    places = np.arange(lattice.n_places)
+    return float((np.log(belief[places, ours]) - np.log(belief[places, others])).sum())
 
 
 def _spread(own: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:

@@ -51,18 +51,18 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
         A reading of source "fused" in the plate frame, whose trace holds both. It is accepted by the settings'
         threshold, and never if a sense that is sure of another text is outvoted.
     """
-    made = _fuse_lines(touch, vision, settings)
+    reading = _fuse_lines(touch, vision, settings)
     trace = ReadingTrace(
-        touch=touch, vision=vision, photo=vision.trace.photo, strokes=made.trace.strokes,
-        evidence=made.trace.evidence, odds=_odds_of(touch, made.text), camera_odds=_odds_of(vision, made.text),
+        touch=touch, vision=vision, photo=vision.trace.photo, strokes=reading.trace.strokes,
+        evidence=reading.trace.evidence, odds=_odds_of(touch, reading.text), camera_odds=_odds_of(vision, reading.text),
     )  # fmt: skip
-    made = replace(
-        made, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
+    reading = replace(
+        reading, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
     )
-    made = with_score(made).with_findings(*disagreement(touch, vision, plain_text(made)))
+    reading = with_score(reading).with_findings(*disagreement(touch, vision, plain_text(reading)))
     # a photograph without a scale has a frame of its own
-    codes = vision.codes if vision.unit == made.unit else [replace(c, corners=()) for c in vision.codes]
-    return checked_by_codes(made, codes)
+    codes = vision.codes if vision.unit == reading.unit else [replace(c, corners=()) for c in vision.codes]
+    return checked_by_codes(reading, codes)
 
 
 def disagreement(
@@ -82,32 +82,38 @@ def disagreement(
             makes the camera take two or three characters for others at ten to one each; from 1,000 on it is not dirt.
     """
     nats = math.log(ratio)
-    (seen, seen_lead), (felt, felt_lead) = (_text_and_lead(sense, text) for sense in (vision, touch))
-    if not seen or not felt or seen == felt:
+    (camera_text, camera_lead), (touch_text, touch_lead) = (
+        _text_and_lead(sense, text) for sense in (vision, touch)
+    )
+    if not camera_text or not touch_text or camera_text == touch_text:
         return ()
     outvoted = (
-        own != text and (sense.confidence >= sure or lead > nats)
-        for sense, own, lead in ((vision, seen, seen_lead), (touch, felt, felt_lead))
+        sense_text != text and (sense.confidence >= sure or lead > nats)
+        for sense, sense_text, lead in ((vision, camera_text, camera_lead), (touch, touch_text, touch_lead))
     )
     lattices = [
         sense.trace.lattice
         for sense in (touch, vision)
-        if sense.characters and sense.trace.lattice is not None and len(seen) == len(felt)
+        if sense.characters and sense.trace.lattice is not None and len(camera_text) == len(touch_text)
     ]
     if not any(outvoted) and not (len(lattices) == 2 and contradict(*lattices)):
         return ()
-    places = tuple(k for k, (a, b) in enumerate(zip(seen, felt, strict=False), start=1) if a != b)
-    what = f"camera reads {vision.text}, touch {touch.text or felt}: are they of one part?"
-    return (Finding(ReadingFlag.SENSES_DISAGREE, what, places if len(seen) == len(felt) else ()),)
+    places = tuple(
+        k for k, (a, b) in enumerate(zip(camera_text, touch_text, strict=False), start=1) if a != b
+    )
+    what = f"camera reads {vision.text}, touch {touch.text or touch_text}: are they of one part?"
+    return (
+        Finding(ReadingFlag.SENSES_DISAGREE, what, places if len(camera_text) == len(touch_text) else ()),
+    )
 
 
 def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tuple[str, float]:
     """Text of a sense, and the log ratio of its probability to that of another one, or of all others together."""
-    own, trace = plain_text(reading), reading.trace
-    if own and trace.lattice is not None and len(own) == len(text):
-        return own, lead_nats(trace.lattice, own, text)
-    if own:
-        return own, -math.inf if trace.odds is None else trace.odds
+    read_text, trace = plain_text(reading), reading.trace
+    if read_text and trace.lattice is not None and len(read_text) == len(text):
+        return read_text, lead_nats(trace.lattice, read_text, text)
+    if read_text:
+        return read_text, -math.inf if trace.odds is None else trace.odds
     # touch may have felt another text than the format allows; a scratch is read as a 1
     if (
         reading.source != "tactile"
@@ -115,8 +121,8 @@ def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tup
         or trace.open_lattice.n_places < least_places
     ):
         return "", -math.inf
-    sure = math.exp(trace.open_lattice.log_belief.max(axis=1).sum())
-    return trace.open_lattice.text, log_odds(sure)
+    probability = math.exp(trace.open_lattice.log_belief.max(axis=1).sum())
+    return trace.open_lattice.text, log_odds(probability)
 
 
 def _odds_of(reading: Reading, text: str) -> float | None:

@@ -1,4 +1,4 @@
-"""Layouts that are not read: which of them a part without a sure reading looks like.
+"""Recognise layouts that are not read.
 
     mirrored    a line reads well in the mirrored view
     stacked     the pieces of a line that runs up or down, laid side by side, read well
@@ -243,5 +243,5 @@ def _inked_rows(band: Layers, *, least_ink: float = 0.15, closed: float = 0.06) 
     reach = max(1, round(closed * band.shape[2]))
     rows = ndimage.binary_closing(np.pad(ink > land + least_ink * (inked - land), reach), iterations=reach)
     labels, _ = ndimage.label(rows[reach:-reach])
-    stretches = [(found[0].start, found[0].stop) for found in ndimage.find_objects(labels)]
+    stretches = [(stretch[0].start, stretch[0].stop) for stretch in ndimage.find_objects(labels)]
     return [(first, last) for first, last in stretches if last - first > 2 * reach]

@@ -263,7 +263,11 @@ class Reading:
             facts += [] if self.touch is None else ["raised" if self.raised else "sunk"]
             facts.append(f"{self.rotation_deg:+z.1f}°")
         if self.depth_min_mm is not None:
-            facts.append(f"{'lowest' if self.raised else 'shallowest'} mark {self.depth_min_mm:.3f} mm")
+            measured = sum(c.depth is not None for c in self.characters)
+            facts.append(
+                f"{'lowest' if self.raised else 'shallowest'} mark {self.depth_min_mm:.3f} mm"
+                + (f" ({measured} of {n} measured)" if measured < (n := len(self.characters)) else "")
+            )
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:

@@ -216,15 +216,15 @@ def format_misfits(
     lengths = grammar.lengths()
     if lengths is not None and openly.n_places not in lengths:
         return (_other_length(openly, lengths, ReadingFlag.FORMAT_NOT_MET),)
-    found = []
+    findings = []
     for k, allowed in enumerate(grammar.places(openly.n_places) or ()):
         for kind, members in KINDS.items():
             strange = set(members).difference(*map(_twins, allowed))
             believed = sum(belief[k, openly.chars.index(c)] for c in strange if c in openly.chars)
             if believed >= sure and not set(members) & set(allowed):
                 what = f"place {k + 1} reads as {kind} (“{openly.text[k]}”), which the format does not allow"
-                found.append(Finding(ReadingFlag.FORMAT_NOT_MET, f"{what} {CHECK_FORMAT}", (k + 1,)))
-    return tuple(found[:most_places])
+                findings.append(Finding(ReadingFlag.FORMAT_NOT_MET, f"{what} {CHECK_FORMAT}", (k + 1,)))
+    return tuple(findings[:most_places])
 
 
 def _other_length(openly: Lattice, lengths: frozenset[int], flag: ReadingFlag) -> Finding:

@@ -39,10 +39,10 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
         about &= ~(
             ReadingFlag.of(Kind.EXPLANATION) | ReadingFlag.LOW_CONFIDENCE | ReadingFlag.FORMAT_OVERRULED
         )
-    reasons = [found for flag in about if (found := _findings(reading, flag))]
+    reasons = [findings for flag in about if (findings := _findings(reading, flag))]
     rules = _findings(reading, reading.flags & MEASURE_FLAGS)
     scan = _findings(reading, reading.flags & ~(ABOUT_SERIAL | MEASURE_FLAGS))
-    named = [one for found in reasons[:most_reasons] for one in found]
+    named = [finding for findings in reasons[:most_reasons] for finding in findings]
     beside = (
         f"another line reads “{line.text}”, which does not fit the serial's format"
         for line in reading.others

@@ -294,9 +294,9 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     confidence = score.probability(measures)
     if len(senses) == 2 and (surest := max(one.confidence for one in senses)) < USUAL_THRESHOLD:
         confidence = min(confidence, surest)
-    made = reading.with_confidence(confidence)
-    if made.threshold is None or made.confidence >= made.threshold:
-        return made.without_flags(EXPLANATIONS)
+    scored = reading.with_confidence(confidence)
+    if scored.threshold is None or scored.confidence >= scored.threshold:
+        return scored.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE
     # what each quantity, except the log odds of the text, costs against its usual value
     beside = {
@@ -304,11 +304,11 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     }
     losses = ((-term.nats(measures[name]), name) for name, term in beside.items())
     loss, name = max(losses, default=(0.0, Measure.ODDS))
-    if not made.findings and share(log_odds(made.confidence) + loss) >= made.threshold:
+    if not scored.findings and share(log_odds(scored.confidence) + loss) >= scored.threshold:
         usual = score.terms[name].usual
         text = f"unlike most parts: {name.value} {measures[name]:.2g}, usually {usual:.2g} (look at the part)"
-        return made.with_findings(Finding(low, text))
-    return replace(made, flags=made.flags | low)
+        return scored.with_findings(Finding(low, text))
+    return replace(scored, flags=scored.flags | low)
 
 
 def serial_is_sure(reading: Reading) -> bool:

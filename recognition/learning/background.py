@@ -17,33 +17,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from cyclopts import run
 
 from glyphs.errors import MarksError
+from glyphs.file_lock import exclusively
 
 _ENOUGH_FILES = 14
 """Files of strips with which training begins: fewer are read in one round."""
-
-
-@contextlib.contextmanager
-def only_here(state: Path) -> Iterator[None]:
-    """Keep a second copy from working in the same folder.
-
-    Raises:
-        MarksError: another copy works there.
-    """
-    import fcntl
-
-    state.mkdir(parents=True, exist_ok=True)
-    with (state / "lock").open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise MarksError(f"{state} is in use", hint="another copy draws and trains there") from None
-        yield
 
 
 def step_back() -> None:
@@ -98,9 +80,12 @@ def work(
     train += ["--samples", samples, "--rate", rate, "--batch", batch, "--seed", seed, "--threads", 1]
     train += ["--out", state / "recogniser.onnx", "--log", state / "training.log"]
     train += [] if start is None else ["--start", start]
-    step_back()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    with only_here(state), contextlib.ExitStack() as running:
+    state.mkdir(parents=True, exist_ok=True)
+    with exclusively(state / "lock", wait=False) as alone, contextlib.ExitStack() as running:
+        if not alone:
+            raise MarksError(f"{state} is in use", hint="another copy draws and trains there")
+        step_back()
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
         drawing = _begin("draw_data", draw, state, running)
         while (
             _files(strips / "seen") + _files(strips / "sketched") < _ENOUGH_FILES and drawing.poll() is None

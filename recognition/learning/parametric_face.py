@@ -202,7 +202,7 @@ def _pixels(points: Points) -> NDArray[np.int32]:
 
 
 def _ink(lines: Sequence[Points], wide: float, style: FaceStyle) -> NDArray[np.uint8]:
-    """Draw the strokes with the pen; ink is 255."""
+    # ink is 255
     ink = np.zeros((_PIXELS + 2 * _EDGE, round(wide * _PIXELS) + 2 * _EDGE), dtype=np.uint8)
     for line in lines:
         closed = bool(np.allclose(line[0], line[-1]))

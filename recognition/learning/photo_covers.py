@@ -117,9 +117,9 @@ def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
         mask, rim = _blank(grey), _blank(grey)
         middle, radius = _spot(mask, rng), rng.uniform(0.08, 0.45) * size
         axes = (round(radius), round(radius * rng.uniform(0.6, 1.0)))
-        at = (round(middle[0]), round(middle[1]))
-        cv2.ellipse(mask, at, axes, 0.0, 0.0, 360.0, 255, -1, cv2.LINE_AA)
-        cv2.ellipse(rim, at, axes, 0.0, 0.0, 360.0, 180, max(1, round(0.02 * size)), cv2.LINE_AA)
+        centre = (round(middle[0]), round(middle[1]))
+        cv2.ellipse(mask, centre, axes, 0.0, 0.0, 360.0, 255, -1, cv2.LINE_AA)
+        cv2.ellipse(rim, centre, axes, 0.0, 0.0, 360.0, 180, max(1, round(0.02 * size)), cv2.LINE_AA)
         x, y = (float(place) for place in middle / _FINE)
         magnified = float(rng.uniform(0.6, 0.95))
         below_x = np.asarray(x + (columns - x) * magnified, dtype=np.float32)
@@ -131,7 +131,7 @@ def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
             0.05,
         )
         glint = _blank(grey)
-        place = (round(at[0] - 0.3 * radius), round(at[1] - 0.3 * radius))
+        place = (round(centre[0] - 0.3 * radius), round(centre[1] - 0.3 * radius))
         cv2.circle(glint, place, max(2, round(0.12 * radius)), 255, -1, cv2.LINE_AA)
         grey = _put(grey, glint, 1.0)
     return grey

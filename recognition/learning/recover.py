@@ -102,7 +102,6 @@ def _number(name: str) -> int:
 
 
 def _exported(network: Recogniser) -> dict[str, Numbers]:
-    """Numbers of a network's floating-point export, by name."""
     with tempfile.TemporaryDirectory() as folder:
         whole, prepared = Path(folder, "whole.onnx"), Path(folder, "prepared.onnx")
         export_float(network, whole)
@@ -114,13 +113,15 @@ def _numbers(path: Path) -> dict[str, Numbers]:
     """Constants of an ONNX file by name, eight bits as the numbers that they stand for."""
     import onnx
 
-    held = {one.name: onnx.numpy_helper.to_array(one) for one in onnx.load(str(path)).graph.initializer}
-    numbers = {name: values for name, values in held.items() if values.dtype == np.float32}
-    for name in held:
+    constants = {
+        tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in onnx.load(str(path)).graph.initializer
+    }
+    numbers = {name: values for name, values in constants.items() if values.dtype == np.float32}
+    for name in constants:
         if name.endswith("_quantized"):
             plain = name.removesuffix("_quantized")
-            values = held[name].astype(np.float32)
-            scale = next(held[key] for key in (f"{name}_scale", f"{plain}_scale") if key in held)
+            values = constants[name].astype(np.float32)
+            scale = next(constants[key] for key in (f"{name}_scale", f"{plain}_scale") if key in constants)
             numbers[plain] = values * scale.reshape(-1, *(1 for _ in values.shape[1:]))
     return numbers
 

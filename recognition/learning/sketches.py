@@ -43,14 +43,14 @@ def sketch_strips(
     """
     font = draw_font(fonts, rng)
     text = "".join(map(str, rng.integers(0, 10, 6))) if rng.random() < 0.12 else draw_text(font, rng)
-    made = sketch(font, text, rng)
+    line = sketch(font, text, rng)
     felt = rng.random() < 0.75
-    layers = [("felt" if felt else "heights", _touch(made, rng) if felt else _measure(made))]
-    layers += [("photo", photograph(made, rng))]
-    layers += [("photo", _print(made, rng) if rng.random() < printed else photograph(made, rng))]
-    places = tuple((x0 / _FINE, x1 / _FINE) for x0, _, x1, _ in made.boxes)
+    layers = [("felt" if felt else "heights", _touch(line, rng) if felt else _measure(line))]
+    layers += [("photo", photograph(line, rng))]
+    layers += [("photo", _print(line, rng) if rng.random() < printed else photograph(line, rng))]
+    places = tuple((x0 / _FINE, x1 / _FINE) for x0, _, x1, _ in line.boxes)
     return [
-        TrainingStrip(each.astype(np.float16), text, source, made.severity, places) for source, each in layers
+        TrainingStrip(each.astype(np.float16), text, source, line.severity, places) for source, each in layers
     ]
 
 
@@ -134,11 +134,11 @@ def photograph(made: Sketch, rng: np.random.Generator) -> Field:
     return _take_picture(np.asarray(image, dtype=np.float32), rng)
 
 
-def _print(made: Sketch, rng: np.random.Generator) -> Field:
+def _print(line: Sketch, rng: np.random.Generator) -> Field:
     """Photograph a line in plain print: ink of one shade on paper of another, evenly lit."""
     paper, ink = rng.uniform(0.0, 1.0, 2)
     return _take_picture(
-        np.asarray(paper + (ink - paper) * np.clip(made.ink, 0.0, 1.0), dtype=np.float32), rng
+        np.asarray(paper + (ink - paper) * np.clip(line.ink, 0.0, 1.0), dtype=np.float32), rng
     )
 
 

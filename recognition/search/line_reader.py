@@ -133,25 +133,25 @@ class LineReader:
         return best if best.evidence > asked_evidence else None
 
     def _most_promising(
-        self, view: View, meant: Sequence[ReadLine], *, most_lines: int = 3, chance_nats: float = 1.0
+        self, view: View, candidates: Sequence[ReadLine], *, most_lines: int = 3, chance_nats: float = 1.0
     ) -> list[ReadLine]:
         """The most promising line, and under a format others that are as promising by chance, each refined.
 
         Args:
             view: view of the part.
-            meant: lines in the serial's region, most promising first.
+            candidates: lines in the serial's region, most promising first.
             most_lines: most lines that are compared.
             chance_nats: difference in promise that a closer look may turn round.
         """
-        lines = [self._right_way_up(view, self.search.refine(view, meant))]
-        for one in meant if self.grammar is not None else ():
-            near = promise_of(one) > promise_of(meant[0]) - chance_nats
-            if near and len(lines) < most_lines and all(apart(one, line) for line in lines):
-                lines.append(self._right_way_up(view, self.search.refine(view, [one])))
+        lines = [self._right_way_up(view, self.search.refine(view, candidates))]
+        for line in candidates if self.grammar is not None else ():
+            near = promise_of(line) > promise_of(candidates[0]) - chance_nats
+            if near and len(lines) < most_lines and all(apart(line, other) for other in lines):
+                lines.append(self._right_way_up(view, self.search.refine(view, [line])))
         return lines
 
     def _refined_freely(
-        self, view: View, meant: Sequence[ReadLine], *, most_lines: int = 3
+        self, view: View, candidates: Sequence[ReadLine], *, most_lines: int = 3
     ) -> list[ReadLine]:
         """Lines that are text without the format: refined without it, and read under it.
 
@@ -159,12 +159,12 @@ class LineReader:
         is text, and grows to the whole serial.
         """
         search = replace(self.search, grammar=None)
-        freely = (combine_looks(one.line, one.looks, None) for one in meant)
+        freely = (combine_looks(line.line, line.looks, None) for line in candidates)
         texts: list[ReadLine] = []
-        for one in rank([one for one in freely if one is not None]):
-            clear = is_convincing([one], search.limits.some) and len(texts) < most_lines
-            if clear and all(apart(one, text) for text in texts):
-                texts.append(one)
+        for line in rank([line for line in freely if line is not None]):
+            clear = is_convincing([line], search.limits.some) and len(texts) < most_lines
+            if clear and all(apart(line, text) for text in texts):
+                texts.append(line)
         return self.search.read_once(view, [search.refine(view, [text]).line for text in texts])
 
     def _laid_anew(
@@ -190,7 +190,7 @@ class LineReader:
         known = self.search.height_mm is not None
         lines = on_ink(view, first.line, first.columns, height_known=known)
         longer = [lengthen(line, ends_heights, ends_heights) for line in (first.line, *lines)]
-        return [one for one in self.search.read_once(view, [*lines, *longer]) if self._is_plain(one)]
+        return [line for line in self.search.read_once(view, [*lines, *longer]) if self._is_plain(line)]
 
     def _is_plain(self, line: ReadLine, *, plain_evidence: float = -0.5) -> bool:
         """Whether a line is of the format without doubt.

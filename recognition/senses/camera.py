@@ -98,22 +98,22 @@ class VisionReader:
             part = lines.read(*views, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
-        made = reading_of_line(part, self.settings, source="vision")
+        reading = reading_of_line(part, self.settings, source="vision")
         notes = (
-            *made.notes,
+            *reading.notes,
             *_file_notes(photo),
-            *(() if made.characters else _unread_notes(photo, part.candidates, views[0])),
+            *(() if reading.characters else _unread_notes(photo, part.candidates, views[0])),
             *(LEFT_OUT.format(number) for number in left_out),
         )
-        made = replace(
-            made,
+        reading = replace(
+            reading,
             unit="mm" if scaled else "px",
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).with_trace(photo=photo)
-        made = weigh_orientation(with_score(made), views[0], lines)
+        reading = weigh_orientation(with_score(reading), views[0], lines)
         with timer.step("layout"):
-            return with_layout(made, part, views[0], lines)
+            return with_layout(reading, part, views[0], lines)
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:

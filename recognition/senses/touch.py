@@ -132,7 +132,7 @@ class TactileReader:
                 return _nothing(timer, _scan_flags(scan), scan=scan)
         with timer.step("relief"):
             relief = relief_of(scan, edges)
-        found = self.read_edge_map(
+        reading = self.read_edge_map(
             edges,
             scan.touch,
             relief=relief,
@@ -140,7 +140,7 @@ class TactileReader:
             flags=_scan_flags(scan),
             saturated_mm=positions_mm(scan, SampleFlag.SATURATED),
         )
-        return found.with_trace(scan=scan)
+        return reading.with_trace(scan=scan)
 
     def read_edge_map(
         self,

@@ -81,7 +81,7 @@ def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float =
 
 
 def square_to_plate(
-    height_map: HeightMap, soil: Soil | None = None, *, level_deg: float = 2.0, most_deg: float = 60.0
+    height_map: HeightMap, soil: Soil | None = None, *, level_deg: float = 2.0, most_deg: float = 70.0
 ) -> tuple[HeightMap, Soil | None]:
     """Resample a tilted map in the frame of its plate: depths are then square to it, characters as wide as they are.
 

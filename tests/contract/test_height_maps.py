@@ -535,7 +535,7 @@ def test_units_of_heights_in_heads(line: str, tmp_path: Path) -> None:
 
 
 def test_a_plate_that_is_tilted_is_said_to_be(tmp_path: Path) -> None:
-    tilted = Z.repeat(5, axis=0).repeat(5, axis=1) + np.arange(200)[:, None] * PITCH * np.tan(np.radians(55))
+    tilted = Z.repeat(5, axis=0).repeat(5, axis=1) + np.arange(300) * PITCH * np.tan(np.radians(55))
     np.savez(tmp_path / "a.npz", z_mm=tilted, pitch_mm=PITCH)
     with pytest.raises(FileError, match="tilted by 55 degrees; level the part"):
         read_height_map(tmp_path / "a.npz")

@@ -118,7 +118,7 @@ def test_a_finished_table_is_replaced_by_force_alone(
     out.write_bytes(b"mine" * 1000)
     done = command("read", lot / "=1+1.npz", *READ, "--out", out)
     assert (done.status, out.read_bytes()) == (1, b"mine" * 1000)
-    assert f"{name}: is finished; name another table, or replace it with --force" in done.err
+    assert f"{name}: is a finished table; name another table, or replace it with --force" in done.err
     done = command("read", lot / "=1+1.npz", *READ, "--out", out, "--force")
     assert "it is kept as" in done.out
     assert (tmp_path / f"{name}~").read_bytes() == b"mine" * 1000

@@ -60,7 +60,11 @@ def test_light_and_camera_may_be_given() -> None:
         (FontError, "has no character 'é'", {"text": "é"}),
         (StampError, "severity is 2", {"dirt": 2}),
         (StampError, "seed is -1", {"seed": -1}),
-        (StampError, "2 fonts are given; a line is stamped with one", {"fonts": ["gothic", "timesr"]}),
+        (
+            StampError,
+            "2 fonts are given; give one: a line is stamped in one font",
+            {"fonts": ["gothic", "timesr"]},
+        ),
     ],
 )
 def test_what_cannot_be_stamped(error: type[Exception], message: str, wrong: dict[str, object]) -> None:

@@ -287,17 +287,17 @@ def _borders(
     order = np.argsort(line_mm, axis=None, kind="stable")
     row, whisker = np.divmod(order, line_mm.shape[1])
     near = np.diff(line_mm.ravel()[order]) < 2.0 * line_pitch_mm
-    at = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
+    neighbours = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
     height = np.where(beyond, -cut, np.clip(f.share / level[:, None] - 1.0, -cut, cut))
     height[~np.isfinite(f.share)] = np.nan
-    found = []
-    for pair in sorted({(int(row[k]), int(row[k + 1])) for k in at}):
-        here = at[(row[at] == pair[0]) & (row[at + 1] == pair[1])]
+    borders = []
+    for pair in sorted({(int(row[k]), int(row[k + 1])) for k in neighbours}):
+        rows = neighbours[(row[neighbours] == pair[0]) & (row[neighbours + 1] == pair[1])]
         differences = (
             _mean_square(lines[pair[0]][:, None] - lines[pair[1]][None]) for lines in (height, height[::-1])
         )
-        found.append(_Border(f.plan.direction.along_x, whisker[here], whisker[here + 1], *differences))
-    return found
+        borders.append(_Border(f.plan.direction.along_x, whisker[rows], whisker[rows + 1], *differences))
+    return borders
 
 
 def _mean_square(values: Floats, *, fewest: int = 20) -> Floats:
@@ -312,10 +312,12 @@ def _misfits(
     after, before = np.zeros((2, len(orders)))
     for b in borders:
         turned = backward[0 if b.along_x else 1]
-        one, other = orders[:, b.whisker], orders[:, b.beside]
-        then = (b.difference_backward if turned else b.difference)[one, other]
+        whisker, beside = orders[:, b.whisker], orders[:, b.beside]
+        then = (b.difference_backward if turned else b.difference)[whisker, beside]
         now = np.broadcast_to(b.difference[b.whisker, b.beside], then.shape)
-        moved = ((one != b.whisker) | (other != b.beside) | turned) & np.isfinite(now) & np.isfinite(then)
+        moved = (
+            ((whisker != b.whisker) | (beside != b.beside) | turned) & np.isfinite(now) & np.isfinite(then)
+        )
         after += np.where(moved, then, 0.0).sum(axis=1)
         before += np.where(moved & ~(quiet[b.whisker] | quiet[b.beside]), now, 0.0).sum(axis=1)
     return after, before

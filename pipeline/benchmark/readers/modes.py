@@ -71,14 +71,16 @@ def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Readi
         expert: name of the expert.
         settings: thresholds and format.
     """
-    made = Reading((), 0.0, source=whole.source, seconds=whole.seconds, threshold=settings.accept_confidence)
+    reading = Reading(
+        (), 0.0, source=whole.source, seconds=whole.seconds, threshold=settings.accept_confidence
+    )
     lattice = whole.trace.by_expert.get(expert)
     if lattice is None:
-        return replace(made, flags=ReadingFlag.NO_CHARACTERS)
+        return replace(reading, flags=ReadingFlag.NO_CHARACTERS)
     choice = choose(lattice, settings.grammar)
-    made = replace(made, characters=tuple(characters_of(choice, lattice)))
-    made = made.with_confidence(score_of(whole.source).of_belief(choice.probability))
-    return contracts_of_choice(made, choice, settings.grammar)
+    reading = replace(reading, characters=tuple(characters_of(choice, lattice)))
+    reading = reading.with_confidence(score_of(whole.source).of_belief(choice.probability))
+    return contracts_of_choice(reading, choice, settings.grammar)
 
 
 def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:

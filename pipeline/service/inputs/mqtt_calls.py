@@ -12,7 +12,7 @@ import json
 from collections.abc import Awaitable, Mapping
 from typing import Any
 
-from glyphs.plain_text import is_hidden
+from glyphs.plain_text import has_hidden
 from pipeline.common.line_decision import short_result
 from pipeline.common.records import PartRecord
 from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
@@ -51,11 +51,6 @@ class MqttCalls:
 
 
 def _fields_of(payload: bytes) -> dict[str, str]:
-    """The fields of a call.
-
-    Raises:
-        Problem: it is neither text nor such an object of JSON.
-    """
     if len(payload) > _MOST_BYTES:
         raise Problem(413, f"a call has at most {_MOST_BYTES} bytes")
     try:
@@ -64,7 +59,7 @@ def _fields_of(payload: bytes) -> dict[str, str]:
     except ValueError as error:
         raise Problem(422, 'a call is a name, or JSON such as {"name": "P17"}') from error
     if not content.keys() <= _FIELDS or not all(isinstance(value, str) for value in content.values()):
-        raise Problem(422, "a call has the fields name, part, job and expected, with texts")
-    if any(is_hidden(char) for value in content.values() for char in value):
-        raise Problem(422, "a call has no control characters")
+        raise Problem(422, "the fields of a call are name, part, job and expected; their values are texts")
+    if any(map(has_hidden, content.values())):
+        raise Problem(422, "a call must not have hidden characters")
     return content

@@ -176,7 +176,7 @@ class OpcUaPort:
         await self._events.trigger(message=" ".join(message.split()))
 
     async def _write_last(
-        self, at: datetime, decision: str, text: str = "", part_id: str = "", confidence: float = 0.0
+        self, source_time: datetime, decision: str, text: str = "", part_id: str = "", confidence: float = 0.0
     ) -> None:
         """Write the values of the last part; without one they are empty.
 
@@ -184,12 +184,12 @@ class OpcUaPort:
         """
         for name, value in (
             ("LastScanData", text),
-            ("LastScanTimestamp", at),
+            ("LastScanTimestamp", source_time),
             ("LastPartId", part_id),
             ("LastDecision", decision),
             ("LastConfidence", confidence),
         ):
-            await self._write(name, value, at=at)
+            await self._write(name, value, at=source_time)
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
         """Method Scan: one trigger, and its result."""

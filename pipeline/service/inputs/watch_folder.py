@@ -393,7 +393,6 @@ def _noted_if_final(faults: dict[str, str], name: str) -> Iterator[None]:
 
 
 def _all_whole(files: Iterable[str]) -> bool:
-    """Whether no picture's end is missing, as far as is known."""
     try:
         return all(stat.S_ISREG(os.lstat(path).st_mode) and not is_cut_short(Path(path)) for path in files)
     except OSError:
@@ -401,7 +400,6 @@ def _all_whole(files: Iterable[str]) -> bool:
 
 
 def _first_line(file: str) -> str:
-    """The first line of a text beside a photograph; empty without one."""
     try:
         with open_no_link(Path(file)) as source:
             line = source.read(4 * MOST_NAME).decode("utf-8-sig", "replace").partition("\n")[0]

@@ -199,7 +199,6 @@ class MqttSender:
 
 
 def _short(payload: Mapping[str, Any]) -> dict[str, Any]:
-    """The short result of a part's whole record."""
     known = {field.name for field in fields(PartRecord)}
     part = from_json(PartRecord, {name: value for name, value in payload.items() if name in known})
     return short_result(replace(part, text=part.text or payload.get("candidate", "")))

@@ -68,13 +68,13 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
         total = {name: sum(getattr(day, name) for day in days) for name in _COUNTS}
         if show is None:
             show = "accepted" if total["accepted_other"] else Agreement.OTHER
-        found = frame.store.parts(
+        parts = frame.store.parts(
             agreement=Agreement.OTHER if show == "accepted" else show,
             would_be=PartState.ACCEPTED if show == "accepted" else None,
             before=before or None,
             limit=PARTS_SHOWN + 1,
         )
-        page = page_of(found, "/shadow", {"span": span, "show": show}, before)
+        page = page_of(parts, "/shadow", {"span": span, "show": show}, before)
         surest = sorted(page["parts"], key=_confidence, reverse=True)
         return view.page(
             "shadow.html.j2",

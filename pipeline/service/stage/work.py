@@ -37,7 +37,7 @@ from whisker_array.scan.stage_error import StageError
 if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage
 
-_HINT = "put it there again and release it"
+_HINT = "put the part back and release it"
 _PLANS = 2.0
 """Durations of a whole plan that are added to the time limit of a stage."""
 _LOOK_S = 0.1
@@ -156,16 +156,18 @@ class StageWork:
     async def _check_place(self, part_name: str, call: TouchCall) -> None:
         if time.monotonic() > call.until_s:
             raise StageError(
-                f"{part_name} may no longer lie under the whiskers: its trigger's time is over", _HINT
+                f"{part_name} may no longer lie under the whiskers: the time of its trigger is over", _HINT
             )
         is_in_place = getattr(self._stage, "is_in_place", None)
         if is_in_place is not None and not await self.thread.call_async(partial(is_in_place, part_name)):
-            raise StageError(f"{part_name} does not lie under the whiskers, says the stage's driver", _HINT)
+            raise StageError(
+                f"the stage's driver says that {part_name} does not lie under the whiskers", _HINT
+            )
 
 
 @dataclass(frozen=True)
-class Taken:
-    """Photographs that the camera has taken of a part.
+class CameraPictures:
+    """Pictures that the camera has taken of a part.
 
     Attributes:
         photos: copies of them.
@@ -188,7 +190,7 @@ class CameraWork:
 
     async def take(
         self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
-    ) -> Taken:
+    ) -> CameraPictures:
         """Photograph the part of that name, and copy the photographs into the folder.
 
         Args:
@@ -207,9 +209,9 @@ class CameraWork:
         if isinstance(camera, FolderCamera):
             return await self._wait_for_pictures(camera, name, folder, known)
 
-        def photograph() -> Taken:
-            taken = camera.take(name)
-            return Taken(_copies((taken,) if isinstance(taken, Path) else taken, folder))
+        def photograph() -> CameraPictures:
+            files = camera.take(name)
+            return CameraPictures(_copies((files,) if isinstance(files, Path) else files, folder))
 
         return await self.thread.call_async(photograph)
 
@@ -219,7 +221,7 @@ class CameraWork:
         name: str,
         folder: Path,
         known: Callable[[Iterable[str]], Collection[str]],
-    ) -> Taken:
+    ) -> CameraPictures:
         """Wait for a picture newer than the trigger that is whole and stands still, or for a set of them.
 
         One that has come but is not whole when the time is over is taken as it is.
@@ -244,12 +246,12 @@ class CameraWork:
             late = now_s - began_s >= self._timeout_s
             still = now_s - since_s >= (_SET_STILL_S if any(set_of(path.name) for path in new) else _STILL_S)
             if new and (late or still):
-                taken = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
-                self._taken.extend(taken)
+                new_keys = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
+                self._taken.extend(new_keys)
                 photos = await self.thread.call_async(partial(_copies_if_whole, new, folder, as_is=late))
                 if photos is not None:
-                    return Taken(photos, taken)
-                for key in taken:
+                    return CameraPictures(photos, new_keys)
+                for key in new_keys:
                     self._taken.remove(key)
             elif late:
                 raise camera.missing(name, older=bool(pictures), waited_s=self._timeout_s)

@@ -122,8 +122,6 @@ class Room:
 
 
 class _OpenConnection(Protocol):
-    """A connection in the room."""
-
     transport: Any
     address: str
     block: str

@@ -371,13 +371,13 @@ def test_settings_may_be_pasted_into_the_file_to_begin_with(order: int) -> None:
     [
         (
             "[service]\nport = 1\n[service]\nhost = 'x'\n",
-            r"begins \[service\] a second time in line 3; keep all",
+            r"has a second \[service\] in line 3; put all its settings in one place",
         ),
-        ("service.tcp.port = 1\n[service.tcp]\n", r"begins \[service\.tcp\] a second time in line 2"),
-        ("[service.tcp]\nport = 1\n[service]\ntcp.port = 2\n", r"begins \[service\.tcp\] a second time"),
+        ("service.tcp.port = 1\n[service.tcp]\n", r"has a second \[service\.tcp\] in line 2"),
+        ("[service.tcp]\nport = 1\n[service]\ntcp.port = 2\n", r"has a second \[service\.tcp\]"),
         (
             "service.port = 1\nservice.port = 2\nfont = []\n",
-            "has a name for the second time in line 2; take one out",
+            "sets a name twice, again in line 2; remove one of them",
         ),
         ("height_mm = 'x'", "height_mm in .* is 'x': write a number$"),
         ("service.port = 1.5", "port in .* is '1.5': write a whole number$"),

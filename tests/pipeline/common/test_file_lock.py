@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.common.file_lock import exclusively
+from glyphs.file_lock import exclusively
 
 pytest.importorskip("fcntl")
 OWN = ("glyphs", "whisker_array", "recognition", "pipeline")
@@ -88,7 +88,7 @@ def test_every_module_can_be_imported_and_a_table_written_elsewhere(tmp_path: Pa
 
 HOLDER = """
 from pathlib import Path
-from pipeline.common.file_lock import exclusively
+from glyphs.file_lock import exclusively
 with exclusively(Path(sys.argv[1])):
     print(flush=True)
     input()

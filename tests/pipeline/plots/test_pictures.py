@@ -159,5 +159,6 @@ def test_spaces_are_not_stamped(one: str, other: str, same: bool) -> None:
 
 def test_the_headline_tells_the_reading() -> None:
     line: Any = str(part())
-    assert line == "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°, shallowest mark 0.123 mm"
+    facts = "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°"
+    assert line == f"{facts}, shallowest mark 0.123 mm (2 of 3 measured)"
     assert str(EMPTY) == "no characters"

@@ -198,3 +198,11 @@ def test_verified_parts_and_the_exit_status(
         verify = "wanted.csv"
     assert read(str(parts), run=RunOptions(verify=verify, repeats=True)) == status
     assert told in capsys.readouterr().out
+
+
+def test_a_least_depth_of_some_places_is_said_to_be_that() -> None:
+    _, whole, some = table_lines(
+        [PLAIN, replace(PLAIN, characters=(FELT, place("B"), place("1")))], width=None
+    )
+    assert "  0.200  " in whole
+    assert "0.200 (1/3)" in some

@@ -19,7 +19,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy.engine import Engine
 
-from pipeline.common.file_lock import exclusively
+from glyphs.file_lock import exclusively
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction, TouchWait

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import MarksError
-from recognition.learning.background import only_here
+from glyphs.file_lock import exclusively
+from recognition.learning.background import work
 
 torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
@@ -70,7 +71,6 @@ def test_going_on_gives_what_one_run_gives(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_used_by_one_copy(tmp_path: Path) -> None:
-    with only_here(tmp_path), pytest.raises(MarksError, match="is in use"), only_here(tmp_path):
-        pass
-    with only_here(tmp_path):
-        assert (tmp_path / "lock").exists()
+    with exclusively(tmp_path / "lock"), pytest.raises(MarksError, match="is in use"):
+        work([], state=tmp_path, samples=1)
+    assert [file.name for file in tmp_path.iterdir()] == ["lock"]

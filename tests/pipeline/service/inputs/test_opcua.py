@@ -28,7 +28,7 @@ from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result, status_of
 from pipeline.service.inputs.opcua_server import settings_fit
 from pipeline.service.settings import OpcUaSettings
-from pipeline.service.stage.work import Taken
+from pipeline.service.stage.work import CameraPictures
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import NotFoundError
@@ -281,9 +281,9 @@ async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
         (order.folder / RECORDING).write_bytes(b"felt")
         return ReadPart((reading(),))
 
-    async def take(_: str, folder: Path, **__: object) -> Taken:
+    async def take(_: str, folder: Path, **__: object) -> CameraPictures:
         (photo := folder / "photo.png").write_bytes(b"picture")
-        return Taken([Upload(photo, photo.name, EvidenceKind.PHOTO)])
+        return CameraPictures([Upload(photo, photo.name, EvidenceKind.PHOTO)])
 
     events: asyncio.Queue[str] = asyncio.Queue()
 

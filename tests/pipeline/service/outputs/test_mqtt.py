@@ -175,7 +175,7 @@ async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
     assert {("P17", "/", ""), ("P18", "left/KX4", ""), ("P19", "FELT", "")} < told
     assert {error for *_, error in told if error} == {
         "there is no photograph of nobody",
-        "a call has the fields name, part, job and expected, with texts",
+        "the fields of a call are name, part, job and expected; their values are texts",
         "a call has at most 2000 bytes",
     }
     assert [answer["text"] for answer in answers("plc/7")] == ["FELT"]
