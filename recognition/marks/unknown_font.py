@@ -25,13 +25,6 @@ LEAST_STROKE_FIT = 0.8
 The right font reaches 0.87 on clean parts, the nearest stand-in for another one 0.4 to 0.96.
 """
 
-RIGHT_FONT_FIT = 0.9
-"""Mean correlation from which a named font is right, even if another one fits better.
-
-Without another font that fits clearly better, a low correlation proves nothing: dots and sharp grooves give the right
-font 0.39 to 0.85 on clean parts.
-"""
-
 
 @dataclass(frozen=True)
 class LineDepths:
@@ -49,7 +42,13 @@ class LineDepths:
 
 
 def line_depths(
-    relief: Relief, laid: LaidText, others: Sequence[LaidText], *, named: bool, better: bool
+    relief: Relief,
+    laid: LaidText,
+    others: Sequence[LaidText],
+    *,
+    named: bool,
+    clear_gain: float = 0.05,
+    least_fit: float = 0.7,
 ) -> LineDepths:
     """Measure the characters of a line along the strokes of a named font, or of the font that fits each of them.
 
@@ -57,13 +56,16 @@ def line_depths(
         relief: the surface as felt.
         laid: the line's text, laid in the font that fits it best, of the named ones if any is named.
         others: the text laid in other fonts.
-        named: whether a font is named.
-        better: whether another font than the named ones fits the line clearly better.
+        named: whether a font is named. It is wrong if another one fits better by `clear_gain`, and well: dots, sharp
+            grooves and dirt give the right font 0.2 to 0.85, and others then fit no better, or badly as well.
+        clear_gain: gain of the mean correlation by which another font must fit better.
+        least_fit: least mean correlation of that other font.
     """
     along = mark_depths(relief, laid)
     foreign = foreign_places(relief, laid, along, others) if named else set[int]()
     few = len(foreign) < max(2, len(along) // 4)
-    if named and few and not (better and laid.fit < RIGHT_FONT_FIT):
+    wrong = any(other.fit >= max(laid.fit + clear_gain, least_fit) for other in others)
+    if named and few and not wrong:
         foreign |= {k for k, mark in enumerate(laid.laid) if mark is None}
         depths = (NoDepth.FONT if k in foreign else d or NoDepth.NOT_FELT for k, d in enumerate(along))
         return LineDepths(tuple(depths), tuple(k not in foreign for k in range(len(along))), font_fits=True)

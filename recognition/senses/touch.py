@@ -260,8 +260,12 @@ class TactileReader:
             laid = laid_text(best.felt, best.text, self.fonts)
         if best is None or laid is None:
             return reading
-        others = [laid.in_font(font) for font in self.strokes_of if font is not laid.font]
-        line = line_depths(relief, laid, others, named=self.named, better=best is not laid)
+        others = [
+            best if font is best.font else laid.in_font(font)
+            for font in self.strokes_of
+            if font is not laid.font
+        ]
+        line = line_depths(relief, laid, others, named=self.named)
         measured = tuple(
             replace(c, no_depth=depth) if isinstance(depth, NoDepth) else replace(c, depth=depth)
             for c, depth in zip(reading.characters, line.depths, strict=True)
