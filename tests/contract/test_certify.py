@@ -69,7 +69,7 @@ def test_other_parts_are_read_with_a_warning_and_the_same_parts_without(
     assert "unlike the certified ones" in warning
     assert "roughness" in warning
     assert "roughness" in json.loads(Path("clean.json").read_text(encoding="utf-8"))["drift"]
-    assert main(["read", str(workshop), *vouched, "--out", "again.csv"]) == 0
+    assert main(["read", str(workshop), *vouched, "--repeats", "--out", "again.csv"]) == 0
     assert "unlike" not in capsys.readouterr().err
     rows = csv_rows("again.csv")
     made = json.loads(certificate.read_text(encoding="utf-8"))

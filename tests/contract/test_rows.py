@@ -13,7 +13,7 @@ from recognition import Decision, Reading
 
 # 2 and 5 are each other's mirror images; a text with 4 and 7 has none
 DIGITS, ONE_WAY = "3353", "R47K"
-SETTINGS = {"format": "****", "height_mm": 4.0, "font": "gothic", "orientation": "upright"}
+SETTINGS = {"format": "****", "height_mm": 4.0, "fonts": "gothic", "orientation": "upright"}
 
 
 def surface(text: str) -> tuple[np.ndarray, float]:
