@@ -51,7 +51,9 @@ def served(tmp_path: Path) -> Iterator[Served]:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
     (tmp_path / "camera").mkdir()
     with inline_service(
-        tmp_path, instead=by_format, camera={"folder": tmp_path / "camera", "early_s": 3600.0}
+        tmp_path,
+        instead=by_format,
+        camera={"folder": tmp_path / "camera", "early_s": 3600.0, "timeout_s": 1.0},
     ) as both:
         yield both
 
