@@ -83,10 +83,11 @@ def backend(folder: Path) -> dict[str, str]:
 
 
 def built(kind: str, tree: Path, out: Path, environment: dict[str, str]) -> Path:
-    """An sdist or a wheel, as any front end has it built."""
-    program = "import sys, setuptools.build_meta as b; getattr(b, 'build_' + sys.argv[1])(sys.argv[2])"
+    """What a hook of the backend makes, such as an sdist or a wheel."""
+    system = PROJECT["build-system"]
+    program = f"import sys; sys.path[:0] = {system['backend-path']}; import {system['build-backend']} as b"
     subprocess.run(
-        [sys.executable, "-c", program, kind, str(out)],
+        [sys.executable, "-c", f"{program}; b.{kind}(sys.argv[1])", str(out)],
         cwd=tree,
         env=environment,
         capture_output=True,
@@ -119,17 +120,16 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
         shutil.copytree(ROOT / name, base / "tree" / name, ignore=SCRAPS)
     for name in (
         "pyproject.toml",
-        "setup.py",
         PROJECT["project"]["readme"],
         *PROJECT["project"]["license-files"],
     ):
         shutil.copy(ROOT / name, base / "tree" / name)
     commit(base / "tree")
     environment = backend(base / "backend")
-    sdist = built("sdist", base / "tree", base / "sdist", environment)
+    sdist = built("build_sdist", base / "tree", base / "sdist", environment)
     with tarfile.open(sdist) as archive:
         archive.extractall(base, filter="data")
-    wheel = built("wheel", base / sdist.name.removesuffix(".tar.gz"), base / "wheel", environment)
+    wheel = built("build_wheel", base / sdist.name.removesuffix(".tar.gz"), base / "wheel", environment)
 
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", base / "env"], check=True)
     python = base / "env" / "bin" / "python"
@@ -189,15 +189,13 @@ def test_the_command_comes_from_the_wheel_and_answers(installed: Installed) -> N
 
 
 def test_without_git_the_version_is_the_plain_one(tmp_path: Path) -> None:
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, tmp_path / name)
-    done = subprocess.run(
-        [sys.executable, "setup.py", "--version"],
-        cwd=tmp_path,
-        env=backend(tmp_path / "b"),
-        capture_output=True,
-    )
-    assert done.stdout.decode().split()[-1] == PROJECT["project"]["version"]
+    tree, out = tmp_path / "tree", tmp_path / "out"
+    shutil.copytree(ROOT / "pipeline" / "building", tree / "pipeline" / "building", ignore=SCRAPS)
+    out.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tree / name)
+    wheel = built("build_wheel", tree, out, backend(tmp_path / "b"))
+    assert wheel.name.split("-")[1] == PROJECT["project"]["version"]
 
 
 def test_a_part_is_read(installed: Installed) -> None:
