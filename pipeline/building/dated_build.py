@@ -3,7 +3,9 @@
 Without git, or from an unpacked archive of the sources, the version is the plain one; an sdist keeps that of its clone.
 """
 
+import atexit
 import os
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -19,6 +21,8 @@ if (HERE / ".git").exists():
     except (OSError, subprocess.CalledProcessError):
         tag = ""
     # setuptools reads this file beside pyproject.toml
-    settings = Path(tempfile.mkdtemp(), "tag.cfg")
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    settings = Path(folder, "tag.cfg")
     settings.write_text(f"[egg_info]\ntag_build = {tag}\n", encoding="ascii")
     os.environ["DIST_EXTRA_CONFIG"] = str(settings)

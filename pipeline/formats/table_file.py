@@ -68,7 +68,7 @@ def table_lines(
 ) -> Iterator[TableLine]:
     """Read the lines of a table, headings (if any) included; one line is in memory at a time.
 
-    Bytes that are not UTF-8 are taken for those of programs on Windows.
+    Bytes that are not UTF-8 are read as Windows-1252.
 
     Args:
         path: CSV file or workbook.
