@@ -1,0 +1,290 @@
+"""Draw parts of four generators, read them with every sense, and keep what was read, one file a part::
+
+    python tests/benchmarks/risk_parts.py FONTS OTHER_GENERATORS --out readings --first 0 --step 2
+
+FONTS is a folder of font files that the recogniser has not learned from; OTHER_GENERATORS holds `make_parts.py` and
+`make_parts2.py`. A part is determined by its number alone, so several runs may share one folder, and a run that was
+stopped goes on where it ended. `tests/benchmarks/fit_score.py` fits the score to what was kept.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import random_text
+from glyphs.sketch import ROWS_PER_HEIGHT, sketch
+from glyphs.soiling.soil import Soil
+from glyphs.soiling.soiled import Soiling
+from glyphs.surface.maps import HeightMap
+from pipeline.formats.synth import SynthSpec, make_part
+from recognition.decision.reading import Reading
+from recognition.decision.score import measures_of
+from recognition.learning.sketches import photograph
+from recognition.reader import Reader
+from recognition.views.view import GREY
+
+GENERATORS = ("stamped", "sketched", "bevelled", "rusted")
+SEVERITIES, SHARES = (0.0, 0.3, 0.6, 0.9), (0.35, 0.3, 0.22, 0.13)
+FORMATS = ("AA999999", "AA999999", "AA999999", "AAA9999", "AA99999A", "99999999")
+SOILS = ("workshop", "caked", "rust", "paint", "wear", "casting", "mud", "weld")
+DIES = ("flat", "sharp", "blunt-v", "round", "lopsided", "double", "one-flank")
+PLATES = ("machined", "cylinder", "ring", "saddle", "bow", "milled", "turned", "faced", "ground", "sand")
+LAYOUTS = ("straight", "turned", "arc")
+HEIGHTS_MM = (2.0, 12.0)
+FREE = 4
+"""Of so many parts one is read without its format."""
+
+
+@dataclass(frozen=True)
+class DrawnPart:
+    """A part with everything that it was drawn from."""
+
+    number: int
+    generator: str
+    severity: float
+    font: str
+    format: str
+    soil: str
+    text: str
+    height_mm: float
+    height_map: HeightMap
+    photo: Photo
+    soil_layer: Soil | None = None
+
+
+def draw_part(number: int, fonts: list[Path], others: Path, *, seed: int = 61) -> DrawnPart:
+    """Draw the part of a number.
+
+    Raises:
+        MarksError: a font lacks a character.
+        ValueError: a font cannot be sketched.
+    """
+    rng = np.random.default_rng((seed, number))
+    generator = GENERATORS[number % len(GENERATORS)]
+    severity = float(rng.choice(SEVERITIES, p=SHARES))
+    font, format = fonts[int(rng.integers(len(fonts)))], str(rng.choice(FORMATS))
+    height_mm = float(np.exp(rng.uniform(*np.log(HEIGHTS_MM))))
+    draw: Callable[..., tuple[str, HeightMap, Photo, Soil | None, str]] = {
+        "stamped": _stamped,
+        "sketched": _sketched,
+        "bevelled": _bevelled,
+        "rusted": _rusted,
+    }[generator]
+    if generator == "bevelled":
+        height_mm = 5.0
+    text, surface, photo, layer, soil = draw(
+        rng, number, format=format, font=font, height_mm=height_mm, severity=severity, others=others
+    )
+    return DrawnPart(
+        number, generator, severity, font.stem, format, soil, text, height_mm, surface, photo, layer
+    )
+
+
+def _stamped(
+    rng: np.random.Generator,
+    number: int,
+    *,
+    format: str,
+    font: Path,
+    height_mm: float,
+    severity: float,
+    others: Path,
+) -> tuple[str, HeightMap, Photo, Soil | None, str]:
+    soil, die = str(rng.choice(SOILS)), str(rng.choice(DIES))
+    plate, layout = str(rng.choice(PLATES)), str(rng.choice(LAYOUTS))
+    spec = SynthSpec(
+        seed=int(rng.integers(2**31)),
+        soiling=Soiling((soil,), severity),
+        format=format,
+        font=str(font),
+        height_mm=round(height_mm, 2),
+        die=die,
+        plate=plate,
+        layout=layout,
+    )
+    part = make_part(spec, number)
+    return part.stamped.text, part.height_map, spec.photograph(part), part.soil, soil
+
+
+def _sketched(
+    rng: np.random.Generator,
+    number: int,
+    *,
+    format: str,
+    font: Path,
+    height_mm: float,
+    severity: float,
+    others: Path,
+) -> tuple[str, HeightMap, Photo, Soil | None, str]:
+    text = random_text(format, rng=rng)
+    drawn = sketch(load_font(str(font)), text, rng)
+    grey = np.kron(photograph(drawn, rng)[GREY], np.ones((2, 2)))
+    pitch_mm, land = height_mm / ROWS_PER_HEIGHT, ROWS_PER_HEIGHT // 2
+    z_mm = np.pad(drawn.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
+    pixels = np.asarray(np.clip(255.0 * grey, 0.0, 255.0), dtype=np.uint8)
+    return text, HeightMap(z_mm, pitch_mm), Photo(pixels, pitch_mm=pitch_mm), None, "sketched"
+
+
+def _text(module: Any, format: str, rng: np.random.Generator) -> str:
+    return "".join(str(rng.choice(list(module.LETTERS if f == "A" else module.DIGITS))) for f in format)
+
+
+def _bevelled(
+    rng: np.random.Generator,
+    number: int,
+    *,
+    format: str,
+    font: Path,
+    height_mm: float,
+    severity: float,
+    others: Path,
+) -> tuple[str, HeightMap, Photo, Soil | None, str]:
+    from fontTools.ttLib import TTFont
+
+    sys.path.insert(0, str(others)) if str(others) not in sys.path else None
+    import make_parts as module  # type: ignore[import-not-found]
+
+    text = _text(module, format, rng)
+    z_mm, reflectance = module.soil(module.plate(text, TTFont(font), rng), rng, severity)
+    pixels = module.photo(z_mm, reflectance, rng, severity)
+    surface = HeightMap(z_mm.astype(np.float32), module.PITCH)
+    return text, surface, Photo(pixels, pitch_mm=module.PITCH), None, "grime and swarf"
+
+
+def _rusted(
+    rng: np.random.Generator,
+    number: int,
+    *,
+    format: str,
+    font: Path,
+    height_mm: float,
+    severity: float,
+    others: Path,
+) -> tuple[str, HeightMap, Photo, Soil | None, str]:
+    from fontTools.ttLib import TTFont
+
+    sys.path.insert(0, str(others)) if str(others) not in sys.path else None
+    import make_parts2 as module  # type: ignore[import-not-found]
+
+    height_mm = 3.0 + 2.0 * (height_mm - HEIGHTS_MM[0]) / (HEIGHTS_MM[1] - HEIGHTS_MM[0])
+    text = _text(module, format, rng)
+    clean = module.plate(text, TTFont(font), rng, height_mm, 0.04 * height_mm)
+    z_mm, reflectance = module.soil(clean, rng, severity)
+    pixels = module.photo(z_mm, reflectance, rng, severity)
+    surface = HeightMap(z_mm.astype(np.float32), module.PITCH)
+    return text, surface, Photo(pixels, pitch_mm=module.PITCH), None, "rust, paint and mud"
+
+
+def kept_of(reading: Reading) -> dict[str, Any]:
+    """What is kept of a reading: text, measures, posteriors of its places, flags."""
+    trace = reading.trace
+    lattices = {"allowed": trace.lattice, "open": trace.open_lattice, **dict(trace.by_expert)}
+    return {
+        "text": "".join(reading.text.split()),
+        "confidence": reading.confidence,
+        "decision": reading.decision.value,
+        "flags": [flag.name for flag in reading.flags],
+        "findings": [finding.text for finding in reading.findings],
+        "odds": trace.odds,
+        "camera_odds": trace.camera_odds,
+        "evidence": trace.evidence,
+        "valid_mass": None if trace.choice is None else trace.choice.valid_mass,
+        "probability": None if trace.choice is None else trace.choice.probability,
+        "places": [[(c.char, c.probability) for c in one.candidates] for one in reading.characters],
+        "measures": {m.name: v for m, v in measures_of(reading).items()},
+        "lattices": {
+            name: ("".join(one.chars), one.log_belief.astype(np.float32))
+            for name, one in lattices.items()
+            if one is not None
+        },
+        "strokes": [
+            {
+                "felt": place.felt,
+                "score": place.score,
+                "whole": place.whole,
+                "too_few_lines": place.too_few_lines,
+                "rivals": [(r.char, r.belief, r.margin, r.apart_heights, r.more_heights, r.hidden) for r in place.rivals],
+            }
+            for place in trace.strokes
+        ],
+        "height_mm": reading.height_mm,
+        "seconds": dict(reading.seconds),
+    }
+
+
+def main(
+    fonts: Path,
+    others: Path,
+    *,
+    out: Path,
+    parts: int = 100_000,
+    first: int = 0,
+    step: int = 1,
+    hours: float = 2.0,
+) -> None:
+    """Draw, read and keep.
+
+    Args:
+        fonts: folder of font files.
+        others: folder of the other generators.
+        out: folder of what is kept.
+        parts: number of parts.
+        first: number of the first part.
+        step: distance of the numbers.
+        hours: time after which the run stops.
+    """
+    os.nice(19)
+    files = sorted(path for path in fonts.iterdir() if path.suffix in (".woff", ".ttf", ".otf"))
+    out.mkdir(parents=True, exist_ok=True)
+    readers = {format: Reader(format=format) for format in dict.fromkeys(FORMATS)}
+    free, end = Reader(), time.monotonic() + 3600.0 * hours
+    for number in range(first, parts, step):
+        path = out / f"{number:06d}.pkl"
+        if path.exists():
+            continue
+        if time.monotonic() > end:
+            return
+        start = time.process_time()
+        try:
+            part = draw_part(number, files, others)
+        except (MarksError, ValueError, KeyError):
+            continue
+        drawn = time.process_time()
+        kept: dict[str, Any] = {
+            name: getattr(part, name)
+            for name in ("number", "generator", "severity", "font", "format", "soil", "text", "height_mm")
+        }
+        is_free = (number // len(GENERATORS)) % FREE == 0
+        reader = free if is_free else readers[part.format]
+        try:
+            touch = reader.touch.read_height_map(part.height_map, soil=part.soil_layer)
+            felt = time.process_time()
+            vision = reader.vision.read_photo(part.photo)
+            seen = time.process_time()
+            readings = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
+        except MarksError as error:
+            print(f"part {number}: {error}", flush=True)
+            continue
+        kept |= {"format": "" if is_free else part.format, "seconds": (drawn - start, felt - drawn, seen - felt)}
+        kept["readings"] = {source: kept_of(reading) for source, reading in readings.items()}
+        temporary = path.with_suffix(".tmp")
+        temporary.write_bytes(pickle.dumps(kept))
+        temporary.replace(path)
+
+
+if __name__ == "__main__":
+    from cyclopts import run
+
+    run(main)
