@@ -147,7 +147,7 @@ class Reader:
         """Combine the readings of both senses; the trace has both."""
         from recognition.decision.fuse import fuse
 
-        return fuse(touch, vision, self.settings.of("fused"))
+        return fuse(touch, vision, self.settings)
 
     def verify(self, reading: Reading, expected: str) -> Reading:
         """Add the verdict on an expected text to a reading: `reading.trace.verification`.

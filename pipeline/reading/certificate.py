@@ -30,6 +30,7 @@ from pipeline.reading.certificate_statistics import (
     share_bounds,
 )
 from recognition.decision.contracts import CertifiedAcceptance
+from recognition.decision.risk_text import risk_in_words
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
@@ -93,7 +94,7 @@ class Certificate:
         if not abs(exact - self.bound) < 1e-9 or self.bound > self.risk:
             raise ValueError(
                 f"the share of {self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}; "
-                f"it must not exceed the risk {self.risk:g}"
+                f"it must not exceed the risk {risk_in_words(self.risk)}"
             )
         chosen = certified_threshold(self.tests)
         if chosen is None or chosen.threshold != self.threshold or chosen.accepted != self.accepted:
@@ -111,17 +112,13 @@ class Certificate:
 
     def thresholds(self) -> dict[str, Any]:
         """Acceptance options of `recognition.Reader` for a reader with the certified settings."""
-        own = {
-            name: self.settings[name]
-            for name in ("accept_confidence", "orientation")
-            if name in self.settings
-        }
+        own = {name: self.settings[name] for name in ("accept_risk", "orientation") if name in self.settings}
         return {**own, "certified": self.acceptance}
 
     def describe(self) -> str:
         """Describe the certificate: what it shows, then the parts."""
         return (
-            f"Of serials that are accepted from confidence {self.threshold:g}, at most {100.0 * self.risk:g} % are "
+            f"Of serials that are accepted from confidence {self.threshold:g}, at most {risk_in_words(self.risk)} are "
             f"wrong: shown with {100.0 * self.confidence:g} % confidence.\n"
             f"{self.wrong} of {self.accepted:,} accepted were wrong (at most {self.bound:.3%}); coverage "
             f"{self.coverage:.1%} of {self.parts:,} parts"

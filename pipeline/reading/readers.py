@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from glyphs.errors import FileError
 from glyphs.fonts.glyph import Font
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
+from recognition.decision.accepted_risk import require_kept
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
+from recognition.decision.score import SOURCES
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
@@ -57,11 +58,12 @@ def open_reader(settings: ReadSettings) -> Reader:
 
     Raises:
         FileError: the lexicon or certificate cannot be used.
+        MarksError: no sense in use keeps the accepted risk.
         SettingsError: settings contradict each other.
         ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
-    names = ("accept_confidence", "accept_risk")
-    threshold: dict[str, Any] = {n: v for n in names if (v := getattr(settings, n)) is not None}
+    if "accept_risk" in settings.model_fields_set:
+        require_kept(settings.accept_risk, sources_of(settings))
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),
@@ -73,8 +75,13 @@ def open_reader(settings: ReadSettings) -> Reader:
         lines=lines_of(settings),
         certified=acceptance_of(settings),
         orientation=Orientation(settings.orientation),
-        **threshold,
+        accept_risk=settings.accept_risk,
     )
+
+
+def sources_of(settings: ReadSettings) -> tuple[str, ...]:
+    """Sources of readings that a mode may give."""
+    return SOURCES if settings.mode == "auto" else (settings.mode,)
 
 
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:

@@ -31,7 +31,7 @@ from pipeline.reading.certificate_statistics import (
     parts_missing,
     threshold_tests,
 )
-from pipeline.reading.readers import open_reader
+from pipeline.reading.readers import open_reader, sources_of
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
 from pipeline.runs.production import parts_for
@@ -39,6 +39,7 @@ from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
+from recognition.decision.accepted_risk import least_score
 
 
 class CertificationJournal(Journal[ReadPart]):
@@ -114,7 +115,8 @@ def certify(
             f"{own} has a format or font of its own, but a certificate holds for one way of reading",
             hint="certify the parts of each format separately, with --format and --font",
         )
-    least = open_reader(settings).settings.accept_confidence
+    open_reader(settings)  # refuse invalid settings before anything is read
+    least = min(least_score(source, settings.accept_risk) for source in sources_of(settings))
     description = {
         "settings": settings_described(settings),
         "mode": settings.mode,

@@ -133,7 +133,7 @@ class _Part:
         self.may_shrink = self.requested_mm is None and lines.search.region is None and not lines.lines
         # a full reading follows the first look, because it finds the line best
         self.looks_since = LOOKS_PER_READING
-        self.trust = Trust(self.active.reader.settings.accept_confidence)
+        self.trust = Trust(self.active.reader.settings.least_score("tactile"))
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
         self.faults: tuple[Fault, ...] = ()
@@ -247,10 +247,10 @@ class _Part:
             return True
         if self.missing:
             return True
-        accept = self.active.reader.settings.accept_confidence
-        if look is None or look.confidence < accept:
+        sure = self.active.reader.settings.least_score("tactile")
+        if look is None or look.confidence < sure:
             return False
-        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - accept)
+        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - sure)
 
     def _stop_reason(self) -> StopReason | None:
         """Make a full reading; return a reason to stop (sure, or touch cannot resolve its doubts), or None."""

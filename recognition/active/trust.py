@@ -14,23 +14,23 @@ class Trust:
     """Acceptance threshold that rises with the number of candidate texts.
 
     Reading the same text again costs nothing. Each new text is one more chance to be wrong: after k candidate texts,
-    1/k of the error is allowed (Bonferroni).
+    1/k of the doubt 1 - score is allowed (Bonferroni). The doubt is that of touch's threshold for the accepted risk.
     """
 
-    def __init__(self, accept_confidence: float) -> None:
+    def __init__(self, threshold: float) -> None:
         """Start with a new part.
 
         Args:
-            accept_confidence: threshold while there is only one candidate text.
+            threshold: least score while there is only one candidate text.
         """
-        self._accept = accept_confidence
+        self._threshold = threshold
         self._candidates: set[str] = set()
 
     def accepts(self, reading: Reading) -> bool:
         """Count the text as a candidate, and return whether the serial is sure."""
         if reading.confidence > EVEN:
             self._candidates.add(reading.text)
-        least = 1.0 - (1.0 - self._accept) / max(len(self._candidates), 1)
+        least = 1.0 - (1.0 - self._threshold) / max(len(self._candidates), 1)
         return serial_is_sure(reading) and reading.confidence >= least
 
     def apply_trust(self, reading: Reading) -> Reading:

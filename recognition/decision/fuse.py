@@ -12,8 +12,9 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from recognition.combine.fuse_lattices import contradict, fuse_lattices, lead_nats
+from recognition.decision.accepted_risk import least_score, risk_findings
 from recognition.decision.contracts import checked_by_codes
-from recognition.decision.decide import USUAL_THRESHOLD, Finding, ReadingFlag, flags_of
+from recognition.decision.decide import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import (
     LineSettings,
@@ -35,6 +36,7 @@ CHOICE_FLAGS = (
     | ReadingFlag.FORMAT_NOT_MET
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.CHECK_BLIND
+    | ReadingFlag.RISK_NOT_KEPT
 )
 """Flags that fusion computes anew."""
 
@@ -45,28 +47,33 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
     Args:
         touch: the reading of touch.
         vision: the reading of vision.
-        settings: thresholds, grammar.
+        settings: accepted risk, grammar.
 
     Returns:
-        A reading of source "fused" in the plate frame, whose trace holds both. It is accepted by the settings'
-        threshold, and never if a sense that is sure of another text is outvoted.
+        A reading of source "fused" in the plate frame, whose trace holds both. It is accepted by the
+        threshold of the accepted risk, and never if a sense that is sure of another text is outvoted.
     """
     reading = _fuse_lines(touch, vision, settings)
     trace = ReadingTrace(
         touch=touch, vision=vision, photo=vision.trace.photo, strokes=reading.trace.strokes,
         evidence=reading.trace.evidence, odds=_odds_of(touch, reading.text), camera_odds=_odds_of(vision, reading.text),
     )  # fmt: skip
+    # the score of a text by the camera alone is the camera's, and so is its threshold
+    scored_as, risk = "fused" if trace.odds is not None else "vision", settings.accept_risk
     reading = replace(
-        reading, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
-    )
-    reading = with_score(reading).with_findings(*disagreement(touch, vision, plain_text(reading)))
+        reading.without_flags(ReadingFlag.RISK_NOT_KEPT), source="fused", photos=vision.photos, trace=trace,
+        accept_risk=risk, threshold=least_score(scored_as, risk),
+    )  # fmt: skip
+    untested = risk_findings(scored_as, risk) if reading.characters else ()
+    doubts = (*untested, *disagreement(touch, vision, plain_text(reading)))
+    reading = with_score(reading).with_findings(*doubts)
     # a photograph without a scale has a frame of its own
     codes = vision.codes if vision.unit == reading.unit else [replace(c, corners=()) for c in vision.codes]
     return checked_by_codes(reading, codes)
 
 
 def disagreement(
-    touch: Reading, vision: Reading, text: str, *, sure: float = USUAL_THRESHOLD, ratio: float = 1000.0
+    touch: Reading, vision: Reading, text: str, *, sure: float = 0.97, ratio: float = 1000.0
 ) -> tuple[Finding, ...]:
     """Report a sense that is sure of another text than the fused one: it may have read another part.
 
@@ -162,7 +169,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     # the format counts as overruled only if both senses say so
     overruled = (ReadingFlag.FORMAT_OVERRULED | ReadingFlag.FORMAT_NOT_MET) & vision.flags
     # touch's findings on characters, format and lines are computed anew for both senses
-    own = doubts_of_lines(tactile.others, settings)
+    own = doubts_of_lines(tactile.others, settings, source="tactile")
     kept = tactile.without_flags(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
     made = replace(
         kept,
@@ -172,7 +179,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
         spaces_after=tactile.spaces_after if known is None else known,
     ).with_findings(
         *(finding for finding in tactile.findings if finding.flag & overruled),
-        *doubts_of_lines(others, settings),
+        *doubts_of_lines(others, settings, source="fused"),
         *other_contradictions,
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from recognition.decision.decide import Decision, Finding, ReadingFlag, decide, flags_of
+from recognition.decision.risk_text import risk_in_words
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 from recognition.language.elements import named_fields
@@ -191,7 +192,8 @@ class Reading:
         others: the part's other lines.
         photos: number of photographs that were read; 0 for touch alone.
         codes: Data Matrix and QR codes in them.
-        threshold: least confidence for acceptance; None if none is required.
+        accept_risk: greatest share of wrong readings among those accepted; None if it is not known.
+        threshold: least confidence for acceptance, which keeps that risk; None if none is required.
         trace: data from which it was made.
     """
 
@@ -212,6 +214,7 @@ class Reading:
     others: tuple[OtherLine, ...] = ()
     photos: int = 0
     codes: tuple[Code, ...] = ()
+    accept_risk: float | None = None
     threshold: float | None = None
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
 
@@ -333,7 +336,8 @@ class Reading:
         if self.threshold is None or self.confidence >= self.threshold:
             return ""
         digits = next((n for n in range(3, 7) if round(self.confidence, n) < self.threshold), 6)
-        return f"confidence {self.confidence:.{digits}f} is below the threshold {self.threshold:g}"
+        risk = "" if self.accept_risk is None else f" for {risk_in_words(self.accept_risk)}"
+        return f"confidence {self.confidence:.{digits}f} is below the threshold {self.threshold:g}{risk}"
 
     def without_flags(self, flags: ReadingFlag) -> Reading:
         """The same reading without these flags and their findings."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.combine.read_line import ReadLine, greatest_between, word_gaps
+from recognition.decision.accepted_risk import least_score, risk_findings
 from recognition.decision.decide import CHECK_FORMAT, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
@@ -50,8 +51,8 @@ class LineSettings(Protocol):
     """Settings that a line's reading needs."""
 
     @property
-    def accept_confidence(self) -> float:
-        """Least confidence for acceptance."""
+    def accept_risk(self) -> float:
+        """Greatest share of wrong readings among those accepted."""
 
     @property
     def grammar(self) -> Grammar | None:
@@ -79,7 +80,7 @@ def reading_of_line(
 
     Args:
         part: the part's lines.
-        settings: acceptance threshold, format of the serial, further lines that the part should have.
+        settings: accepted risk, format of the serial, further lines that the part should have.
         source: source of the reading: "tactile" or "vision".
         flags: flags that are set already.
         least_places: length from which a line without a format counts as text even if it is unsure.
@@ -99,7 +100,8 @@ def reading_of_line(
     if not choice.text or not main.is_text:
         found = _outside_format(openly, grammar)
         return nothing.with_findings(*found).with_trace(lattice=lattice, open_lattice=openly)
-    unsure = choice.probability < settings.accept_confidence
+    least = least_score(source, settings.accept_risk)
+    unsure = choice.probability < least
     if grammar is None and len(choice.text) < least_places and unsure:
         # a scratch is read as a 1, two dents as OO
         return nothing.with_trace(lattice=lattice)
@@ -121,8 +123,14 @@ def reading_of_line(
         box=hull(lattice.boxes),
         spaces_after=spaces,
         source=source,
-        threshold=settings.accept_confidence,
-    ).with_findings(*changed, *small, *doubts_of_lines(others, settings))
+        accept_risk=settings.accept_risk,
+        threshold=least,
+    ).with_findings(
+        *risk_findings(source, settings.accept_risk),
+        *changed,
+        *small,
+        *doubts_of_lines(others, settings, source=source),
+    )
     reading = contracts_of_choice(reading.with_confidence(worth.of_belief(belief)), choice, grammar)
     by_expert = {name: replace(own, boxes=lattice.boxes) for name, own in main.by_expert.items()}
     return reading.with_trace(
@@ -131,14 +139,17 @@ def reading_of_line(
     )  # fmt: skip
 
 
-def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tuple[Finding, ...]:
+def doubts_of_lines(
+    others: Sequence[OtherLine], settings: LineSettings, *, source: str
+) -> tuple[Finding, ...]:
     """Check the contracts about a part's other lines, and return the broken ones.
 
     Args:
         others: other lines that were read.
-        settings: lines that the part should have, and the acceptance threshold.
+        settings: lines that the part should have, and the accepted risk.
+        source: source of the reading.
     """
-    least, names = settings.accept_confidence, {other.name for other in others}
+    least, names = least_score(source, settings.accept_risk), {other.name for other in others}
     unread = [other.text for other in others if not other.name and other.may_be_serial]
     unsure = [f"{other.name} {other.text}" for other in others if other.name and other.confidence < least]
     return (

@@ -33,7 +33,6 @@ from recognition.decision.contracts import DIGITS
 from recognition.decision.decide import (
     EXPLANATIONS,
     MEASURE_FLAGS,
-    USUAL_THRESHOLD,
     Decision,
     Finding,
     ReadingFlag,
@@ -270,17 +269,18 @@ def score_of(source: str) -> Score:
     return Score(fitted["bias"], MappingProxyType(terms), fitted["thresholds"])
 
 
-def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
+def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset(), sure: float = 0.97) -> Reading:
     """Add the score to a reading, with reasons if it is below the threshold.
 
     A fused reading whose text has no log odds by touch is scored as one of the camera. If neither sense alone
-    reaches the usual threshold, both together are at most as sure as the surer one: two that are in doubt and agree may
+    is sure, both together are at most as sure as the surer one: two that are in doubt and agree may
     err alike, as in a font that neither has learned. Of 424 parts in such fonts 11 were accepted though neither sense
     alone would have been, and 2 of these were wrong, of the other 255 one.
 
     Args:
         reading: reading of one sense or both, with its data in the trace.
         without: quantities that are treated as unknown, to see what each is worth.
+        sure: score from which a sense alone is sure.
     """
     if not reading.characters:
         return reading
@@ -292,7 +292,7 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
         one for one in (reading.trace.touch, reading.trace.vision) if one is not None and one.characters
     ]
     confidence = score.probability(measures)
-    if len(senses) == 2 and (surest := max(one.confidence for one in senses)) < USUAL_THRESHOLD:
+    if len(senses) == 2 and (surest := max(one.confidence for one in senses)) < sure:
         confidence = min(confidence, surest)
     scored = reading.with_confidence(confidence)
     if scored.threshold is None or scored.confidence >= scored.threshold:

@@ -50,7 +50,7 @@ class VisionReader:
             FontError: as in the reader by touch.
             MarksError: `experts` lacks the network; only it reads photographs.
         """
-        self.settings = (settings if settings is not None else ReaderSettings()).of("vision")
+        self.settings = settings if settings is not None else ReaderSettings()
         if "network" not in self.settings.experts:
             raise MarksError(
                 f"{', '.join(self.settings.experts)} cannot read photographs",
@@ -74,7 +74,7 @@ class VisionReader:
         timer = StepTimer()
         made = self._of_views(photo, views, timer, left_out=left_out)
         # a sure reading may be in review for a contract: another text must not bypass it
-        if made.confidence < self.settings.accept_confidence and not photo.others:
+        if made.confidence < self.settings.least_score("vision") and not photo.others:
             clean = stainless_view(bare)
             if clean is not None:
                 other = self._of_views(photo, [clean], timer)

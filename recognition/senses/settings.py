@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypedDict
 
@@ -13,10 +13,10 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
+from recognition.decision.accepted_risk import least_score, require_kept
 from recognition.decision.contracts import CertifiedAcceptance
-from recognition.decision.decide import USUAL_THRESHOLD
 from recognition.decision.depth_rules import DepthRule
-from recognition.decision.score import SOURCES, score_of
+from recognition.decision.risk_text import USUAL_RISK, check_risk
 from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
@@ -38,8 +38,7 @@ class ReaderOptions(TypedDict, total=False):
     format: str | Grammar | None
     height_mm: float | None
     fidelity: Fidelity
-    accept_confidence: float
-    accept_risk: float | None
+    accept_risk: float
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
     region: Region | None
@@ -59,9 +58,8 @@ class ReaderSettings:
             grammar; None if unknown.
         height_mm: character height, if known.
         fidelity: fidelity with which the virtual array feels a height map.
-        accept_confidence: least score of an accepted reading; it must break no contract either.
-        accept_risk: greatest expected share of wrong readings among those accepted; if set, it replaces
-            `accept_confidence` by a threshold for each sense (`recognition.decision.score.Score.threshold`).
+        accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
+            was tested to keep it (`recognition.decision.accepted_risk`), and nothing if there is none.
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
         experts: names of `EXPERTS` that read (default: all).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
@@ -72,7 +70,7 @@ class ReaderSettings:
 
     Raises:
         FormatError: a format that no serial meets.
-        MarksError: a risk that the fitted scores do not cover.
+        MarksError: a risk that no sense keeps.
         ValueError: a number out of range.
     """
 
@@ -80,8 +78,7 @@ class ReaderSettings:
     format: str | Grammar | None = None
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
-    accept_confidence: float = USUAL_THRESHOLD
-    accept_risk: float | None = None
+    accept_risk: float = USUAL_RISK
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
     region: Region | None = None
@@ -96,11 +93,7 @@ class ReaderSettings:
         object.__setattr__(self, "fonts", fonts)
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
-        if not 0.0 <= self.accept_confidence <= 1.0:
-            raise ValueError(f"accept_confidence is {self.accept_confidence}; it lies between 0 and 1")
-        if self.accept_risk is not None:
-            for source in SOURCES:
-                score_of(source).threshold(self.accept_risk)
+        require_kept(check_risk(self.accept_risk))
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # a tuple of pairs, so that settings can be dictionary keys
@@ -117,12 +110,9 @@ class ReaderSettings:
         """Whether the templates of the named fonts are compared with the marks."""
         return bool(self.fonts) and "templates" in self.experts
 
-    def of(self, source: str) -> ReaderSettings:
-        """The settings for one source of readings, with an accepted risk replaced by its own threshold."""
-        if self.accept_risk is None:
-            return self
-        threshold = score_of(source).threshold(self.accept_risk)
-        return replace(self, accept_confidence=threshold, accept_risk=None)
+    def least_score(self, source: str) -> float:
+        """Least score from which a text of a source of readings counts as sure."""
+        return least_score(source, self.accept_risk)
 
     @cached_property
     def asked(self) -> Mapping[str, LineFormat]:

@@ -65,7 +65,7 @@ class TactileReader:
         Raises:
             FontError: a font cannot be loaded, or lacks characters that the format needs.
         """
-        self.settings = (settings if settings is not None else ReaderSettings()).of("tactile")
+        self.settings = settings if settings is not None else ReaderSettings()
         repertoire = Repertoire(self.settings)
         self.places, self.fonts, self.named = repertoire.places, repertoire.fonts, bool(self.settings.fonts)
         self.strokes_of = repertoire.strokes_of

@@ -19,6 +19,7 @@ from pipeline.benchmark.readers.own_reader import own_mode
 from pipeline.benchmark.readers.peers import open_peer
 from pipeline.benchmark.readers.plans import PLANS, TouchPlan, plan_mode
 from pipeline.common.settings import SettingsError
+from recognition.decision.accepted_risk import least_score, risk_findings
 from recognition.decision.decide import BROKEN, MEASURE_FLAGS, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice
@@ -69,17 +70,19 @@ def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Readi
     Args:
         whole: reading by all experts together.
         expert: name of the expert.
-        settings: thresholds and format.
+        settings: accepted risk and format.
     """
+    source, risk = whole.source, settings.accept_risk
     reading = Reading(
-        (), 0.0, source=whole.source, seconds=whole.seconds, threshold=settings.accept_confidence
+        (), 0.0, source=source, seconds=whole.seconds, accept_risk=risk, threshold=least_score(source, risk)
     )
     lattice = whole.trace.by_expert.get(expert)
     if lattice is None:
         return replace(reading, flags=ReadingFlag.NO_CHARACTERS)
     choice = choose(lattice, settings.grammar)
     reading = replace(reading, characters=tuple(characters_of(choice, lattice)))
-    reading = reading.with_confidence(score_of(whole.source).of_belief(choice.probability))
+    reading = reading.with_confidence(score_of(source).of_belief(choice.probability))
+    reading = reading.with_findings(*risk_findings(source, risk))
     return contracts_of_choice(reading, choice, settings.grammar)
 
 

@@ -21,6 +21,7 @@ from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.certificate_statistics import LEAST_PARTS, P_VALUE, KindOfParts, Shown
+from recognition.decision.risk_text import risk_in_words
 
 PROGRAM = "tactile-marks"
 
@@ -60,7 +61,7 @@ def render(template: str, **values: Any) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters.update(
-        percent=percent, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
+        percent=percent, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name, risk=risk_in_words,
         points=points, points_span=points_span, marked=mark_characters,
     )  # fmt: skip
     values |= {
