@@ -11,7 +11,6 @@ from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Wo
 from pipeline.cli.shared import Jobs, Positive
 from pipeline.common.texts import first_of
 from pipeline.workers.options import WorkerSettings
-from recognition.decision.risk_text import parse_risk, risk_in_words
 
 if TYPE_CHECKING:
     from pipeline.runs.certification import Certification
@@ -58,6 +57,8 @@ def certify(
         raise UsageError("certify: name the parts, as for read")
     if not 0.0 < confidence < 1.0:
         raise UsageError(f"certify: confidence is {confidence:g}", "it lies between 0 and 1")
+    from recognition.decision.risk_text import parse_risk, risk_in_words
+
     try:
         greatest_risk = parse_risk(risk)
     except ValueError as error:
@@ -111,6 +112,7 @@ def _print_tests(found: Certification, confidence: float) -> None:
 
 def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
     from pipeline.reading.certificate_statistics import parts_needed
+    from recognition.decision.risk_text import risk_in_words
 
     needed = parts_needed(risk, confidence=confidence)
     more = (
@@ -119,8 +121,8 @@ def _what_is_missing(found: Certification, risk: float, confidence: float) -> st
         else f"about {found.missing:,} more parts like these are missing"
     )
     return (
-        f"not certified: a risk of {risk_in_words(risk)} at {confidence:.0%} confidence takes {needed:,} accepted parts without "
-        f"a wrong one, or more with few wrong ones; {more}"
+        f"not certified: a risk of {risk_in_words(risk)} at {confidence:.0%} confidence takes {needed:,} accepted "
+        f"parts without a wrong one, or more with few wrong ones; {more}"
     )
 
 

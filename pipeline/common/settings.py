@@ -19,7 +19,6 @@ from pydantic.fields import FieldInfo
 from glyphs.errors import MarksError
 from pipeline.common.parsed import Strict, advice, json_of, shown
 from pipeline.common.texts import split_commas
-from recognition.decision.risk_text import USUAL_RISK, parse_risk
 
 
 class SettingsError(MarksError):
@@ -226,7 +225,11 @@ MOST_RULES, MOST_RULE_CHARS = 16, 2_000
 
 
 def _risk(value: Any) -> Any:
-    return parse_risk(value) if isinstance(value, str) else value
+    if not isinstance(value, str):
+        return value
+    from recognition.decision.risk_text import parse_risk
+
+    return parse_risk(value)
 
 
 def _few(value: Any) -> Any:
@@ -372,7 +375,7 @@ class ReadSettings(MapSettings):
     height=1.6". A part that breaks one is read all the same and goes to review."""
     min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
-    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = USUAL_RISK
+    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.001
     """Greatest share of wrong readings among those accepted: 0.001, 1/1000 or "1 in 1000". A sense that was not shown
     to keep it accepts nothing, and the part's messages say so. See certify for your own parts."""
     certificate: Path | None = None

@@ -12,7 +12,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from recognition.combine.fuse_lattices import contradict, fuse_lattices, lead_nats
-from recognition.decision.accepted_risk import least_score, risk_findings
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
@@ -22,6 +21,7 @@ from recognition.decision.reading_of_line import (
     contracts_of_choice,
     doubts_of_lines,
 )
+from recognition.decision.risk import least_score, risk_findings
 from recognition.decision.score import log_odds, score_of, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.combine.read_line import ReadLine, greatest_between, word_gaps
-from recognition.decision.accepted_risk import least_score, risk_findings
 from recognition.decision.decide import CHECK_FORMAT, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
+from recognition.decision.risk import least_score, risk_findings
 from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps
 from recognition.language.box import Box

@@ -13,9 +13,9 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
-from recognition.decision.accepted_risk import least_score, require_kept
 from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
+from recognition.decision.risk import least_score, require_kept
 from recognition.decision.risk_text import USUAL_RISK, check_risk
 from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
@@ -59,7 +59,7 @@ class ReaderSettings:
         height_mm: character height, if known.
         fidelity: fidelity with which the virtual array feels a height map.
         accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
-            was tested to keep it (`recognition.decision.accepted_risk`), and nothing if there is none.
+            was tested to keep it (`recognition.decision.risk`), and nothing if there is none.
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
         experts: names of `EXPERTS` that read (default: all).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
+from recognition.decision.risk import least_score
+from recognition.decision.risk_text import USUAL_RISK
 from recognition.decision.score import FITTED, SOURCES, Measure, Score, Term
-from recognition.senses.settings import ReaderSettings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -115,7 +116,7 @@ def _known(trial: Trial, generator: str, soil: str, *, kept_out: bool) -> KnownR
         severity=trial.severity or 0.0,
         kept_out=kept_out,
         measures={Measure(name): value for name, value in trial.measures.items()},
-        broken=trial.confidence >= ReaderSettings().accept_confidence and not trial.accepted,
+        broken=trial.confidence >= least_score(trial.mode, USUAL_RISK) and not trial.accepted,
     )
 
 
@@ -282,14 +283,12 @@ def thresholds(said: Floats) -> list[tuple[float, float]]:
     ]
 
 
-def main(
-    *benchmarks: Path, threshold: float = ReaderSettings().accept_confidence, write: bool = False
-) -> None:
+def main(*benchmarks: Path, risk: float = USUAL_RISK, write: bool = False) -> None:
     """Fit, print the tables, and keep the fit where it is to be written.
 
     Args:
         benchmarks: folders of benchmarks (--out), one a generator.
-        threshold: of acceptance.
+        risk: accepted risk, whose thresholds the tables are for.
         write: replace the fit that there is.
     """
     readings = [one for folder in benchmarks for one in known_readings(folder)]
@@ -302,7 +301,7 @@ def main(
             "terms": {name.name: asdict(term) for name, term in made.terms.items()},
             "thresholds": thresholds(together("", list(left_out(own, "soil"))).said),
         }
-        print("\n".join(tables(source, own, threshold=threshold)))
+        print("\n".join(tables(source, own, threshold=least_score(source, risk))))
         print(f"fitted: {made}\n")
     if write:
         known = [one for one in readings if not one.kept_out]

@@ -19,10 +19,10 @@ from pipeline.benchmark.readers.own_reader import own_mode
 from pipeline.benchmark.readers.peers import open_peer
 from pipeline.benchmark.readers.plans import PLANS, TouchPlan, plan_mode
 from pipeline.common.settings import SettingsError
-from recognition.decision.accepted_risk import least_score, risk_findings
 from recognition.decision.decide import BROKEN, MEASURE_FLAGS, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice
+from recognition.decision.risk import least_score, risk_findings
 from recognition.decision.score import SOURCES, Measure, score_of, with_score
 from recognition.language.constrained_decoding import choose
 from recognition.reader import Reader

@@ -50,10 +50,10 @@ def test_the_reader_is_given_the_rules() -> None:
 
 
 def test_the_readers_are_told_grammar_and_thresholds() -> None:
-    made = open_reader(ReadSettings(format=("AA99",), accept_confidence=0.5)).settings
+    made = open_reader(ReadSettings(format=("AA99",), accept_risk=0.005)).settings
     assert made.grammar is not None
     assert made.grammar.format == "AA99"
-    assert made.accept_confidence == 0.5
+    assert made.accept_risk == 0.005
     assert open_reader(ReadSettings()).settings.grammar is None
 
 

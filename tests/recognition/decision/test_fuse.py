@@ -14,11 +14,13 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from recognition.combine.fuse_lattices import fuse_lattices, lead_nats
+from recognition.decision import risk as room
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.fuse import fuse
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
+from recognition.decision.risk import risk_findings
 from recognition.decision.score import log_odds, with_score
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
@@ -74,7 +76,7 @@ def vision(
     choice = choose(placed, grammar)
     made = Reading(
         tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
-        threshold=settings.accept_confidence,
+        threshold=settings.least_score(source),
     )  # fmt: skip
     made = made.with_trace(lattice=placed, odds=log_odds(choice.probability))
     return contracts_of_choice(made, choice, grammar)
@@ -238,6 +240,23 @@ def test_one_sense_alone() -> None:
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
 
 
+def test_a_camera_that_does_not_keep_the_risk_is_accepted_only_with_touch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: None if source == "vision" else 0.5)
+    seen, words = (
+        vision(of_text("AB1234", 0.99999)),
+        "the camera cannot promise 1 in 1,000 (touch the part, or",
+    )
+    alone = fuse(touch(None), seen, SETTINGS)
+    assert (alone.text, alone.decision) == ("AB1234", Decision.REVIEW)
+    assert alone.messages()[0].startswith(words)
+    both = fuse(
+        touch(of_text("AB1234", 0.99999)), seen.with_findings(*risk_findings("vision", 0.001)), SETTINGS
+    )
+    assert (both.decision, both.messages()) == (Decision.ACCEPT, ())
+
+
 @pytest.mark.parametrize("text", ["AB1234", None])
 def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
     one = replace(touch(of_text(text, 0.999) if text else None), seconds=MappingProxyType({"read": 2.0}))
@@ -250,7 +269,9 @@ LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})
 
 def lines_of(reading: Reading, *others: OtherLine) -> Reading:
     """The reading with other lines, doubted as a sense by itself doubts them."""
-    return replace(reading, others=others).with_findings(*doubts_of_lines(others, LINES))
+    return replace(reading, others=others).with_findings(
+        *doubts_of_lines(others, LINES, source=reading.source)
+    )
 
 
 def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
@@ -302,7 +323,7 @@ def test_another_number_of_characters_is_another_text() -> None:
     assert read.text == "AB1234"
 
 
-BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5)
+BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_risk=0.05)
 """8 and H count alike in the check digit of a VIN."""
 VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recognition.combine.read_line import ReadLine, combine_looks, word_gaps
+from recognition.decision import risk as room
 from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters
@@ -28,7 +29,7 @@ LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0, turned_deg=2.
 @dataclass(frozen=True)
 class Rules:
     grammar: Grammar | None = None
-    accept_confidence: float = 0.9
+    accept_risk: float = 0.01
     asked: Mapping[str, LineFormat] = field(default_factory=dict)
 
 
@@ -74,6 +75,16 @@ def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
         shares = [c.probability for c in character.candidates]
         assert shares == sorted(shares, reverse=True)
         assert sum(shares) <= 1.0 + 1e-9
+
+
+def test_a_sense_that_does_not_keep_the_risk_accepts_nothing_and_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: None)
+    found = read(line_of("AB812", sure=0.9999999), source="vision")
+    assert (found.text, found.decision) == ("AB812", Decision.REVIEW)
+    assert found.messages()[0].startswith("the camera cannot promise 1 in 100 (allow 1 in ")
+    assert with_score(found).decision is Decision.REVIEW
 
 
 @given(

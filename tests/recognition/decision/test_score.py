@@ -29,7 +29,6 @@ from recognition.decision.score import (
 )
 from recognition.language.box import Box
 from recognition.marks.strokes import PlaceStrokes, RivalStrokes
-from recognition.senses.settings import ReaderSettings
 
 PLACE = CharacterReading((Candidate("A", 0.999, 0.999),), Box(0.0, 0.0, 1.0, 1.0))
 ODDS = Term(0.0, ((-12.0, -12.0), (12.0, 12.0)))
@@ -137,12 +136,3 @@ def test_a_smaller_risk_asks_for_a_higher_score(source: str) -> None:
     for nothing_known in (1e-7, 1.0):
         with pytest.raises(MarksError, match="was not tested"):
             fitted.threshold(nothing_known)
-
-
-def test_each_sense_has_its_own_threshold_for_a_risk() -> None:
-    given = ReaderSettings(accept_risk=0.005)
-    for source in SOURCES:
-        assert given.of(source).accept_confidence == score_of(source).threshold(0.005)
-    assert ReaderSettings().of("tactile") == ReaderSettings()
-    with pytest.raises(MarksError, match="was not tested"):
-        ReaderSettings(accept_risk=1e-7)

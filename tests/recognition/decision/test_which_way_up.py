@@ -24,7 +24,7 @@ from recognition.senses.settings import ReaderSettings
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view
 
-SURE = 0.99
+SURE = 0.99999
 
 
 def view_of(text: str, *, mirrored: bool = False) -> View:

@@ -24,7 +24,7 @@ _INSTEAD = {
 
 
 @cache
-def tested_threshold(source: str, risk: float) -> float | None:
+def threshold_of(source: str, risk: float) -> float | None:
     """Least score at which a source of readings keeps a risk; None if none was shown to."""
     try:
         return score_of(source).threshold(risk)
@@ -34,16 +34,16 @@ def tested_threshold(source: str, risk: float) -> float | None:
 
 def least_score(source: str, risk: float) -> float:
     """Least score from which a text counts as sure: the tested threshold, or 1 - risk if there is none."""
-    threshold = tested_threshold(source, risk)
+    threshold = threshold_of(source, risk)
     return 1.0 - risk if threshold is None else threshold
 
 
 def risk_findings(source: str, risk: float) -> tuple[Finding, ...]:
     """Report that a source of readings cannot keep a risk; empty if it can."""
-    if tested_threshold(source, risk) is not None:
+    if threshold_of(source, risk) is not None:
         return ()
     others = [other for other in ("tactile", "fused") if other != source]
-    helps = any(tested_threshold(other, risk) is not None for other in others)
+    helps = any(threshold_of(other, risk) is not None for other in others)
     steps = (_INSTEAD[source],) * helps + _larger_risk((source,))
     text = f"{SENSES[source]} {CANNOT_PROMISE} {risk_in_words(risk)}"
     return (Finding(ReadingFlag.RISK_NOT_KEPT, f"{text} ({', or '.join(steps)})" if steps else text),)
@@ -55,7 +55,7 @@ def require_kept(risk: float, sources: Sequence[str] = SOURCES) -> None:
     Raises:
         MarksError: none does, so that nothing would be accepted.
     """
-    if all(tested_threshold(source, risk) is None for source in sources):
+    if all(threshold_of(source, risk) is None for source in sources):
         subject = f"{SENSES[sources[0]]} cannot" if len(sources) == 1 else "no sense can"
         steps = (*_larger_risk(sources), "certify your own parts for less")
         raise MarksError(f"{subject} promise {risk_in_words(risk)}", hint=", and ".join(steps))
