@@ -111,7 +111,7 @@ def _print_tests(found: Certification, confidence: float) -> None:
 
 
 def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
-    from pipeline.reading.certificate_statistics import parts_needed
+    from pipeline.common.accepted_risk import parts_needed
     from recognition.decision.risk_text import risk_in_words
 
     needed = parts_needed(risk, confidence=confidence)

@@ -36,6 +36,28 @@ class Share:
         return self.count / self.total if self.total else 0.0
 
 
+def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, float]:
+    """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself.
+
+    Args:
+        count: number of cases.
+        total: number of trials; for 0 the bounds are 0 and 1.
+        confidence: confidence of each bound, between 0 and 1.
+
+    Raises:
+        ValueError: the count is below 0 or above the total, or the confidence does not lie between 0 and 1.
+    """
+    from scipy.special import betaincinv
+
+    if not 0 <= count <= total:
+        raise ValueError(f"{count} of {total} is not a share")
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"a confidence of {confidence} must lie between 0 and 1")
+    low = float(betaincinv(count, total - count + 1, 1.0 - confidence)) if count else 0.0
+    high = float(betaincinv(count + 1, total - count, confidence)) if count < total else 1.0
+    return low, high
+
+
 def share(count: int, total: int, *, exact: bool = False) -> Share:
     """A share with Wilson's 95 % interval, or the exact one; both assume independent trials.
 

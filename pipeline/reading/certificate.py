@@ -20,15 +20,12 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
+from pipeline.common.accepted_risk import ThresholdTest, proven_threshold
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
+from pipeline.common.shares import share_bounds
 from pipeline.common.version import differences, file_sha256, reader_versions
 from pipeline.errors import require_file
-from pipeline.reading.certificate_statistics import (
-    KindOfParts,
-    ThresholdTest,
-    certified_threshold,
-    share_bounds,
-)
+from pipeline.reading.certificate_statistics import KindOfParts
 from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.risk_text import risk_in_words
 
@@ -96,7 +93,7 @@ class Certificate:
                 f"the share of {self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}; "
                 f"it must not exceed the risk {risk_in_words(self.risk)}"
             )
-        chosen = certified_threshold(self.tests)
+        chosen = proven_threshold(self.tests)
         if chosen is None or chosen.threshold != self.threshold or chosen.accepted != self.accepted:
             raise ValueError(f"the threshold {self.threshold:g} is not the one that its tests certify")
 

@@ -16,6 +16,13 @@ from typing import Any, ClassVar
 
 from glyphs.compiling import show_compiling
 from glyphs.errors import FileError
+from pipeline.common.accepted_risk import (
+    THRESHOLDS,
+    ThresholdTest,
+    parts_missing,
+    proven_threshold,
+    threshold_tests,
+)
 from pipeline.common.job_file import files_of
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.texts import without_blanks
@@ -23,14 +30,7 @@ from pipeline.common.version import reader_versions
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
-from pipeline.reading.certificate_statistics import (
-    THRESHOLDS,
-    KindOfParts,
-    ThresholdTest,
-    certified_threshold,
-    parts_missing,
-    threshold_tests,
-)
+from pipeline.reading.certificate_statistics import KindOfParts
 from pipeline.reading.readers import open_reader, sources_of
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
@@ -137,7 +137,7 @@ def certify(
             thresholds=(*(t for t in THRESHOLDS if t > least), least),
         )
         certificate = missing = None
-        if (chosen := certified_threshold(tests)) is None:
+        if (chosen := proven_threshold(tests)) is None:
             missing = parts_missing(tests, len(read), risk=risk, confidence=confidence)
         else:
             sources = {r.source for r in accepted.values() if r.confidence >= chosen.threshold}

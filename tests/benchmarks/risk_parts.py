@@ -215,7 +215,10 @@ def kept_of(reading: Reading) -> dict[str, Any]:
                 "score": place.score,
                 "whole": place.whole,
                 "too_few_lines": place.too_few_lines,
-                "rivals": [(r.char, r.belief, r.margin, r.apart_heights, r.more_heights, r.hidden) for r in place.rivals],
+                "rivals": [
+                    (r.char, r.belief, r.margin, r.apart_heights, r.more_heights, r.hidden)
+                    for r in place.rivals
+                ],
             }
             for place in trace.strokes
         ],
@@ -277,7 +280,10 @@ def main(
         except MarksError as error:
             print(f"part {number}: {error}", flush=True)
             continue
-        kept |= {"format": "" if is_free else part.format, "seconds": (drawn - start, felt - drawn, seen - felt)}
+        kept |= {
+            "format": "" if is_free else part.format,
+            "seconds": (drawn - start, felt - drawn, seen - felt),
+        }
         kept["readings"] = {source: kept_of(reading) for source, reading in readings.items()}
         temporary = path.with_suffix(".tmp")
         temporary.write_bytes(pickle.dumps(kept))

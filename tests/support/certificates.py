@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.common.accepted_risk import proven_threshold, threshold_tests
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import reader_versions
 from pipeline.reading.certificate import Certificate, settings_described, write_certificate
-from pipeline.reading.certificate_statistics import KindOfParts, certified_threshold, threshold_tests
+from pipeline.reading.certificate_statistics import KindOfParts
 from recognition.decision.score import Measure
 
 
@@ -24,7 +25,7 @@ def measured(n: int, *, rough_um: float = 1.0, seed: int = 1) -> list[dict[Measu
 def a_certificate(settings: ReadSettings | None = None, **changed: Any) -> Certificate:
     """Of 40 parts, 30 of which were accepted from 0.99, none of them wrong."""
     tests = threshold_tests([0.992] * 30, [True] * 30, risk=0.1, confidence=0.95, thresholds=(0.999, 0.99))
-    chosen = certified_threshold(tests)
+    chosen = proven_threshold(tests)
     assert chosen is not None
     fields = {
         "made_at": datetime(2026, 1, 2, 3, 4, tzinfo=UTC),

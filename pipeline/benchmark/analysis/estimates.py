@@ -13,8 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.common.shares import CONFIDENCE_LEVEL, Share
-from pipeline.reading.certificate_statistics import share_bounds
+from pipeline.common.shares import CONFIDENCE_LEVEL, Share, share_bounds
 
 RESAMPLES = 2000
 _SEED = 20240229

@@ -15,12 +15,13 @@ from pipeline.benchmark.analysis.estimates import Estimate
 from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.accepted_risk import Shown
 from pipeline.common.output_paths import make_folder, write_json, write_table, write_text
 from pipeline.common.shares import Share
 from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 from pipeline.reading.certificate import Certificate
-from pipeline.reading.certificate_statistics import LEAST_PARTS, P_VALUE, KindOfParts, Shown
+from pipeline.reading.certificate_statistics import LEAST_PARTS, P_VALUE, KindOfParts
 from recognition.decision.risk_text import risk_in_words
 
 PROGRAM = "tactile-marks"

@@ -40,9 +40,9 @@ from pipeline.benchmark.report.page import render, versions, write_files
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
+from pipeline.common.accepted_risk import parts_needed
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
-from pipeline.reading.certificate_statistics import parts_needed
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
 from recognition.decision.score import Measure

@@ -43,7 +43,7 @@ def test_a_risk_is_a_number_or_a_share_in_words(text: str, risk: float) -> None:
     "text", ["", "often", "0", "1", "1 in 1", "1 in 0", "2/1", "-0.1", "nan", "1 in", "9" * 5000]
 )
 def test_what_is_no_risk_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="between 0 and 1, such as 0.001, 1/1000 or 1 in 1000"):
+    with pytest.raises(ValueError, match=r"between 0 and 1, such as 0\.001, 1/1000 or 1 in 1000"):
         parse_risk(text)
 
 

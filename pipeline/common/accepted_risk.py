@@ -1,0 +1,225 @@
+"""The threshold that keeps a risk: what share of the accepted readings is wrong, tested on readings with a known text.
+
+    most certain ----------------------> least certain
+    0.9999   0.999   0.99   0.98   0.97  ...
+    too few  shown   shown  not shown          the last threshold that was shown to hold is the one to use: 0.99
+
+The threshold is found as in "Learn then Test" (Angelopoulos, Bates, Candès, Jordan and Lei, arXiv:2110.01052): each
+threshold is a hypothesis "of what is accepted here, more than the risk is wrong", tested by the exact binomial (Clopper
+and Pearson 1934), from the strictest to the most lenient, up to the first that cannot be refuted. Tested in a sequence
+that was fixed beforehand, each may use the whole of 1 - confidence: no matter how many there are, the chance that one
+is chosen whose true risk is higher is at most 1 - confidence.
+
+Readings may belong to groups, such as generators of parts. Then a threshold must also keep `group_factor` times the
+risk in each group by itself: a hypothesis for each, all of which must be refuted, each at the whole of 1 - confidence.
+
+Two things are assumed: the parts are independent and like future parts, and less sure readings are not right more
+often. Thresholds that accept too few parts for any answer are skipped; only the number of parts decides this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.common.shares import share_bounds
+
+THRESHOLDS = (
+    0.9999, 0.9998, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.95, 0.94, 0.93, 0.92, 0.91,
+    0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5,
+)  # fmt: skip
+"""Scores from which readings may be accepted, strictest first; fixed before any part is read."""
+ALLOWED_WRONG = (2, 1, 0)
+"""Numbers of wrong readings at which the first tested threshold can still be shown to hold; the first number is used
+for which enough readings are accepted."""
+
+
+class Shown(StrEnum):
+    """The result of testing a threshold."""
+
+    YES = "shown"
+    NO = "not shown"
+    TOO_FEW = "too few"
+    NOT_TESTED = "not tested"
+
+
+@dataclass(frozen=True)
+class ThresholdTest:
+    """One threshold, tested.
+
+    Attributes:
+        threshold: least score for acceptance.
+        accepted: number of parts with at least this score.
+        wrong: number of these that were read wrong.
+        bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
+        shown: whether the risk is shown to hold here.
+    """
+
+    threshold: float
+    accepted: int
+    wrong: int
+    bound: float
+    shown: Shown
+
+
+def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
+    """Least number of accepted parts that proves the risk, with a given number of wrong ones among them.
+
+    Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %.
+
+    Raises:
+        ValueError: the risk or the confidence does not lie between 0 and 1.
+    """
+    from scipy.special import bdtrin
+
+    for name, value in (("risk", risk), ("confidence", confidence)):
+        if not 0.0 < value < 1.0:
+            raise ValueError(f"a {name} of {value} cannot be tested; it must lie between 0 and 1")
+    # the inverse is good to some 1e-8
+    return math.ceil(float(bdtrin(wrong, 1.0 - confidence, risk)) - 1e-7)
+
+
+def threshold_tests(
+    scores: Sequence[float],
+    right: Sequence[bool],
+    *,
+    risk: float,
+    confidence: float,
+    thresholds: Sequence[float] = THRESHOLDS,
+    groups: Sequence[str] = (),
+    group_factor: float = 5.0,
+) -> tuple[ThresholdTest, ...]:
+    """Test the thresholds in order, as the module describes; the last one shown to hold is the one to use.
+
+    Args:
+        scores: score of each reading that is accepted if it reaches the threshold.
+        right: whether each is right.
+        risk: largest share of wrong readings among the accepted.
+        confidence: confidence level of the tests.
+        thresholds: strictest first; chosen before any part is read.
+        groups: group of each reading, such as its generator; none for a single group.
+        group_factor: risk of each group by itself, as a multiple of `risk`.
+
+    Raises:
+        ValueError: the lengths differ, the risk or the confidence does not lie between 0 and 1, or the thresholds do
+            not fall.
+    """
+    values, wrong = np.asarray(scores, dtype=np.float64), ~np.asarray(right, dtype=bool)
+    if values.shape != wrong.shape or (groups and len(groups) != values.size):
+        raise ValueError(f"{values.size} scores for {wrong.size} readings of {len(groups)} groups")
+    if any(a <= b for a, b in pairwise(thresholds)):
+        raise ValueError("thresholds must fall, each once")
+    names = np.asarray(groups)
+    columns = [_Column(values, wrong, thresholds, risk, confidence)]
+    if group_factor * risk < 1.0:
+        columns += [
+            _Column(values[names == name], wrong[names == name], thresholds, group_factor * risk, confidence)
+            for name in dict.fromkeys(groups)
+        ]
+    tests, going = [], True
+    for k, threshold in enumerate(thresholds):
+        if any(column.too_few(k) for column in columns):
+            shown = Shown.TOO_FEW
+        elif not going:
+            shown = Shown.NOT_TESTED
+        else:
+            shown = Shown.YES if all(column.keeps(k) for column in columns) else Shown.NO
+            going = shown is Shown.YES
+        count, accepted = columns[0].counts[k]
+        tests.append(ThresholdTest(threshold, accepted, count, columns[0].bound(k), shown))
+    return tuple(tests)
+
+
+class _Column:
+    """Accepted and wrong readings of one group at each threshold, and the number of accepted that a test needs."""
+
+    def __init__(
+        self,
+        scores: NDArray[np.float64],
+        wrong: NDArray[np.bool_],
+        thresholds: Sequence[float],
+        risk: float,
+        confidence: float,
+    ) -> None:
+        accepted = [scores >= threshold for threshold in thresholds]
+        self.counts = [(int((wrong & over).sum()), int(over.sum())) for over in accepted]
+        most = max((total for _, total in self.counts), default=0)
+        needed = [parts_needed(risk, confidence=confidence, wrong=allowed) for allowed in ALLOWED_WRONG]
+        self.least = next((total for total in needed if total <= most), needed[-1])
+        self.risk, self.confidence = risk, confidence
+
+    def too_few(self, k: int) -> bool:
+        return self.counts[k][1] < self.least
+
+    def bound(self, k: int) -> float:
+        return share_bounds(*self.counts[k], confidence=self.confidence)[1]
+
+    def keeps(self, k: int) -> bool:
+        return self.bound(k) <= self.risk
+
+
+def proven_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
+    """The most lenient proven threshold; None without one."""
+    return next((test for test in reversed(tests) if test.shown is Shown.YES), None)
+
+
+def risk_thresholds(
+    scores: Sequence[float],
+    right: Sequence[bool],
+    risks: Sequence[float],
+    *,
+    confidence: float,
+    thresholds: Sequence[float] = THRESHOLDS,
+    groups: Sequence[str] = (),
+) -> Mapping[float, ThresholdTest]:
+    """Find the proven threshold of each risk; a risk that no threshold is shown to keep has none.
+
+    Args:
+        scores: score of each reading that breaks no contract.
+        right: whether each is right.
+        risks: risks, each tested by itself.
+        confidence: confidence level of the tests.
+        thresholds: strictest first; chosen before any part is read.
+        groups: group of each reading, see `threshold_tests`.
+    """
+    found = {
+        risk: proven_threshold(
+            threshold_tests(
+                scores, right, risk=risk, confidence=confidence, thresholds=thresholds, groups=groups
+            )
+        )
+        for risk in risks
+    }
+    return {risk: test for risk, test in found.items() if test is not None}
+
+
+def parts_missing(
+    tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float, most_wrong: int = 10_000
+) -> int | None:
+    """Estimate how many more parts would show the risk to hold at some threshold; None if no number would.
+
+    The estimate assumes the same shares of accepted and of wrong readings among further parts.
+
+    Args:
+        tests: tests on the present parts.
+        parts: number of these parts, accepted or not.
+        risk: largest share of wrong readings among the accepted.
+        confidence: confidence level of the tests.
+        most_wrong: number of wrong readings at which the search ends.
+    """
+    totals = []
+    for test in tests:
+        if not test.accepted or test.wrong / test.accepted >= risk:
+            continue
+        for wrong in range(test.wrong, most_wrong):
+            times = parts_needed(risk, confidence=confidence, wrong=wrong) / test.accepted
+            if test.wrong * times <= wrong:
+                totals.append(math.ceil(parts * times))
+                break
+    return max(1, min(totals) - parts) if totals else None
