@@ -94,7 +94,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         ({"height_mm": 2.5}, {}),
         ({"face": "round"}, KNOWN),
         ({"text": "AB 123"}, {"format": "AA 999", "height_mm": 5.0}),
-        ({"text": "AB 123"}, {"format": None, "height_mm": 5.0}),
+        ({"text": "AB 123"}, {"format": None, "height_mm": 5.0, "accept_risk": 0.01}),
         ({}, {"fonts": ()}),
         ({}, {"fidelity": Fidelity.POINTWISE, **KNOWN}),
     ],

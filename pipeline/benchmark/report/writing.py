@@ -124,7 +124,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
 
 def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
     """All figures; only those under "times" differ from run to run."""
-    names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability")
+    names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability", "at_risk")
     return {
         "benchmark": benchmark.description(),
         "versions": versions(),

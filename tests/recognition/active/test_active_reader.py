@@ -132,7 +132,7 @@ def test_what_no_look_sees_is_read_all_the_same(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_text_after_others_must_be_surer() -> None:
-    trust, sure = Trust(0.98), replace(read().reading, confidence=0.985)
+    trust, sure = Trust(0.98), replace(read().reading, confidence=0.985, threshold=0.98)
     assert trust.accepts(sure)
     assert not trust.accepts(replace(sure, confidence=0.97))
     other = replace(sure, confidence=0.6, characters=sure.characters[::-1])
