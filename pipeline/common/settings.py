@@ -394,6 +394,22 @@ class ReadSettings(MapSettings):
         return self.region is not None or any(line.region is not None for line in lines)
 
     @property
+    def sources(self) -> tuple[str, ...]:
+        """Sources of the readings that the mode may give."""
+        return ("tactile", "vision", "fused") if self.mode == "auto" else (self.mode,)
+
+    def check_accept_risk(self) -> None:
+        """Check that a sense keeps the accepted risk, if one was set.
+
+        Raises:
+            MarksError: none does, so that nothing would be accepted.
+        """
+        if "accept_risk" in self.model_fields_set:
+            from recognition.decision.risk import require_kept  # slow
+
+            require_kept(self.accept_risk, self.sources)
+
+    @property
     def touch_budget_s(self) -> float | None:
         """Most stage seconds of active touch; None for the whole plan."""
         return self.budget_s if self.active else None

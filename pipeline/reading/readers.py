@@ -11,8 +11,6 @@ from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
-from recognition.decision.risk import require_kept
-from recognition.decision.score import SOURCES
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
@@ -62,8 +60,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         SettingsError: settings contradict each other.
         ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
-    if "accept_risk" in settings.model_fields_set:
-        require_kept(settings.accept_risk, sources_of(settings))
+    settings.check_accept_risk()
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),
@@ -77,11 +74,6 @@ def open_reader(settings: ReadSettings) -> Reader:
         orientation=Orientation(settings.orientation),
         accept_risk=settings.accept_risk,
     )
-
-
-def sources_of(settings: ReadSettings) -> tuple[str, ...]:
-    """Sources of readings that a mode may give."""
-    return SOURCES if settings.mode == "auto" else (settings.mode,)
 
 
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:

@@ -31,7 +31,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.certificate_statistics import KindOfParts
-from pipeline.reading.readers import open_reader, sources_of
+from pipeline.reading.readers import open_reader
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
 from pipeline.runs.production import parts_for
@@ -116,7 +116,7 @@ def certify(
             hint="certify the parts of each format separately, with --format and --font",
         )
     open_reader(settings)  # refuse invalid settings before anything is read
-    least = min(least_score(source, settings.accept_risk) for source in sources_of(settings))
+    least = min(least_score(source, settings.accept_risk) for source in settings.sources)
     description = {
         "settings": settings_described(settings),
         "mode": settings.mode,

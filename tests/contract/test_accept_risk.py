@@ -59,6 +59,8 @@ def test_a_risk_that_no_sense_keeps_is_refused_before_anything_is_read(
     assert "no sense can promise 1 in 100,000,000; allow 1 in " in ended.err
     assert len(ended.err.splitlines()) == 1
     assert not Path("t.jsonl").exists()
+    served = command("serve", "--accept-risk", "1 in 100,000,000", "--tokens", "off", "--port", "0")
+    assert (served.status, served.err) == (2, ended.err)
     with pytest.raises(MarksError, match="no sense can promise"):
         read(height_map, accept_risk=1e-8)
 
