@@ -1,23 +1,22 @@
 """Combine the posteriors of touch and camera, place by place.
 
-    p(c) ~ touch'(c) camera'(c)        log-likelihood ratios add
-    s'(c) = (1 - e) s(c) + e g         g: a guess, even over the characters that a sense has not ruled out
+    log p(c) = w_touch log l_touch(c) + w_camera log l_camera(c)        up to a constant
 
-A sense is misled on a part with the probability e: dirt or light show it something else, and its posteriors say
-nothing, however sure they are. So e limits what a place can say for a character: at 0.3 the camera adds 4 nats at most,
-at 1 nothing, and both senses misled by the same dirt cannot add up to certainty. What a sense has not read is spread
-over all characters as well: a sense that sees nothing has no weight. A character that touch rules out stays out. The
-camera rules out only what its format does, and the format acts later.
+l(c) is a sense's probability of a character relative to a guess. What a sense has not read is spread over all
+characters, so a sense that sees nothing has no weight: l is 1. A character that touch rules out stays out. The camera
+rules out only what its format does, and the format acts later.
 
-The probabilities e, and what they depend on, are in `fuse_lattices.fit.json`; `python tests/benchmarks/fit_score.py`
-fits them.
+The weight of the camera is below 1, for the dirt that leaves touch in doubt misleads it, too: two senses that see the
+same dirt do not add up as two that err independently. Weights are in `fuse_lattices.fit.json`; `python
+tests/benchmarks/fit_score.py` fits them: a conditional logit of the true character of each place. It also shows that
+contrast, roughness, cover and sureness of a sense change its weight by nothing that holds on another generator: what a
+sense knows of its own quality is in its posteriors.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -32,36 +31,26 @@ FITTED = Path(__file__).with_name("fuse_lattices.fit.json")
 
 
 @dataclass(frozen=True)
-class Misled:
-    """Probability that the posteriors of a sense say nothing about a part: a logistic curve of its sureness.
+class FusionWeights:
+    """Weights of the log-likelihood ratios of both senses, 0 or more."""
 
-    Attributes:
-        bias: log odds at a sureness of 0.
-        slope: log odds per nat of sureness (`sureness`).
-    """
-
-    bias: float
-    slope: float
-
-    def probability(self, lattice: Lattice) -> float:
-        """Probability for a part with these posteriors."""
-        return float(1.0 / (1.0 + math.exp(-(self.bias + self.slope * sureness(lattice)))))
+    touch: float
+    camera: float
 
 
 @cache
-def misled() -> Mapping[str, Misled]:
-    """Load the fitted curves of the senses, "touch" and "camera"."""
-    fitted = json.loads(FITTED.read_text(encoding="utf-8"))["misled"]
-    return {sense: Misled(**values) for sense, values in fitted.items()}
+def fitted_weights() -> FusionWeights:
+    """Load the fitted weights."""
+    return FusionWeights(**json.loads(FITTED.read_text(encoding="utf-8"))["weights"])
 
 
-def fuse_lattices(touch: Lattice, camera: Lattice, *, curves: Mapping[str, Misled] | None = None) -> Lattice:
+def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | None = None) -> Lattice:
     """Combine the posteriors of both senses at the places of touch.
 
     Args:
         touch: posteriors; its places and boxes are the outcome's.
         camera: posteriors of as many places.
-        curves: probability that "touch" and "camera" are misled; None for the fitted curves.
+        weights: None for the fitted weights.
 
     Returns:
         Posteriors over the characters of either. What neither has read is "nothing readable".
@@ -71,35 +60,19 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, curves: Mapping[str, Misle
     """
     if touch.n_places != camera.n_places:
         raise ValueError(f"{touch.n_places} and {camera.n_places} places cannot be the same ones")
-    curves = misled() if curves is None else curves
+    weights = fitted_weights() if weights is None else weights
     chars = (*touch.chars, *(c for c in camera.chars if c not in touch.chars))
+    (felt, felt_read), (seen, seen_read) = (
+        relative_likelihood(lattice, chars) for lattice in (touch, camera)
+    )
     possible = possible_characters(touch, chars)
     # of a place that touch has not read it has ruled out nothing
     possible |= ~possible.any(axis=1, keepdims=True)
-    log, unread = np.zeros(possible.shape), np.ones(touch.n_places)
-    for lattice, curve in ((touch, curves["touch"]), (camera, curves["camera"])):
-        relative, read = relative_likelihood(lattice, chars)
-        nothing = curve.probability(lattice)
-        log += np.log((1.0 - nothing) * relative + nothing)
-        unread *= 1.0 - read
-    log = np.where(possible, log, -np.inf)
+    read = 1.0 - (1.0 - felt_read) * (1.0 - seen_read)
     with np.errstate(divide="ignore"):
-        log += np.log1p(-unread)[:, None] - np.logaddexp.reduce(log, axis=1)[:, None]
+        log = np.where(possible, weights.touch * np.log(felt) + weights.camera * np.log(seen), -np.inf)
+        log += np.log(read)[:, None] - np.logaddexp.reduce(log, axis=1)[:, None]
     return Lattice(chars, np.minimum(log, 0.0), boxes=touch.boxes)
-
-
-def sureness(lattice: Lattice, *, most_nats: float = 9.0) -> float:
-    """Mean log ratio of the best to the second best character of a place, nats; 0 without places.
-
-    Args:
-        lattice: posteriors of a sense.
-        most_nats: greatest ratio of one place; the experts are never surer (`combine_experts`).
-    """
-    if not lattice.n_places:
-        return 0.0
-    relative, _ = relative_likelihood(lattice, lattice.chars)
-    second, best = np.sort(relative, axis=1)[:, -2:].T if len(lattice.chars) > 1 else (relative[:, 0],) * 2
-    return float(np.log(best / second).clip(0.0, most_nats).mean())
 
 
 def contradict(touch: Lattice, camera: Lattice, *, sure: float = 0.97) -> bool:

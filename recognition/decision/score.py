@@ -339,6 +339,16 @@ def score_of(source: str) -> Score:
     return Score(source, fitted["bias"], MappingProxyType(terms), thresholds)
 
 
+def scored_as(reading: Reading) -> str:
+    """Source whose score and threshold apply: a part that only one sense has read is scored as one of that sense."""
+    touch, vision = reading.trace.touch, reading.trace.vision
+    if touch is None or vision is None:
+        return reading.source
+    if not touch.characters:
+        return "vision"
+    return "fused" if len(vision.characters) == len(touch.characters) else "tactile"
+
+
 def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
     """Add the score to a reading; explanations of a low score are dropped from an accepted one.
 
@@ -349,7 +359,7 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     if not reading.characters:
         return reading
     measures = {name: value for name, value in measures_of(reading).items() if name not in without}
-    scored = replace(reading, confidence=score_of(reading.source).probability(measures))
+    scored = reading.with_confidence(score_of(scored_as(reading)).probability(measures))
     if scored.threshold is None or scored.confidence >= scored.threshold:
         return scored.without_flags(EXPLANATIONS)
     return replace(scored, flags=scored.flags | ReadingFlag.LOW_CONFIDENCE)

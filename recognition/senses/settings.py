@@ -16,7 +16,7 @@ from glyphs.surface.display import one_line
 from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.decide import USUAL_THRESHOLD
 from recognition.decision.depth_rules import DepthRule
-from recognition.decision.score import SOURCES, score_of
+from recognition.decision.score import score_of
 from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
@@ -72,7 +72,6 @@ class ReaderSettings:
 
     Raises:
         FormatError: a format that no serial meets.
-        MarksError: a risk that the fitted scores do not cover.
         ValueError: a number out of range.
     """
 
@@ -98,9 +97,8 @@ class ReaderSettings:
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
         if not 0.0 <= self.accept_confidence <= 1.0:
             raise ValueError(f"accept_confidence is {self.accept_confidence}; it lies between 0 and 1")
-        if self.accept_risk is not None:
-            for source in SOURCES:
-                score_of(source).threshold(self.accept_risk)
+        if self.accept_risk is not None and not 0.0 < self.accept_risk < 1.0:
+            raise ValueError(f"accept_risk is {self.accept_risk}; it lies between 0 and 1")
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # a tuple of pairs, so that settings can be dictionary keys

@@ -35,7 +35,14 @@ from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
 from pipeline.common.shares import CONFIDENCE_LEVEL, Share
 from recognition.combine import fuse_lattices as fusion
-from recognition.combine.fuse_lattices import Misled, contradict, fuse_lattices, lead_nats
+from recognition.combine.fuse_lattices import (
+    FusionWeights,
+    contradict,
+    fuse_lattices,
+    lead_nats,
+    possible_characters,
+    relative_likelihood,
+)
 from recognition.decision import score as scoring
 from recognition.decision.decide import USUAL_THRESHOLD
 from recognition.decision.score import SOURCES, Measure, RiskThreshold, Score, Term, odds_text, text_measures
@@ -89,7 +96,7 @@ class KnownReading:
 class Fit:
     """Fusion and scores, fitted to some parts."""
 
-    curves: Mapping[str, Misled]
+    weights: FusionWeights
     scores: Mapping[str, Score]
 
 
@@ -99,12 +106,12 @@ def fit(parts: Sequence[KeptPart]) -> Fit:
     Raises:
         ValueError: a source has no wrong readings, or no right ones.
     """
-    curves, scores = fit_fusion(parts), {}
+    weights, scores = fit_fusion(parts), {}
     for source in SOURCES:
-        readings = [read(part, source, Fit(curves, scores)) for part in parts]
+        readings = [read(part, source, Fit(weights, scores)) for part in parts]
         own = [reading for reading in readings if reading is not None and reading.source == source]
         scores[source] = fit_score(source, own)
-    return Fit(curves, scores)
+    return Fit(weights, scores)
 
 
 def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
@@ -113,7 +120,7 @@ def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
     Args:
         part: the part.
         source: one of `SOURCES`.
-        fitted: of both senses together the curves are used, and the scores of the senses, which must not be sure of
+        fitted: of both senses together the weights are used, and the scores of the senses, which must not be sure of
             different texts.
     """
     touch, camera = (part.readings[sense] for sense in ("tactile", "vision"))
@@ -124,15 +131,14 @@ def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
     if camera.lattice is None or camera.lattice.n_places != touch.lattice.n_places:
         alone = _by_sense(part, "tactile")
         return alone and replace(alone, broken=alone.broken or disagree(part, alone.text, fitted.scores))
-    lattice = fuse_lattices(touch.lattice, camera.lattice, curves=fitted.curves)
-    count_probability = max(touch.count_probability, camera.count_probability)
+    lattice = fuse_lattices(touch.lattice, camera.lattice, weights=fitted.weights)
     own = part.readings["fused"]
     return KnownReading(
         part,
         "fused",
         lattice.text,
         own.broken or disagree(part, lattice.text, fitted.scores),
-        {**own.measures, **_text_measures(lattice, count_probability, part)},
+        {**own.measures, **_text_measures(lattice, touch.count_probability, part)},
     )
 
 
@@ -177,54 +183,72 @@ def disagree(part: KeptPart, text: str, scores: Mapping[str, Score], *, ratio: f
     return first.n_places == second.n_places and contradict(first, second)
 
 
-def fit_fusion(parts: Sequence[KeptPart]) -> dict[str, Misled]:
-    """Fit the probability that each sense is misled: a conditional logit of the true characters."""
-    places = [place for part in parts if (place := _places(part)) is not None]
-    relative = [np.concatenate([place[sense] for place in places]) for sense in (0, 1)]
-    sure = [np.concatenate([place[sense] for place in places]) for sense in (2, 3)]
-    possible, truth = (np.concatenate([place[k] for place in places]) for k in (4, 5))
-    rows = np.arange(truth.size)
+def fit_fusion(parts: Sequence[KeptPart]) -> FusionWeights:
+    """Fit the weights of both senses: a conditional logit of the true characters."""
+    places = FusionPlaces.of(parts)
+    return FusionWeights(*(round(float(weight), 4) for weight in places.fit(np.ones((places.truth.size, 0)))))
 
-    def cost(values: Floats) -> tuple[float, Floats]:
-        log, slopes = np.zeros(possible.shape), []
-        for k in (0, 1):
-            nothing = 1.0 / (1.0 + np.exp(-(values[2 * k] + values[2 * k + 1] * sure[k])))
-            mixed = (1.0 - nothing)[:, None] * relative[k] + nothing[:, None]
-            log += np.log(mixed)
-            slopes.append((nothing * (1.0 - nothing))[:, None] * (1.0 - relative[k]) / mixed)
-        log = np.where(possible, log, -np.inf)
-        total = np.logaddexp.reduce(log, axis=1)
+
+@dataclass(frozen=True, eq=False)
+class FusionPlaces:
+    """Places that both senses have read, of parts of which both have found as many places as there are.
+
+    Attributes:
+        logs: (2, n, characters) log-likelihood ratio of each character by touch and by camera.
+        truth: (n,) index of the true character.
+        part: (n,) index of the part.
+    """
+
+    logs: Floats
+    truth: NDArray[np.intp]
+    part: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, parts: Sequence[KeptPart]) -> FusionPlaces:
+        """Collect the places of parts; those whose true character touch has ruled out cannot be mended."""
+        logs, truths, indices = [], [], []
+        for index, part in enumerate(parts):
+            touch, camera = (part.readings[sense].lattice for sense in ("tactile", "vision"))
+            if touch is None or camera is None or not touch.n_places == camera.n_places == len(part.text):
+                continue
+            truth = np.array([touch.chars.index(char) for char in part.text])
+            possible = possible_characters(touch, touch.chars)
+            known = possible[np.arange(truth.size), truth]
+            felt, seen = (relative_likelihood(lattice, touch.chars)[0] for lattice in (touch, camera))
+            log = np.log(np.stack([np.where(possible, felt, 1e-300), seen]))
+            logs.append(log[:, known])
+            truths.append(truth[known])
+            indices.append(np.full(int(known.sum()), index))
+        return cls(np.concatenate(logs, axis=1), np.concatenate(truths), np.concatenate(indices))
+
+    def loss(self, weights: Floats, qualities: Floats) -> tuple[Floats, Floats]:
+        """(n,) negative log-likelihoods of the true characters, and their gradients (n, weights).
+
+        Args:
+            weights: of touch, of the camera, and log factors of either per unit of each quality.
+            qualities: (n, k) qualities; each multiplies both weights by its own factor.
+        """
+        factors = weights[2:].reshape(2, -1)
+        scaled = weights[:2, None] * np.exp(factors @ qualities.T)
+        log = (scaled[:, :, None] * self.logs).sum(axis=0)
+        total, rows = np.logaddexp.reduce(log, axis=1), np.arange(self.truth.size)
         posterior = np.exp(log - total[:, None])
-        gradient = []
-        for k, slope in enumerate(slopes):
-            each = (posterior * slope).sum(axis=1) - slope[rows, truth]
-            gradient += [each.sum(), (each * sure[k]).sum()]
-        pull = FUSION_HOLD * (values - FUSION_START)
-        value = float((total - log[rows, truth]).sum() + 0.5 * pull @ (values - FUSION_START))
-        return value, np.array(gradient) + pull
+        by_scaled = (posterior * self.logs).sum(axis=2) - self.logs[:, rows, self.truth]
+        by_weight = by_scaled * scaled / weights[:2, None]
+        by_factor = (by_scaled * scaled)[:, :, None] * qualities
+        gradient = np.concatenate([by_weight.T, by_factor.transpose(1, 0, 2).reshape(rows.size, -1)], axis=1)
+        return total - log[rows, self.truth], gradient
 
-    found = minimize(cost, FUSION_START, jac=True, method="L-BFGS-B").x.round(4)
-    return {"touch": Misled(*map(float, found[:2])), "camera": Misled(*map(float, found[2:]))}
+    def fit(self, qualities: Floats) -> Floats:
+        """Fit the weights, see `loss`."""
 
+        def cost(weights: Floats) -> tuple[float, Floats]:
+            loss, gradient = self.loss(weights, qualities)
+            return float(loss.sum()), gradient.sum(axis=0)
 
-FUSION_START = np.array([-6.0, 0.0, -2.0, 0.0])
-"""Log odds and slope of `Misled` of touch and of the camera, to which the penalty pulls."""
-FUSION_HOLD = np.array([0.1, 1.0, 0.1, 1.0])
-"""Weights of that penalty."""
-
-
-def _places(part: KeptPart) -> tuple[NDArray[Any], ...] | None:
-    """Of each place what both senses say, how sure they are, what touch allows, and the true character."""
-    touch, camera = (part.readings[sense].lattice for sense in ("tactile", "vision"))
-    if touch is None or camera is None or not touch.n_places == camera.n_places == len(part.text):
-        return None
-    truth = np.array([touch.chars.index(char) for char in part.text])
-    possible = fusion.possible_characters(touch, touch.chars)
-    if not possible[np.arange(truth.size), truth].all():
-        return None
-    relative = [fusion.relative_likelihood(lattice, touch.chars)[0] for lattice in (touch, camera)]
-    sure = [np.full(truth.size, fusion.sureness(lattice)) for lattice in (touch, camera)]
-    return (*relative, *sure, possible, truth)
+        factors = 2 * qualities.shape[1]
+        start, bounds = np.r_[1.0, 0.5, np.zeros(factors)], [(0.01, 3.0)] * 2 + [(-1.0, 1.0)] * factors
+        return np.asarray(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
 @dataclass(frozen=True)
@@ -323,7 +347,7 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
     return judged
 
 
-def test_risks(judged: Sequence[Judged]) -> dict[str, Mapping[float, ThresholdTest]]:
+def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, ThresholdTest]]:
     """Thresholds of each source, tested on readings that break no contract, in all generators and in each."""
     found = {}
     for source in SOURCES:
@@ -449,7 +473,7 @@ def main(kept: Path = KEPT, *, write: bool = False) -> None:
     """
     parts = load(kept)
     judged = judge(parts, lambda part: part.generator)
-    thresholds = test_risks(judged)
+    thresholds = find_thresholds(judged)
     fitted = fit(parts)
     print("\n".join(risk_table(judged, thresholds)), end="\n\n")
     for risk in (0.02, 0.01):
@@ -460,9 +484,7 @@ def main(kept: Path = KEPT, *, write: bool = False) -> None:
     print(fitted)
     if write:
         _write(scoring.FITTED, {"parts": len(parts), "scores": _scores(fitted, thresholds)})
-        _write(
-            fusion.FITTED, {"parts": len(parts), "misled": {k: asdict(v) for k, v in fitted.curves.items()}}
-        )
+        _write(fusion.FITTED, {"parts": len(parts), "weights": asdict(fitted.weights)})
 
 
 def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
