@@ -22,7 +22,7 @@ from recognition.decision.reading_of_line import (
     doubts_of_lines,
 )
 from recognition.decision.risk import least_score, risk_findings
-from recognition.decision.score import log_odds, score_of, with_score
+from recognition.decision.score import log_odds, score_of, scored_as, share, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
 from recognition.language.constrained_decoding import choose
@@ -56,17 +56,15 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
     reading = _fuse_lines(touch, vision, settings)
     trace = ReadingTrace(
         touch=touch, vision=vision, photo=vision.trace.photo, strokes=reading.trace.strokes,
-        evidence=reading.trace.evidence, odds=_odds_of(touch, reading.text), camera_odds=_odds_of(vision, reading.text),
+        evidence=reading.trace.evidence, odds=reading.trace.odds,
     )  # fmt: skip
-    # the score of a text by the camera alone is the camera's, and so is its threshold
-    scored_as, risk = "fused" if trace.odds is not None else "vision", settings.accept_risk
     reading = replace(
-        reading.without_flags(ReadingFlag.RISK_NOT_KEPT), source="fused", photos=vision.photos, trace=trace,
-        accept_risk=risk, threshold=least_score(scored_as, risk),
-    )  # fmt: skip
-    untested = risk_findings(scored_as, risk) if reading.characters else ()
-    doubts = (*untested, *disagreement(touch, vision, plain_text(reading)))
-    reading = with_score(reading).with_findings(*doubts)
+        reading.without_flags(ReadingFlag.RISK_NOT_KEPT), source="fused", photos=vision.photos, trace=trace
+    )
+    source, risk = scored_as(reading), settings.accept_risk
+    reading = with_score(replace(reading, accept_risk=risk, threshold=least_score(source, risk)))
+    untested = risk_findings(source, risk) if reading.characters else ()
+    reading = reading.with_findings(*untested, *disagreement(touch, vision, plain_text(reading)))
     # a photograph without a scale has a frame of its own
     codes = vision.codes if vision.unit == reading.unit else [replace(c, corners=()) for c in vision.codes]
     return checked_by_codes(reading, codes)
@@ -132,17 +130,12 @@ def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tup
     return trace.open_lattice.text, log_odds(probability)
 
 
-def _odds_of(reading: Reading, text: str) -> float | None:
-    """Log odds of a text by one sense; None if it has read nothing, or another number of characters."""
-    lattice, plain = reading.trace.lattice, "".join(text.split())
-    if lattice is None or not reading.characters or lattice.n_places != len(plain):
-        return None
-    if not set(plain) <= set(lattice.chars):
-        return -math.inf
-    logs = (lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(plain))
-    odds, own = log_odds(math.exp(sum(logs))), reading.trace.odds
-    # without a format the number of characters is uncertain too; the reading's own odds include that
-    return odds if own is None or plain_text(reading) != plain else min(odds, own)
+def _count_probability(reading: Reading) -> float:
+    """Probability that a sense has counted the places right: that of the text with it, divided by that without."""
+    odds, choice = reading.trace.odds, reading.trace.choice
+    if odds is None or choice is None or not choice.probability:
+        return 1.0
+    return min(1.0, share(odds) / choice.probability)
 
 
 def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Reading:
@@ -184,7 +177,8 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
     made = contracts_of_choice(made, choice, settings.grammar)
-    return add_stroke_findings(made.with_trace(choice=choice, laid=laid, strokes=strokes))
+    odds = log_odds(choice.probability * _count_probability(tactile))
+    return add_stroke_findings(made.with_trace(choice=choice, laid=laid, strokes=strokes, odds=odds))
 
 
 def fused_lattice(touch: Reading, vision: Reading, *, before_format: bool = False) -> Lattice | None:

@@ -80,15 +80,6 @@ class CharacterReading:
         """Probability of the best candidate."""
         return self.candidates[0].probability
 
-    def at_least(self, probability: float) -> CharacterReading:
-        """The same place with at least this probability of its best candidate; the others share what is left."""
-        first, *others = self.candidates
-        if first.probability >= probability:
-            return self
-        left = (1.0 - probability) / (1.0 - first.probability)
-        fewer = (replace(other, probability=left * other.probability) for other in others)
-        return replace(self, candidates=(replace(first, probability=probability), *fewer))
-
     @property
     def margin(self) -> float:
         """Probability of the first candidate minus that of the second."""
@@ -126,9 +117,7 @@ class ReadingTrace:
         lattice: posteriors of the places, of the characters that the format allows at each; None for a fused reading.
         open_lattice: posteriors without the format; None where they were not computed.
         choice: the best text that the format allows, and its rivals.
-        odds: log odds of the text by recogniser, templates and format; of a fused reading those of touch; None where no
-            text was read.
-        camera_odds: log odds of the text of a fused reading by the camera; None where it has read nothing.
+        odds: log odds of the text by recogniser, templates and format; None where no text was read.
         evidence: log probability of all texts that the format allows; None where it was not computed.
         scan: the scan.
         height_map: the levelled height map.
@@ -148,7 +137,6 @@ class ReadingTrace:
     open_lattice: Lattice | None = None
     choice: Choice | None = None
     odds: float | None = None
-    camera_odds: float | None = None
     evidence: float | None = None
     scan: Scan | None = None
     height_map: HeightMap | None = None
@@ -306,9 +294,10 @@ class Reading:
         return figure
 
     def with_confidence(self, confidence: float) -> Reading:
-        """The same reading with this confidence; no place is less sure than the whole text, of which it is a part."""
-        places = tuple(character.at_least(confidence) for character in self.characters)
-        return replace(self, confidence=confidence, characters=places)
+        """The same reading with this confidence, or with that of its least sure place if that is lower."""
+        return replace(
+            self, confidence=min(confidence, *(place.confidence for place in self.characters), 1.0)
+        )
 
     def with_trace(self, **fields: Any) -> Reading:
         """The same reading, with these fields of its trace."""

@@ -12,10 +12,8 @@ from functools import cache
 from glyphs.errors import MarksError
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.risk_text import CANNOT_PROMISE, risk_in_words
-from recognition.decision.score import SOURCES, score_of
+from recognition.decision.score import SENSE_NAMES, SOURCES, RiskError, score_of
 
-SENSES = {"tactile": "touch", "vision": "the camera", "fused": "touch and camera together"}
-"""The source of a reading in words."""
 _INSTEAD = {
     "tactile": "photograph the part as well",
     "vision": "touch the part",
@@ -28,7 +26,7 @@ def threshold_of(source: str, risk: float) -> float | None:
     """Least score at which a source of readings keeps a risk; None if none was shown to."""
     try:
         return score_of(source).threshold(risk)
-    except MarksError:
+    except RiskError:
         return None
 
 
@@ -45,7 +43,7 @@ def risk_findings(source: str, risk: float) -> tuple[Finding, ...]:
     others = [other for other in ("tactile", "fused") if other != source]
     helps = any(threshold_of(other, risk) is not None for other in others)
     steps = (_INSTEAD[source],) * helps + _larger_risk((source,))
-    text = f"{SENSES[source]} {CANNOT_PROMISE} {risk_in_words(risk)}"
+    text = f"{SENSE_NAMES[source]} {CANNOT_PROMISE} {risk_in_words(risk)}"
     return (Finding(ReadingFlag.RISK_NOT_KEPT, f"{text} ({', or '.join(steps)})" if steps else text),)
 
 
@@ -56,11 +54,11 @@ def require_kept(risk: float, sources: Sequence[str] = SOURCES) -> None:
         MarksError: none does, so that nothing would be accepted.
     """
     if all(threshold_of(source, risk) is None for source in sources):
-        subject = f"{SENSES[sources[0]]} cannot" if len(sources) == 1 else "no sense can"
+        subject = f"{SENSE_NAMES[sources[0]]} cannot" if len(sources) == 1 else "no sense can"
         steps = (*_larger_risk(sources), "certify your own parts for less")
         raise MarksError(f"{subject} promise {risk_in_words(risk)}", hint=", and ".join(steps))
 
 
 def _larger_risk(sources: Sequence[str]) -> tuple[str, ...]:
-    kept = [risk for source in sources for risk, _ in score_of(source).thresholds]
-    return (f"allow {risk_in_words(min(kept))} with accept_risk",) if kept else ()
+    least = min(score_of(source).least_risk for source in sources)
+    return (f"allow {risk_in_words(least)} with accept_risk",) if least < 1.0 else ()

@@ -1,23 +1,26 @@
-"""The score: the probability that the whole serial is right, from all measures of a reading.
+"""The score: the probability that the whole serial is right, from one to four measures of a reading.
 
-    log odds of the text  --weight--+
-    what the format allows --weight-+--sum--> log odds shown --> score, 0 to 1
-    land, photograph -------weight--+
+    log odds of the text ------weight--+
+    whether a format is given -weight--+--sum--> log odds --+
+                                                            +--lesser--> score, 0 to 1
+    log odds of the least sure place -----------------------+
 
-Some twenty measures are named: posteriors, strokes, size and depth of marks, rough land. The score weighs some of them;
-all are compared between parts that were certified and parts that are read (`pipeline.reading.certificate_statistics`).
+The whole serial is never surer than its least sure place. Each term is a piecewise linear curve that only rises or only
+falls: a better value never lowers the score. Touch, the camera and both together have weights of their own.
 
-Each quantity adds log odds along a piecewise linear curve that only rises or only falls: a better value never lowers
-the score.
-Touch, the camera and both together each have their own weights. They are in `score.fit.json`, with a note of the data.
-`python tests/benchmarks/fit_score.py` fits them, and tests them on parts that the fit left out.
+For each risk the fit keeps the least score at which readings of generators that the fit had left out were wrong no more
+often (`pipeline.common.accepted_risk`). Weights and thresholds are in `score.fit.json`; `python
+tests/benchmarks/fit_score.py` fits them.
+
+Some twenty measures are named. Most only describe a part: they are compared between parts that were certified and parts
+that are read (`pipeline.reading.certificate_statistics`).
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
@@ -34,10 +37,10 @@ from recognition.decision.decide import (
     EXPLANATIONS,
     MEASURE_FLAGS,
     Decision,
-    Finding,
     ReadingFlag,
 )
 from recognition.decision.reading import Reading
+from recognition.decision.risk_text import CANNOT_PROMISE, check_risk, risk_in_words
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -58,7 +61,8 @@ class Measure(StrEnum):
 
     CONFIDENCE = "confidence"
     ODDS = "log odds of the text before anything else is known"
-    CAMERA = "log odds of the text by the camera, beside touch"
+    LEAST_SURE = "log odds of the least sure place"
+    FORMAT_GIVEN = "1 with a format, 0 without"
     MARGIN = "least margin"
     BELIEF = "belief before the format"
     EVIDENCE = "evidence against the strongest rival (nats)"
@@ -82,14 +86,17 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
     trace, touch, vision = reading.trace, reading.touch, reading.vision
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
-        Measure.ODDS: _within(trace.odds),
-        Measure.CAMERA: _within(trace.camera_odds),
+        Measure.ODDS: None if trace.odds is None else within_odds(trace.odds),
         Measure.FORMAT: trace.evidence,
+        # without a format every text is allowed
+        Measure.FORMAT_GIVEN: None if trace.evidence is None else float(trace.evidence != 0.0),
         Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
         Measure.HEIGHT: reading.height_mm if reading.scaled and reading.height_mm > 0.0 else None,
         Measure.DEPTH: reading.depth_mean_mm,
         **_of_strokes(trace.strokes),
     }
+    if reading.characters:
+        found[Measure.LEAST_SURE] = within_odds(log_odds(min(c.confidence for c in reading.characters)))
     first = touch or vision
     openly = None if first is None else first.trace.open_lattice
     if openly is not None and openly.n_places:
@@ -100,6 +107,24 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
         grey = _evenly_lit(vision.trace.photo)
         found |= {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
     return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
+
+
+def text_measures(
+    *, probability: float, count_probability: float, places: Iterable[float], format_given: bool
+) -> dict[Measure, float]:
+    """Return the measures of a text that a score needs.
+
+    Args:
+        probability: probability of the text if it has this number of places.
+        count_probability: probability of the number of places; 1 with a format.
+        places: probability of the character of each place; at least one.
+        format_given: whether the reader was given a format.
+    """
+    return {
+        Measure.ODDS: within_odds(log_odds(probability * count_probability)),
+        Measure.LEAST_SURE: within_odds(log_odds(min(places))),
+        Measure.FORMAT_GIVEN: float(format_given),
+    }
 
 
 def _of_strokes(
@@ -169,9 +194,9 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
     return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else math.nan
 
 
-def _within(odds: float | None, *, most_odds: float = 50.0) -> float | None:
+def within_odds(odds: float, *, most_odds: float = 50.0) -> float:
     """Limit log odds to `most_odds`, so that certainty is not a missing value."""
-    return None if odds is None else min(max(odds, -most_odds), most_odds)
+    return min(max(odds, -most_odds), most_odds)
 
 
 def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
@@ -185,16 +210,18 @@ def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.flo
     return grey / max(float(np.median(grey)), darkest)
 
 
+class RiskError(MarksError):
+    """A risk that a sense was not shown to keep."""
+
+
 @dataclass(frozen=True)
 class Term:
-    """Contribution of one quantity: piecewise linear, constant beyond the ends.
+    """Contribution of one measure: piecewise linear, constant beyond the ends.
 
     Attributes:
-        usual: value that adds nothing.
         points: values, rising, and the log odds that each adds, either rising or falling.
     """
 
-    usual: float
     points: Sequence[tuple[float, float]]
 
     def nats(self, value: float | None) -> float:
@@ -206,47 +233,83 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Score:
-    """Weights of the quantities for one source of readings.
+class RiskThreshold:
+    """The threshold of a risk, and the readings of left-out generators that showed it.
 
     Attributes:
-        bias: log odds if every other quantity is usual and the text's own log odds are 0.
-        terms: term of each quantity; that of the log odds of the text must be among them, and rise.
-        thresholds: risks, falling, and for each the least score at which readings left out of the fit kept it.
+        risk: largest share of wrong readings among the accepted.
+        threshold: least score of an accepted reading.
+        accepted: number of readings with at least this score that broke no contract.
+        wrong: number of these that were wrong.
+        bound: upper bound of the share of wrong ones, one-sided, 95 %.
     """
 
+    risk: float
+    threshold: float
+    accepted: int
+    wrong: int
+    bound: float
+
+
+@dataclass(frozen=True)
+class Score:
+    """Score of one source of readings.
+
+    Attributes:
+        source: one of `SOURCES`.
+        bias: log odds if every term adds nothing.
+        terms: terms by measure; that of the log odds of the text must be among them, and rise.
+        thresholds: tested thresholds, the strictest risk last.
+    """
+
+    source: str
     bias: float
     terms: Mapping[Measure, Term]
-    thresholds: Sequence[tuple[float, float]] = ()
+    thresholds: Sequence[RiskThreshold] = ()
 
     def probability(self, measures: Mapping[Measure, float]) -> float:
-        """Probability that a text is right; an unknown quantity adds nothing."""
-        return share(self.bias + sum(term.nats(measures.get(name)) for name, term in self.terms.items()))
+        """Probability that a text is right, never above that of its least sure place; unknown measures add nothing."""
+        whole = self.bias + sum(term.nats(measures.get(name)) for name, term in self.terms.items())
+        return share(min(whole, measures.get(Measure.LEAST_SURE, math.inf)))
 
     def of_belief(self, belief: float) -> float:
         """Probability that a text is right, from its posterior alone."""
         return self.probability({Measure.ODDS: log_odds(belief)})
 
     def threshold(self, risk: float) -> float:
-        """Least score for which the expected share of wrong readings among the accepted is at most a risk.
+        """Least score of readings that keep a risk: the share of wrong ones among those that are accepted.
+
+        Args:
+            risk: largest share, between 0 and 1.
 
         Raises:
-            MarksError: a risk for which the fit has no threshold.
+            RiskError: readings of this source were not shown to keep this risk at any score.
+            ValueError: the risk does not lie between 0 and 1.
         """
-        kept = [threshold for least, threshold in self.thresholds if least <= risk]
-        if not kept or not risk < 1.0:
-            least = min((one for one, _ in self.thresholds), default=1.0)
-            raise MarksError(
-                f"a risk of {risk:g} was not tested; it must lie between {least:g} and 1",
-                hint="certify your own parts for a smaller one",
+        tested = [one.threshold for one in self.thresholds if one.risk <= check_risk(risk)]
+        if not tested:
+            raise RiskError(
+                f"{SENSE_NAMES[self.source]} {CANNOT_PROMISE} {risk_in_words(risk)}",
+                hint=f"accept a risk of {self.least_risk:g} or more, or certify your own parts",
             )
-        return kept[0]
+        return min(tested)
+
+    @property
+    def least_risk(self) -> float:
+        """Least risk that readings of this source were shown to keep; 1 if none."""
+        return min((one.risk for one in self.thresholds), default=1.0)
 
     @property
     def slope(self) -> float:
         """Log odds per unit of the text's log odds, if its probability is above 0.5."""
         (low, below), (high, above) = self.terms[Measure.ODDS].points[-2:]
         return (above - below) / (high - low)
+
+
+SENSE_NAMES = MappingProxyType(
+    {"tactile": "touch", "vision": "the camera", "fused": "touch and camera together"}
+)
+"""Names of the sources in messages."""
 
 
 def log_odds(belief: float) -> float:
@@ -265,50 +328,35 @@ def share(odds: float) -> float:
 def score_of(source: str) -> Score:
     """Load the fitted score for one of `SOURCES`."""
     fitted = json.loads(FITTED.read_text(encoding="utf-8"))["scores"][source]
-    terms = {Measure[name]: Term(**values) for name, values in fitted["terms"].items()}
-    return Score(fitted["bias"], MappingProxyType(terms), fitted["thresholds"])
+    terms = {Measure[name]: Term(points) for name, points in fitted["terms"].items()}
+    thresholds = tuple(RiskThreshold(**tested) for tested in fitted["thresholds"])
+    return Score(source, fitted["bias"], MappingProxyType(terms), thresholds)
 
 
-def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset(), sure: float = 0.97) -> Reading:
-    """Add the score to a reading, with reasons if it is below the threshold.
+def scored_as(reading: Reading) -> str:
+    """Source whose score and threshold apply: a part that only one sense has read is scored as one of that sense."""
+    touch, vision = reading.trace.touch, reading.trace.vision
+    if touch is None or vision is None:
+        return reading.source
+    if not touch.characters:
+        return "vision"
+    return "fused" if len(vision.characters) == len(touch.characters) else "tactile"
 
-    A fused reading whose text has no log odds by touch is scored as one of the camera. If neither sense alone
-    is sure, both together are at most as sure as the surer one: two that are in doubt and agree may
-    err alike, as in a font that neither has learned. Of 424 parts in such fonts 11 were accepted though neither sense
-    alone would have been, and 2 of these were wrong, of the other 255 one.
+
+def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
+    """Add the score to a reading; explanations of a low score are dropped from an accepted one.
 
     Args:
         reading: reading of one sense or both, with its data in the trace.
-        without: quantities that are treated as unknown, to see what each is worth.
-        sure: score from which a sense alone is sure.
+        without: measures that are treated as unknown, to see what each is worth.
     """
     if not reading.characters:
         return reading
-    score = score_of(reading.source)
     measures = {name: value for name, value in measures_of(reading).items() if name not in without}
-    if Measure.ODDS not in measures and Measure.CAMERA in measures:
-        score, measures[Measure.ODDS] = score_of("vision"), measures[Measure.CAMERA]
-    senses = [
-        one for one in (reading.trace.touch, reading.trace.vision) if one is not None and one.characters
-    ]
-    confidence = score.probability(measures)
-    if len(senses) == 2 and (surest := max(one.confidence for one in senses)) < sure:
-        confidence = min(confidence, surest)
-    scored = reading.with_confidence(confidence)
+    scored = reading.with_confidence(score_of(scored_as(reading)).probability(measures))
     if scored.threshold is None or scored.confidence >= scored.threshold:
         return scored.without_flags(EXPLANATIONS)
-    low = ReadingFlag.LOW_CONFIDENCE
-    # what each quantity, except the log odds of the text, costs against its usual value
-    beside = {
-        name: term for name, term in score.terms.items() if name in measures and name is not Measure.ODDS
-    }
-    losses = ((-term.nats(measures[name]), name) for name, term in beside.items())
-    loss, name = max(losses, default=(0.0, Measure.ODDS))
-    if not scored.findings and share(log_odds(scored.confidence) + loss) >= scored.threshold:
-        usual = score.terms[name].usual
-        text = f"unlike most parts: {name.value} {measures[name]:.2g}, usually {usual:.2g} (look at the part)"
-        return scored.with_findings(Finding(low, text))
-    return replace(scored, flags=scored.flags | low)
+    return replace(scored, flags=scored.flags | ReadingFlag.LOW_CONFIDENCE)
 
 
 def serial_is_sure(reading: Reading) -> bool:

@@ -70,7 +70,7 @@ class ReaderSettings:
 
     Raises:
         FormatError: a format that no serial meets.
-        MarksError: a risk that no sense keeps.
+        MarksError: another risk than the usual one, which no sense keeps.
         ValueError: a number out of range.
     """
 
@@ -93,7 +93,8 @@ class ReaderSettings:
         object.__setattr__(self, "fonts", fonts)
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
-        require_kept(check_risk(self.accept_risk))
+        if check_risk(self.accept_risk) != USUAL_RISK:  # one that was chosen
+            require_kept(self.accept_risk)
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # a tuple of pairs, so that settings can be dictionary keys

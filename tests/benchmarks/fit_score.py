@@ -1,323 +1,510 @@
-"""Fit the score to parts whose text is known, and judge it on what each fit left out::
+"""Fit the score, its thresholds and the weights of fusion to kept readings, and judge them on what each fit left out::
 
-    tactile-marks benchmark run --design tests/benchmarks/calibration.toml --parts 680 --jobs 2 --out stamped
-    python tests/benchmarks/sketched_parts.py --parts 300 --out sketched
-    python tests/benchmarks/fit_score.py stamped sketched --write
+    python tests/benchmarks/fit_score.py --write
 
-Each folder is a generator of parts. The readings of a sense fit a logistic regression on named quantities
-(`recognition.decision.score`), whose weights may not point the wrong way: more covered strokes never raise a score.
-Each soil, each font and each generator is left out in turn, and its readings are judged by a fit to the others. What
-the exam keeps out is in no fit.
+The readings are those of `kept_readings.py`: parts of four generators, in fonts that the recogniser has not learned.
+Each generator is left out in turn: its readings are fused and scored by fits to the other three. The thresholds of
+risks are tested on these scores (`pipeline.common.accepted_risk`), in a sequence that is fixed beforehand; what is
+written is a fit to all generators, with those thresholds.
+
+Three fits, each by maximum likelihood with a weak penalty:
+
+- fusion: a conditional logit of the true character of each place, over the characters that touch has not ruled out;
+- score: a logistic regression of right readings on the terms of `TERMS`, whose weights cannot point the wrong way;
+- thresholds: Learn then Test, one-sided, 95 %.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from datetime import date
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
-from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from recognition.decision.risk import least_score
-from recognition.decision.risk_text import USUAL_RISK
-from recognition.decision.score import FITTED, SOURCES, Measure, Score, Term
+from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
+from pipeline.common.shares import CONFIDENCE_LEVEL, Share
+from recognition.combine import fuse_lattices as fusion
+from recognition.combine.fuse_lattices import (
+    FusionWeights,
+    contradict,
+    fuse_lattices,
+    lead_nats,
+    possible_characters,
+    relative_likelihood,
+)
+from recognition.decision import score as scoring
+from recognition.decision.risk_text import risk_in_words
+from recognition.decision.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
+from recognition.language.lattice import Lattice
+from tests.benchmarks.kept_readings import KEPT, KeptPart, load
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-BETTER = {
-    Measure.ODDS: 1,
-    Measure.CAMERA: 1,
-    Measure.FORMAT: 1,
-    Measure.LEAST_STROKES: 1,
-    Measure.STROKES: 1,
-    Measure.COVERED: -1,
-    Measure.UNLIKENESS: -1,
-    Measure.FINE_SHARE: -1,
-    Measure.COARSE_SHARE: -1,
-    Measure.GRAIN: -1,
-    Measure.PATCHES: -1,
+TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
+    Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
+    Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
+    Measure.COVERED: ((1.0, 0.0), 0.0),
 }
-"""Quantities that may count, and whether more of each is better."""
+"""Measures that may count: ends of their straight pieces, worst first, and the value that adds nothing."""
 HOLD = 0.3
 """Weight of the penalty that pulls each weight to where it starts: 1 for the log odds of the text, 0 for the others."""
 LEAST_WEIGHT = 0.02
-"""Log odds over a quantity's whole range below which it is left out."""
-KNEED, KNEE_ODDS = (Measure.ODDS, Measure.CAMERA), 0.0
-"""Log odds, and from where down they count by another line."""
-OFF = 0.01
-"""Share of readings beyond the worse end of a range."""
+"""Log odds over a measure's whole range below which it is left out."""
 RISKS = (0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
-"""Shares of wrong ones among the accepted for which thresholds are kept."""
-FEWEST = 20
-"""Readings of a group that has a row of its own, and of a quantity that counts."""
-MOST_ODDS = 12.0
-_LEAST = 1e-3
+"""Risks whose thresholds are tested."""
+THRESHOLDS = tuple(float(f"{1.0 / (1.0 + np.exp(-odds)):.6f}") for odds in np.arange(9.2, -3.0, -0.05))
+"""Scores that are tested as thresholds: every twentieth of a nat, fixed before anything was read."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KnownReading:
     """A reading of a part whose text is known.
 
     Attributes:
-        source: one of `SOURCES`.
-        right: whether it is right.
-        generator: that made the part.
-        soil: of the part.
-        font: of the mark.
-        severity: of the dirt.
-        kept_out: nothing may be fitted to it.
-        measures: what is known of the reading.
+        part: the part.
+        source: one of `SOURCES`: the score that applies. If only one sense has read a part, both together are that
+            sense.
+        text: text that was read.
         broken: whether a contract keeps it from acceptance.
+        measures: measures that the score may use.
     """
 
+    part: KeptPart
     source: str
-    right: bool
-    generator: str
-    soil: str
-    font: str
-    severity: float
-    kept_out: bool
+    text: str
+    broken: bool
     measures: Mapping[Measure, float]
-    broken: bool = False
+
+    @property
+    def right(self) -> bool:
+        """Whether the text is right."""
+        return self.text == self.part.text
 
 
-def known_readings(folder: Path) -> Iterator[KnownReading]:
-    """Read the readings of a finished benchmark that read any text.
+@dataclass(frozen=True)
+class Fit:
+    """Fusion and scores, fitted to some parts."""
+
+    weights: FusionWeights
+    scores: Mapping[str, Score]
+
+
+def fit(parts: Sequence[KeptPart]) -> Fit:
+    """Fit fusion, then the score of each sense, then that of both.
 
     Raises:
-        FileError: the folder holds no benchmark.
+        ValueError: a source has no wrong readings, or no right ones.
     """
-    journal = TrialJournal.read(folder)
-    design: Mapping[str, Any] = journal.description["parts"]
-    soils = frozenset(design.get("kept_out_soils", ()))
-    sections = tuple(f"{s['name']}-" for s in design.get("section", ()) if s["kept_out"])
-    for trials in journal.done.values():
-        for trial in trials:
-            if trial.mode in SOURCES and trial.text and not trial.error and not trial.perturbed:
-                soil = str(trial.levels.get("soil", ""))
-                kept_out = trial.part.startswith(sections) or bool(soils & {*soil.split("+")})
-                yield _known(trial, folder.name, soil, kept_out=kept_out)
+    weights, scores = fit_fusion(parts), {}
+    for source in SOURCES:
+        readings = [read(part, source, Fit(weights, scores)) for part in parts]
+        own = [reading for reading in readings if reading is not None and reading.source == source]
+        scores[source] = fit_score(source, own)
+    return Fit(weights, scores)
 
 
-def _known(trial: Trial, generator: str, soil: str, *, kept_out: bool) -> KnownReading:
+def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
+    """The reading of a part by a source; None if nothing was read.
+
+    Args:
+        part: the part.
+        source: one of `SOURCES`.
+        fitted: of both senses together the weights are used, and the scores of the senses, which must not be sure of
+            different texts.
+    """
+    touch, camera = (part.readings[sense] for sense in ("tactile", "vision"))
+    if source != "fused":
+        return _by_sense(part, source)
+    if not touch.text or touch.lattice is None:
+        return _by_sense(part, "vision")
+    if camera.lattice is None or camera.lattice.n_places != touch.lattice.n_places:
+        alone = _by_sense(part, "tactile")
+        return alone and replace(alone, broken=alone.broken or disagree(part, alone.text, fitted.scores))
+    lattice = fuse_lattices(touch.lattice, camera.lattice, weights=fitted.weights)
+    own = part.readings["fused"]
     return KnownReading(
-        source=trial.mode,
-        right=trial.right,
-        generator=generator,
-        soil=soil,
-        font=str(trial.levels.get("font") or ""),
-        severity=trial.severity or 0.0,
-        kept_out=kept_out,
-        measures={Measure(name): value for name, value in trial.measures.items()},
-        broken=trial.confidence >= least_score(trial.mode, USUAL_RISK) and not trial.accepted,
+        part,
+        "fused",
+        lattice.text,
+        own.broken or disagree(part, lattice.text, fitted.scores),
+        {**own.measures, **_text_measures(lattice, touch.count_probability, part)},
     )
 
 
-def fit(readings: Sequence[KnownReading]) -> Score:
-    """Fit the weights of the quantities that are known of these readings.
+def _by_sense(part: KeptPart, sense: str) -> KnownReading | None:
+    own = part.readings[sense]
+    if not own.text or own.lattice is None:
+        return None
+    measures = {**own.measures, **_text_measures(own.lattice, own.count_probability, part)}
+    return KnownReading(part, sense, own.text, own.broken, measures)
 
-    Raises:
-        ValueError: no wrong ones, or no right ones, or none with a belief.
+
+def _text_measures(lattice: Lattice, count_probability: float, part: KeptPart) -> dict[Measure, float]:
+    """Measures of the likeliest text. A kept format allows every text of the characters of its places."""
+    best = np.exp(lattice.log_belief.max(axis=1))
+    return text_measures(
+        probability=float(best.prod()),
+        count_probability=count_probability,
+        places=best.tolist(),
+        format_given=bool(part.format),
+    )
+
+
+def disagree(
+    part: KeptPart, text: str, scores: Mapping[str, Score], *, sure: float = 0.97, ratio: float = 1000.0
+) -> bool:
+    """Whether a sense is sure of another text than the one read (`recognition.decision.fuse.disagreement`)."""
+    senses = [reading for sense in ("tactile", "vision") if (reading := _by_sense(part, sense)) is not None]
+    if len({reading.text for reading in senses}) < 2:
+        return False
+    lattices = [part.readings[reading.source].lattice for reading in senses]
+    for reading, lattice in zip(senses, lattices, strict=True):
+        assert lattice is not None  # it has read
+        if reading.text != text:
+            same_length = len(reading.text) == len(text)
+            lead = lead_nats(lattice, reading.text, text) if same_length else reading.measures[Measure.ODDS]
+            if lead > np.log(ratio) or scores[reading.source].probability(reading.measures) >= sure:
+                return True
+    first, second = lattices
+    assert first is not None
+    assert second is not None
+    return first.n_places == second.n_places and contradict(first, second)
+
+
+def fit_fusion(parts: Sequence[KeptPart]) -> FusionWeights:
+    """Fit the weights of both senses: a conditional logit of the true characters."""
+    places = FusionPlaces.of(parts)
+    return FusionWeights(*(round(float(weight), 4) for weight in places.fit(np.ones((places.truth.size, 0)))))
+
+
+@dataclass(frozen=True, eq=False)
+class FusionPlaces:
+    """Places that both senses have read, of parts of which both have found as many places as there are.
+
+    Attributes:
+        logs: (2, n, characters) log-likelihood ratio of each character by touch and by camera.
+        truth: (n,) index of the true character.
+        part: (n,) index of the part.
     """
-    from scipy.optimize import minimize
 
-    right = np.array([one.right for one in readings])
-    if right.all() or not right.any():
-        raise ValueError("a score is fitted to right and wrong readings; give some of both")
-    lines = [line for name in BETTER for line in _lines(name, readings)]
-    values = np.array([[line.of(one.measures.get(line.name)) for line in lines] for one in readings])
-    start = np.array([float(line.name is Measure.ODDS) for line in lines])
+    logs: Floats
+    truth: NDArray[np.intp]
+    part: NDArray[np.intp]
 
-    def cost(w: Floats) -> tuple[float, Floats]:
-        odds = w[0] + values @ w[1:]
-        said = 1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0)))
-        pull = w[1:] - start
-        value = np.logaddexp(0.0, np.where(right, -odds, odds)).sum() + 0.5 * HOLD * float(pull @ pull)
-        return value, np.r_[(said - right).sum(), values.T @ (said - right) + HOLD * pull]
+    @classmethod
+    def of(cls, parts: Sequence[KeptPart]) -> FusionPlaces:
+        """Collect the places of parts; those whose true character touch has ruled out cannot be mended."""
+        logs, truths, indices = [], [], []
+        for index, part in enumerate(parts):
+            touch, camera = (part.readings[sense].lattice for sense in ("tactile", "vision"))
+            if touch is None or camera is None or not touch.n_places == camera.n_places == len(part.text):
+                continue
+            truth = np.array([touch.chars.index(char) for char in part.text])
+            possible = possible_characters(touch, touch.chars)
+            known = possible[np.arange(truth.size), truth]
+            felt, seen = (relative_likelihood(lattice, touch.chars)[0] for lattice in (touch, camera))
+            log = np.log(np.stack([np.where(possible, felt, 1e-300), seen]))
+            logs.append(log[:, known])
+            truths.append(truth[known])
+            indices.append(np.full(int(known.sum()), index))
+        return cls(np.concatenate(logs, axis=1), np.concatenate(truths), np.concatenate(indices))
 
-    least = [(None, None), *((0.05 if one else 0.0, None) for one in start)]
-    found = minimize(cost, np.r_[0.0, start], jac=True, method="L-BFGS-B", bounds=least).x
-    terms = {}
-    for name in BETTER:
-        own = [(line, w) for line, w in zip(lines, found[1:], strict=True) if line.name is name]
-        if own and sum(w for _, w in own) > LEAST_WEIGHT:
-            at = sorted({v for line, _ in own for v in (line.first, line.last)})
-            points = [(float(f"{v:.4g}"), round(sum(w * line.of(v) for line, w in own), 4)) for v in at]
-            terms[name] = Term(own[0][0].usual, tuple(points))
-    return Score(round(float(found[0]), 4), terms)
+    def loss(self, weights: Floats, qualities: Floats) -> tuple[Floats, Floats]:
+        """(n,) negative log-likelihoods of the true characters, and their gradients (n, weights).
+
+        Args:
+            weights: of touch, of the camera, and log factors of either per unit of each quality.
+            qualities: (n, k) qualities; each multiplies both weights by its own factor.
+        """
+        factors = weights[2:].reshape(2, -1)
+        scaled = weights[:2, None] * np.exp(factors @ qualities.T)
+        log = (scaled[:, :, None] * self.logs).sum(axis=0)
+        total, rows = np.logaddexp.reduce(log, axis=1), np.arange(self.truth.size)
+        posterior = np.exp(log - total[:, None])
+        by_scaled = (posterior * self.logs).sum(axis=2) - self.logs[:, rows, self.truth]
+        by_weight = by_scaled * scaled / weights[:2, None]
+        by_factor = (by_scaled * scaled)[:, :, None] * qualities
+        gradient = np.concatenate([by_weight.T, by_factor.transpose(1, 0, 2).reshape(rows.size, -1)], axis=1)
+        return total - log[rows, self.truth], gradient
+
+    def fit(self, qualities: Floats) -> Floats:
+        """Fit the weights, see `loss`."""
+
+        def cost(weights: Floats) -> tuple[float, Floats]:
+            loss, gradient = self.loss(weights, qualities)
+            return float(loss.sum()), gradient.sum(axis=0)
+
+        factors = 2 * qualities.shape[1]
+        start, bounds = np.r_[1.0, 0.5, np.zeros(factors)], [(0.01, 3.0)] * 2 + [(-1.0, 1.0)] * factors
+        return np.asarray(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
 @dataclass(frozen=True)
-class _Line:
-    """A quantity that counts along one straight line: nothing at its usual value, level beyond its ends.
+class _Piece:
+    """A straight piece of a term: 0 at its worse end, 1 at its better end, of which a weight is fitted."""
 
-    Attributes:
-        name: of the quantity.
-        first: least value.
-        last: greatest value.
-        usual: value that counts nothing.
-        unit: that counts one; negative where less is better.
-    """
-
-    name: Measure
-    first: float
-    last: float
-    usual: float
-    unit: float
+    measure: Measure
+    worst: float
+    best: float
+    unknown: float
 
     def of(self, value: float | None) -> float:
-        return 0.0 if value is None else (min(max(value, self.first), self.last) - self.usual) / self.unit
+        """Position between both ends; relative to the value that adds nothing."""
+        if value is None:
+            return 0.0
+        low, high = sorted((self.worst, self.best))
+        position = (min(max(value, low), high) - self.worst) / (self.best - self.worst)
+        return position - (min(max(self.unknown, low), high) - self.worst) / (self.best - self.worst)
 
 
-def _lines(name: Measure, readings: Sequence[KnownReading]) -> list[_Line]:
-    """Along which a quantity counts; none where too few readings have it."""
-    # what is hardly believed at all counts by a line of its own
-    if name in KNEED and any(name in one.measures for one in readings):
-        return [
-            _Line(name, -MOST_ODDS, KNEE_ODDS, KNEE_ODDS, 1.0),
-            _Line(name, KNEE_ODDS, MOST_ODDS, KNEE_ODDS, 1.0),
-        ]
-    have = np.array([one.measures[name] for one in readings if name in one.measures])
-    if have.size < FEWEST:
-        return []
-    usual = float(f"{np.median(have):.3g}")
-    if BETTER[name] > 0:  # better than usual is no better
-        first = min(float(f"{np.quantile(have, OFF):.3g}"), usual - _LEAST)
-        return [_Line(name, first, usual, usual, usual - first)]
-    # what is worse than all that was seen counts more than they
-    last = max(float(f"{2.0 * np.quantile(have, 1.0 - OFF) - usual:.3g}"), usual + _LEAST)
-    return [_Line(name, usual, last, usual, usual - last)]
+def fit_score(source: str, readings: Sequence[KnownReading], terms: Mapping[Measure, Any] = TERMS) -> Score:
+    """Fit the terms that are known of these readings.
+
+    Raises:
+        ValueError: no wrong ones, or no right ones.
+    """
+    right = np.array([reading.right for reading in readings])
+    if right.all() or not right.any():
+        raise ValueError("a score is fitted to right and wrong readings; give some of both")
+    pieces = [
+        _Piece(measure, worst, best, unknown)
+        for measure, (ends, unknown) in terms.items()
+        if any(measure in reading.measures for reading in readings)
+        for worst, best in pairwise(ends)
+    ]
+    values = np.array(
+        [[piece.of(reading.measures.get(piece.measure)) for piece in pieces] for reading in readings]
+    )
+    is_odds = np.array([piece.measure is Measure.ODDS for piece in pieces])
+    start = np.where(is_odds, [piece.best - piece.worst for piece in pieces], 0.0)
+    scale = np.where(is_odds, start, 1.0)
+
+    def cost(weights: Floats) -> tuple[float, Floats]:
+        odds = weights[0] + values @ weights[1:]
+        pull = HOLD * (weights[1:] - start) / scale**2
+        value = np.logaddexp(0.0, np.where(right, -odds, odds)).sum() + 0.5 * pull @ (weights[1:] - start)
+        excess = expit(odds) - right
+        return float(value), np.r_[excess.sum(), values.T @ excess + pull]
+
+    bounds = [
+        (None, None),
+        *((0.05 * unit if odds else 0.0, None) for odds, unit in zip(is_odds, scale, strict=True)),
+    ]
+    bias, *weights = minimize(cost, np.r_[0.0, start], jac=True, method="L-BFGS-B", bounds=bounds).x.tolist()
+    found = {}
+    for measure, (ends, _) in terms.items():
+        own = [(p, w) for p, w in zip(pieces, weights, strict=True) if p.measure is measure]
+        if sum(weight for _, weight in own) > LEAST_WEIGHT:
+            points = ((end, round(sum(w * p.of(end) for p, w in own), 4)) for end in sorted(ends))
+            found[measure] = Term(tuple(points))
+    return Score(source, round(bias, 4), found)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Judged:
-    """Readings judged by a fit that has not seen them.
+    """A reading with a score by a fit that has not seen the part.
 
     Attributes:
-        name: what they have in common.
-        right: (n,) whether they are right.
-        severity: (n,) of their dirt.
-        said: (n,) scores.
-        broken: (n,) whether a contract keeps them from acceptance.
+        mode: one of `SOURCES`: the senses that could be used.
+        reading: the reading.
+        score: its score.
     """
 
-    name: str
-    right: Bools
-    severity: Floats
-    said: Floats
-    broken: Bools
-
-    def row(self, threshold: float) -> str:
-        """A line of the table of what was left out."""
-        accepted = (self.said >= threshold) & ~self.broken
-        wrong = exact_share(int((accepted & ~self.right).sum()), int(accepted.sum()))
-        share_of_right = (accepted & self.right).sum() / max(int(self.right.sum()), 1)
-        said, good = self.said.tolist(), self.right.tolist()
-        error, area = reliability(said, good).error, risk_coverage(said, good).area
-        cells = [
-            f"{self.name} | {self.right.size:,} | {self.right.mean():.1%} | {share_of_right:.1%}",
-            f"{wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} | {error:.3f} | {area:.4f}",
-        ]
-        return f"| {' | '.join(cells)} |"
+    mode: str
+    reading: KnownReading
+    score: float
 
 
-def judged(name: str, own: Sequence[KnownReading], made: Score) -> Judged:
-    """Judge readings by a fit."""
-    said = np.array([made.probability(one.measures) for one in own])
-    columns = (np.array([getattr(one, field) for one in own]) for field in ("right", "severity", "broken"))
-    right, severity, broken = columns
-    return Judged(name, right, severity, said, broken)
-
-
-def left_out(readings: Sequence[KnownReading], factor: str) -> Iterator[Judged]:
-    """Judge the readings of every level of a factor ("soil", "font", "generator") by a fit to the others."""
-    for level in sorted({getattr(one, factor) for one in readings}):
-        own = [one for one in readings if getattr(one, factor) == level]
-        others = [one for one in readings if getattr(one, factor) != level and not one.kept_out]
-        if len(own) >= FEWEST and others:
-            yield judged(level, own, fit(others))
-
-
-def together(name: str, parts: Sequence[Judged]) -> Judged:
-    """Join readings, each judged by its own fit."""
-    columns = ("right", "severity", "said", "broken")
-    return Judged(name, *(np.concatenate([getattr(one, column) for one in parts]) for column in columns))
-
-
-def tables(source: str, readings: Sequence[KnownReading], *, threshold: float) -> Iterator[str]:
-    """Lines of Markdown about the readings of one source, each judged by a fit without it."""
-    yield from (f"### {source}", "")
-    yield f"| left out | readings | right | of these accepted from {threshold:g} | wrong of accepted | ECE | AURC |"
-    yield "|" + "---|" * 7
-    for factor in ("soil", "generator", "font"):
-        parts = list(left_out(readings, factor))
-        if factor != "font":
-            yield from (one.row(threshold) for one in parts)
-        if parts:
-            yield together(f"each {factor}", parts).row(threshold)
-            if factor == "soil":
-                joined = together("", parts)
-                for level in (0.0, 0.3, 0.6, 0.9):
-                    at = np.abs(joined.severity - level) < 0.15
-                    own = (getattr(joined, c)[at] for c in ("right", "severity", "said", "broken"))
-                    if at.any():
-                        yield Judged(f"dirt {level:g}", *own).row(threshold)
-    yield ""
-
-
-def thresholds(said: Floats) -> list[tuple[float, float]]:
-    """For each of `RISKS` the least score from which readings are expected to keep it, by their own scores."""
-    falling = np.sort(said)[::-1]
-    expected = np.cumsum(1.0 - falling) / np.arange(1, falling.size + 1)
-    return [
-        (risk, float(f"{np.ceil(1e5 * falling[int((expected <= risk).sum()) - 1]) / 1e5:.5f}"))
-        for risk in RISKS
-        if (expected <= risk).sum() >= FEWEST
-    ]
-
-
-def main(*benchmarks: Path, risk: float = USUAL_RISK, write: bool = False) -> None:
-    """Fit, print the tables, and keep the fit where it is to be written.
+def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Judged]:
+    """Judge the readings of each fold by a fit to the others.
 
     Args:
-        benchmarks: folders of benchmarks (--out), one a generator.
-        risk: accepted risk, whose thresholds the tables are for.
-        write: replace the fit that there is.
+        parts: the parts.
+        fold: name of the fold of a part, such as its generator.
     """
-    readings = [one for folder in benchmarks for one in known_readings(folder)]
-    fitted = {}
+    judged = []
+    for name in sorted({fold(part) for part in parts}):
+        fitted = fit([part for part in parts if fold(part) != name])
+        for part in parts:
+            if fold(part) == name:
+                for mode in SOURCES:
+                    reading = read(part, mode, fitted)
+                    if reading is not None:
+                        score = fitted.scores[reading.source].probability(reading.measures)
+                        judged.append(Judged(mode, reading, score))
+    return judged
+
+
+def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, ThresholdTest]]:
+    """Thresholds of each source, tested on readings that break no contract, in all generators and in each."""
+    found = {}
     for source in SOURCES:
-        own = [one for one in readings if one.source == source]
-        made = fit([one for one in own if not one.kept_out])
-        fitted[source] = {
-            "bias": made.bias,
-            "terms": {name.name: asdict(term) for name, term in made.terms.items()},
-            "thresholds": thresholds(together("", list(left_out(own, "soil"))).said),
+        own = [one for one in judged if one.mode == one.reading.source == source and not one.reading.broken]
+        found[source] = risk_thresholds(
+            [one.score for one in own],
+            [one.reading.right for one in own],
+            RISKS,
+            confidence=CONFIDENCE_LEVEL,
+            thresholds=THRESHOLDS,
+            groups=[one.reading.part.generator for one in own],
+        )
+    return found
+
+
+Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
+
+
+def accepts(one: Judged, thresholds: Thresholds, risk: float) -> bool:
+    """Whether a reading is accepted at a risk; never by a source that was not shown to keep it."""
+    kept = [test.threshold for tested, test in thresholds[one.reading.source].items() if tested <= risk]
+    return bool(kept) and not one.reading.broken and one.score >= min(kept)
+
+
+def _wrong(accepted: Sequence[Judged]) -> Share:
+    return exact_share(sum(not one.reading.right for one in accepted), len(accepted))
+
+
+def risk_table(judged: Sequence[Judged], thresholds: Thresholds) -> Iterator[str]:
+    """Promised risk against seen, by sense and generator, and the share that is accepted; Markdown."""
+    yield "| sense | risk | threshold | generator | wrong of accepted | of right ones accepted | of parts accepted |"
+    yield "|" + "---|" * 7
+    generators = sorted({one.reading.part.generator for one in judged})
+    parts = {one.reading.part.number: one.reading.part.generator for one in judged}
+    for mode in SOURCES:
+        for risk in sorted({*SHOWN_RISKS, *thresholds[mode]} & {*RISKS}, reverse=True):
+            tests = [test for tested, test in thresholds[mode].items() if tested <= risk]
+            if not tests:
+                yield f"| {MODE_NAMES[mode]} | {risk_in_words(risk)} | none keeps it | | | | |"
+                continue
+            least = min(test.threshold for test in tests)
+            for name in ("all", *(generators if risk in SHOWN_RISKS else ())):
+                own = [
+                    one for one in judged if one.mode == mode and name in ("all", one.reading.part.generator)
+                ]
+                accepted = [one for one in own if accepts(one, thresholds, risk)]
+                wrong = _wrong(accepted)
+                right = sum(one.reading.right for one in accepted)
+                of_right = right / max(sum(one.reading.right for one in own), 1)
+                total = sum(name in ("all", generator) for generator in parts.values())
+                yield (
+                    f"| {MODE_NAMES[mode]} | {risk_in_words(risk)} | {least:.4f} | {name} "
+                    f"| {wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} "
+                    f"| {of_right:.1%} | {len(accepted) / total:.1%} |"
+                )
+
+
+def fusion_table(judged: Sequence[Judged], thresholds: Thresholds, *, risk: float) -> Iterator[str]:
+    """Both senses together against each alone, on the same parts; Markdown."""
+    yield "| parts | number | right: touch, camera, both | only both, only the better | accepted: touch, camera, both |"
+    yield "|" + "---|" * 5
+    parts = {one.reading.part.number: one.reading.part for one in judged}
+    kinds: list[tuple[str, Callable[[KeptPart], bool]]] = [("all", lambda part: True)]
+    kinds += [
+        (f"dirt {level:g}", partial(_has, "severity", level))
+        for level in sorted({p.severity for p in parts.values()})
+    ]
+    kinds += [
+        (name, partial(_has, "generator", name)) for name in sorted({p.generator for p in parts.values()})
+    ]
+    for name, belongs in kinds:
+        numbers = {number for number, part in parts.items() if belongs(part)}
+        own = [one for one in judged if one.reading.part.number in numbers]
+        right = {
+            mode: {one.reading.part.number for one in own if one.mode == mode and one.reading.right}
+            for mode in SOURCES
         }
-        print("\n".join(tables(source, own, threshold=least_score(source, risk))))
-        print(f"fitted: {made}\n")
+        accepted = {
+            mode: sum(one.mode == mode and accepts(one, thresholds, risk) for one in own) for mode in SOURCES
+        }
+        better = max(right["tactile"], right["vision"], key=len)
+        yield (
+            f"| {name} | {len(numbers):,} | {', '.join(str(len(right[mode])) for mode in SOURCES)} "
+            f"| {len(right['fused'] - better)}, {len(better - right['fused'])} "
+            f"| {', '.join(str(accepted[mode]) for mode in SOURCES)} |"
+        )
+
+
+def _has(field: str, value: object, part: KeptPart) -> bool:
+    return bool(getattr(part, field) == value)
+
+
+def calibration_table(judged: Mapping[str, Sequence[Judged]]) -> Iterator[str]:
+    """Distance of score and share right, and the area under the risk-coverage curve, by what was left out; Markdown."""
+    yield "| sense | left out in turn | readings | right | ECE | AURC |"
+    yield "|" + "---|" * 6
+    for mode in SOURCES:
+        for name, all_judged in judged.items():
+            own = [one for one in all_judged if one.mode == mode]
+            scores, right = [one.score for one in own], [one.reading.right for one in own]
+            error, area = reliability(scores, right).error, risk_coverage(scores, right).area
+            yield (
+                f"| {MODE_NAMES[mode]} | {name} | {len(own):,} | {np.mean(right):.1%} | {error:.3f} | {area:.4f} |"
+            )
+
+
+MODE_NAMES = {"tactile": "touch", "vision": "camera", "fused": "both"}
+SHOWN_RISKS = (0.01, 0.001)
+FONT_FOLDS = 8
+
+
+def font_fold(part: KeptPart) -> str:
+    """Fold of a font family: the first word of its file name."""
+    return str(crc32(part.font.split("-")[0].encode()) % FONT_FOLDS)
+
+
+def main(kept: Path = KEPT, *, write: bool = False) -> None:
+    """Fit, print the tables as Markdown, and write the fits.
+
+    Args:
+        kept: file of kept readings.
+        write: replace the fits of the package.
+    """
+    parts = load(kept)
+    judged = judge(parts, lambda part: part.generator)
+    thresholds = find_thresholds(judged)
+    fitted = fit(parts)
+    print("\n".join(risk_table(judged, thresholds)), end="\n\n")
+    for risk in (0.02, 0.01):
+        print(f"Both senses at a risk of {risk_in_words(risk)}:\n")
+        print("\n".join(fusion_table(judged, thresholds, risk=risk)), end="\n\n")
+    by_font = judge(parts, font_fold)
+    print("\n".join(calibration_table({"generators": judged, "fonts": by_font})), end="\n\n")
+    print(fitted)
     if write:
-        known = [one for one in readings if not one.kept_out]
-        manifest = {
-            "what": "weights of the score (recognition/decision/score.py)",
-            "command": "python tests/benchmarks/fit_score.py BENCHMARK ... --write",
-            "made": date.today().isoformat(),
-            "fonts": sorted({one.font for one in known}),
-            "soils": sorted({one.soil for one in known}),
-            "editions": {
-                generator: sum(one.generator == generator for one in known)
-                for generator in sorted({one.generator for one in known})
-            },
-            "scores": fitted,
+        _write(scoring.FITTED, {"parts": len(parts), "scores": _scores(fitted, thresholds)})
+        _write(fusion.FITTED, {"parts": len(parts), "weights": asdict(fitted.weights)})
+
+
+def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
+    return {
+        source: {
+            "bias": score.bias,
+            "terms": {measure.name: term.points for measure, term in score.terms.items()},
+            "thresholds": [
+                asdict(
+                    RiskThreshold(risk, test.threshold, test.accepted, test.wrong, float(f"{test.bound:.6f}"))
+                )
+                for risk, test in thresholds[source].items()
+            ],
         }
-        FITTED.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+        for source, score in fitted.scores.items()
+    }
+
+
+def _write(path: Path, values: Mapping[str, Any]) -> None:
+    heading = {"command": "python tests/benchmarks/fit_score.py --write"}
+    path.write_text(json.dumps({**heading, **values}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

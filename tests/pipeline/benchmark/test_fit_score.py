@@ -1,127 +1,303 @@
-"""The command that fits the score: what it learns from, what it leaves out, and what it writes."""
+"""The fits of score, thresholds and fusion: known weights come back, folds are left out, the shipped fit is that of the
+kept readings."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import expit
 
-from pipeline.benchmark.exam.condition import Level
-from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from recognition.decision.score import Measure, share
-from tests.benchmarks import fit_score
-from tests.benchmarks.fit_score import KnownReading, fit, known_readings, left_out
+from recognition.combine.fuse_lattices import FusionWeights
+from recognition.decision.score import SOURCES, Measure, Score, Term
+from recognition.language.lattice import Lattice
+from tests.benchmarks import fit_score, kept_readings
+from tests.benchmarks.fit_score import (
+    FusionPlaces,
+    Judged,
+    KnownReading,
+    accepts,
+    disagree,
+    find_thresholds,
+    fit,
+    fit_fusion,
+    fusion_table,
+    judge,
+    read,
+    risk_table,
+)
+from tests.benchmarks.fit_score import (
+    fit_score as fit_terms,
+)
+from tests.benchmarks.kept_readings import CHARS, KeptPart, KeptReading
 
-DESIGN = {
-    "name": "made-up",
-    "kept_out_soils": ["tar"],
-    "section": [{"name": "own", "kept_out": False}, {"name": "else", "kept_out": True}],
-}
-ROUGH = Measure.FINE_SHARE
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+N_PLACES = 3
 
 
-def known(odds: float, right: bool, soil: str, font: str, **options: object) -> KnownReading:
-    given = {"kept_out": False, "measures": {Measure.ODDS: odds}, **options}
-    return KnownReading("tactile", right, "own", soil, font, 0.3, **given)  # type: ignore[arg-type]
+def sense(rng: np.random.Generator, text: str, *, slip: float, temperature: float = 1.0) -> KeptReading:
+    """What a sense reads: each place shows its character in noise, or, at a slip, another one.
+
+    Args:
+        rng: source of chance.
+        text: text on the part.
+        slip: probability that a place shows another character.
+        temperature: factor of the log-likelihood ratios that the sense reports; 1 is calibrated.
+    """
+    log = np.full((len(text), len(CHARS)), -np.inf)
+    for k, char in enumerate(text):
+        shown = char if rng.random() >= slip else str(rng.choice(list(LETTERS)))
+        evidence = rng.normal(0.0, 1.5, len(LETTERS))
+        evidence[LETTERS.index(shown)] += 1.5**2 * 2.0
+        values = 2.0 * temperature * evidence / 1.5
+        log[k, [CHARS.index(letter) for letter in LETTERS]] = values - np.logaddexp.reduce(values)
+    lattice = Lattice(tuple(CHARS), np.minimum(log, 0.0))
+    return KeptReading(lattice.text, False, 1.0, {}, lattice, None)
 
 
-def reading(rng: np.random.Generator, soil: str = "mould", *, slope: float = 0.5) -> KnownReading:
-    """A text, right as often as so much of its log odds says."""
-    odds = float(rng.normal(1.0, 3.0))
-    return known(odds, bool(rng.random() < share(slope * odds)), soil, "font0")
-
-
-@pytest.fixture
-def exam(tmp_path: Path) -> Path:
-    """Parts of two soils, a third that is kept out and a section that is, read by every mode."""
-    journal = TrialJournal(tmp_path / "run", {"parts": DESIGN})
-    rng = np.random.default_rng(8)
-    for k in range(480):
-        soil = ("mould", "ash", "tar")[k % 3]
-        section = ("own", "else")[k // 3 % 2]
-        one = reading(rng, soil)
-        levels: dict[str, Level] = {"soil": soil, "font": f"{section}{k % 4}"}
-        measures = {name.value: value for name, value in one.measures.items()} | {ROUGH.value: k / 480}
-        trials = [
-            Trial(
-                f"{section}-{soil}-{k}", k, levels, mode, "A1", "A1" if one.right else "B1",
-                decision="review" if k == 0 else "accept", confidence=0.99, measures=measures,
+def drawn_parts(seed: int, total: int, *, slip: float = 0.02, camera: float = 1.0) -> list[KeptPart]:
+    """Parts of two generators, in four fonts, at two severities."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for number in range(total):
+        text = "".join(rng.choice(list(LETTERS), size=N_PLACES))
+        touch = sense(rng, text, slip=slip)
+        vision = sense(rng, text, slip=2.0 * slip, temperature=camera)
+        fused = KeptReading("", False, 1.0, {}, None, None)
+        readings = {"tactile": touch, "vision": vision, "fused": fused}
+        parts.append(
+            KeptPart(
+                number,
+                "own" if number % 2 else "other",
+                f"font{number % 4}-a",
+                0.3 * (number % 3 > 0),
+                "AAA",
+                text,
+                readings,
             )
-            for mode in fit_score.SOURCES
-        ]  # fmt: skip
-        nothing = Trial(f"{section}-{soil}-{k}", k, levels, "easyocr-photo", "A1", "", confidence=0.0)
-        journal.keep(trials[0].part, (*trials, nothing))
-    journal.close()
-    return tmp_path / "run"
+        )
+    return parts
 
 
-def test_readings_come_back_with_what_is_known_of_them(exam: Path) -> None:
-    found = list(known_readings(exam))
-    assert len(found) == 3 * 480
-    assert all(one.kept_out == (one.soil == "tar" or one.font.startswith("else")) for one in found)
-    assert found[0].broken
-    assert not found[-1].broken
-    assert found[-1].measures[ROUGH] == pytest.approx(479 / 480)
+def known(odds: float, right: bool, **measures: float) -> KnownReading:
+    nothing = KeptReading("", False, 1.0, {}, None, None)
+    part = KeptPart(0, "own", "font", 0.0, "A", "A", dict.fromkeys(SOURCES, nothing))
+    values = {Measure.ODDS: odds, **{Measure[name]: value for name, value in measures.items()}}
+    return KnownReading(part, "tactile", "A" if right else "B", False, values)
 
 
 def test_the_weights_by_which_texts_were_drawn_come_back() -> None:
     rng = np.random.default_rng(3)
     readings = []
     for _ in range(20_000):
-        odds, rough = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
-        right = bool(rng.random() < share(0.6 * odds - 0.5 - 2.0 * max(rough - 0.5, 0.0)))
-        readings.append(known(odds, right, "ash", "font0", measures={Measure.ODDS: odds, ROUGH: rough}))
-    made = fit(readings)
+        odds, covered = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
+        right = bool(rng.random() < expit(0.6 * odds - 0.5 - 2.0 * covered))
+        readings.append(known(odds, right, COVERED=covered))
+    made = fit_terms("tactile", readings)
     # some five standard errors of 20,000 readings
     assert made.slope == pytest.approx(0.6, abs=0.04)
-    assert made.bias == pytest.approx(-0.5, abs=0.12)
-    rough = made.terms[ROUGH]
-    assert rough.nats(0.9) - rough.nats(0.6) == pytest.approx(-0.6, abs=0.12)
-    said = np.array([made.probability(one.measures) for one in readings])
-    assert said.mean() == pytest.approx(np.mean([one.right for one in readings]), abs=2e-3)
+    assert made.bias == pytest.approx(-0.5, abs=0.15)
+    assert made.terms[Measure.COVERED].nats(1.0) == pytest.approx(-2.0, abs=0.3)
+    scores = np.array([made.probability(one.measures) for one in readings])
+    assert scores.mean() == pytest.approx(np.mean([one.right for one in readings]), abs=2e-3)
 
 
-def test_a_quantity_never_counts_the_wrong_way() -> None:
+def test_a_measure_never_counts_the_wrong_way() -> None:
     rng = np.random.default_rng(4)
     readings = []
     for _ in range(2000):
-        odds, rough = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
-        right = bool(rng.random() < share(odds + 3.0 * rough))  # rougher is better here, by chance
-        readings.append(known(odds, right, "ash", "font0", measures={Measure.ODDS: odds, ROUGH: rough}))
-    assert ROUGH not in fit(readings).terms
-
-
-def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
-    rng = np.random.default_rng(5)
-    fair = [reading(rng) for _ in range(400)]
-    # what is left out and what is kept out lie: sure of what is wrong
-    lies = [known(4.6, False, "ash", "font0") for _ in range(200)]
-    kept = [known(4.6, False, "tar", "font9", kept_out=True) for _ in range(200)]
-    alone, beside = next(left_out([*fair, *lies], "soil")), next(left_out([*fair, *lies, *kept], "soil"))
-    assert alone.name == beside.name == "ash"
-    assert (alone.said == beside.said).all()
-    assert alone.said[0] > 0.8
-    assert not alone.right.any()
-
-
-def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
-    exam: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "score.fit.json"
-    monkeypatch.setattr(fit_score, "FITTED", path)
-    fit_score.main(exam, threshold=0.8, write=True)
-    made = json.loads(path.read_text(encoding="utf-8"))
-    assert made["soils"] == ["ash", "mould"]
-    assert {font[:3] for font in made["fonts"]} == {"own"}
-    assert made["editions"] == {"run": 480}
-    assert "ODDS" in made["scores"]["vision"]["terms"]
-    said = capsys.readouterr().out
-    assert "| tar | 160 |" in said
-    assert "| each soil | " in said
+        odds, covered = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
+        # more cover is better here, by chance
+        readings.append(known(odds, bool(rng.random() < expit(odds + 3.0 * covered)), COVERED=covered))
+    assert set(fit_terms("tactile", readings).terms) == {Measure.ODDS}
 
 
 def test_readings_that_are_all_right_fit_nothing() -> None:
     with pytest.raises(ValueError, match="right and wrong readings"):
-        fit([known(2.0, True, "ash", "font0") for _ in range(100)])
+        fit_terms("tactile", [known(2.0, True) for _ in range(100)])
+
+
+@pytest.mark.parametrize("camera", [1.0, 2.5])
+def test_a_camera_that_exaggerates_gets_the_weight_that_corrects_it(camera: float) -> None:
+    """Of independent senses the ratios add; one that reports its ratios too large by a factor is divided by it."""
+    weights = fit_fusion(drawn_parts(5, 1500, slip=0.0, camera=camera))
+    assert weights.camera / weights.touch == pytest.approx(1.0 / camera, rel=0.2)
+
+
+def test_the_gradient_of_the_conditional_logit_is_that_of_its_loss() -> None:
+    places = FusionPlaces.of(drawn_parts(6, 20))
+    qualities = np.random.default_rng(1).normal(size=(places.truth.size, 2))
+    at = np.array([0.9, 0.4, 0.1, -0.2, 0.3, 0.05])
+    gradient = places.loss(at, qualities)[1].sum(axis=0)
+    for k, step in enumerate(np.eye(at.size) * 1e-6):
+        upper, lower = (places.loss(at + sign * step, qualities)[0].sum() for sign in (1, -1))
+        assert gradient[k] == pytest.approx((upper - lower) / 2e-6, rel=1e-4, abs=1e-4)
+
+
+def test_a_part_that_one_sense_has_read_is_scored_as_one_of_that_sense() -> None:
+    part, *others = drawn_parts(7, 400, slip=0.1)
+    fitted = fit(others)
+    blind = replace(part.readings["vision"], text="", recognised=None)
+    by_touch = read(replace(part, readings={**part.readings, "vision": blind}), "fused", fitted)
+    assert by_touch is not None
+    assert by_touch.source == "tactile"
+    assert by_touch.measures == read(part, "tactile", fitted).measures  # type: ignore[union-attr]
+    by_camera = read(replace(part, readings={**part.readings, "tactile": blind}), "fused", fitted)
+    assert by_camera is not None
+    assert by_camera.source == "vision"
+    both = read(part, "fused", fitted)
+    assert both is not None
+    assert both.source == "fused"
+    nothing = {**part.readings, "tactile": blind, "vision": blind}
+    assert read(replace(part, readings=nothing), "fused", fitted) is None
+
+
+def test_senses_that_are_sure_of_different_texts_disagree() -> None:
+    rng = np.random.default_rng(8)
+    part = drawn_parts(8, 1)[0]
+    doubtful = {name: Score(name, -9.0, {Measure.ODDS: Term(((0.0, 0.0), (1.0, 1.0)))}) for name in SOURCES}
+    same = {**part.readings, "vision": part.readings["tactile"]}
+    assert not disagree(replace(part, readings=same), part.readings["tactile"].text, doubtful)
+    other = sense(rng, "XYZ" if "X" not in part.text else "QQQ", slip=0.0, temperature=4.0)
+    assert disagree(replace(part, readings={**part.readings, "vision": other}), part.text, doubtful)
+
+
+def test_each_fold_is_judged_by_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    parts, seen = drawn_parts(9, 40), []
+
+    def watched(training: list[KeptPart]) -> Any:
+        seen.append({part.generator for part in training})
+        return fit_score.Fit(
+            FusionWeights(1.0, 0.5),
+            {name: Score(name, 0.0, {Measure.ODDS: Term(((-9.0, -9.0), (9.0, 9.0)))}) for name in SOURCES},
+        )
+
+    monkeypatch.setattr(fit_score, "fit", watched)
+    judged = judge(parts, lambda part: part.generator)
+    assert seen == [{"own"}, {"other"}]
+    assert len(judged) == 3 * 40
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**20))
+def test_accepted_readings_reach_the_threshold_of_their_source(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    judged = [
+        Judged("tactile", known(1.0, bool(rng.random() < 0.995)), float(score))
+        for score in expit(rng.normal(3.0, 2.0, 600))
+    ]
+    thresholds = find_thresholds(judged)
+    for risk in (0.05, 0.01, 0.001):
+        kept = [test for tested, test in thresholds["tactile"].items() if tested <= risk]
+        accepted = [one for one in judged if accepts(one, thresholds, risk)]
+        assert bool(accepted) == bool(kept)
+        if kept:
+            assert len(accepted) == max(test.accepted for test in kept)
+    broken = replace(judged[0].reading, broken=True)
+    assert not accepts(Judged("tactile", broken, 1.0), thresholds, 0.05)
+
+
+def test_tables_have_a_row_for_each_sense_and_kind_of_part() -> None:
+    parts = drawn_parts(10, 300, slip=0.05)
+    judged = judge(parts, lambda part: part.generator)
+    thresholds = find_thresholds(judged)
+    risks = "\n".join(risk_table(judged, thresholds))
+    assert all(f"| {name} |" in risks for name in ("touch", "camera", "both"))
+    fused = list(fusion_table(judged, thresholds, risk=0.05))
+    assert [row.split(" | ")[0] for row in fused[2:]] == [
+        "| all",
+        "| dirt 0",
+        "| dirt 0.3",
+        "| other",
+        "| own",
+    ]
+    assert fused[2].split(" | ")[1] == "300"
+
+
+def raw_reading(reading: KeptReading, *, flags: tuple[str, ...] = ()) -> dict[str, Any]:
+    """A reading as `risk_parts.py` keeps it."""
+    lattice = reading.recognised
+    lattices = {} if lattice is None else {"network": (CHARS, lattice.log_belief.astype(np.float32))}
+    measures = {Measure.FORMAT.name: -0.25, Measure.CONFIDENCE.name: 0.5}
+    return {
+        "text": reading.text, "flags": flags, "lattices": lattices, "measures": measures,
+        "odds": -0.5, "probability": 0.5,
+    }  # fmt: skip
+
+
+def test_kept_readings_come_back(tmp_path: Path) -> None:
+    part = replace(drawn_parts(11, 1)[0], number=7, severity=0.6)
+    nothing = KeptReading("", False, 1.0, {}, None, None)
+    raw: Mapping[str, Any] = {
+        **{
+            name: getattr(part, name)
+            for name in ("number", "generator", "font", "severity", "format", "text")
+        },
+        "readings": {
+            "tactile": raw_reading(part.readings["tactile"], flags=("LOW_CONFIDENCE", "STROKES_MISSING")),
+            "vision": raw_reading(nothing, flags=("NO_CHARACTERS",)),
+            "fused": raw_reading(part.readings["tactile"], flags=("FORMAT_OVERRULED",)),
+        },
+    }
+    np.savez_compressed(tmp_path / "kept.npz", **kept_readings.pack([raw]))
+    (back,) = kept_readings.load(tmp_path / "kept.npz")
+    assert (back.number, back.generator, back.font, back.severity, back.text) == (
+        7,
+        "other",
+        "font0-a",
+        0.6,
+        part.text,
+    )
+    touch = back.readings["tactile"]
+    assert (touch.text, touch.broken, touch.measures) == (
+        part.readings["tactile"].text,
+        False,
+        {Measure.FORMAT: -0.25},
+    )
+    # half floats keep a log probability to one part in two thousand
+    assert touch.recognised is not None
+    assert part.readings["tactile"].recognised is not None
+    np.testing.assert_allclose(
+        touch.recognised.log_belief, part.readings["tactile"].recognised.log_belief, rtol=1e-3, atol=1e-6
+    )
+    assert touch.count_probability == pytest.approx(expit(-0.5) / 0.5)
+    assert back.readings["vision"].recognised is None
+    assert back.readings["fused"].broken
+
+
+def test_the_shipped_fit_is_that_of_the_kept_readings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped = {
+        place: json.loads(place.read_text(encoding="utf-8"))
+        for place in (fit_score.scoring.FITTED, fit_score.fusion.FITTED)
+    }
+    monkeypatch.setattr(fit_score.scoring, "FITTED", tmp_path / "score.json")
+    monkeypatch.setattr(fit_score.fusion, "FITTED", tmp_path / "fusion.json")
+    fit_score.main(write=True)
+    for place, name in zip(shipped, ("score.json", "fusion.json"), strict=True):
+        assert_same(json.loads((tmp_path / name).read_text(encoding="utf-8")), shipped[place])
+    assert "| both |" in capsys.readouterr().out
+
+
+def assert_same(made: Any, shipped: Any) -> None:
+    """Equal, but for the last digits, in which optimisers differ between machines."""
+    if isinstance(shipped, dict):
+        assert set(made) == set(shipped)
+        for name in shipped:
+            assert_same(made[name], shipped[name])
+    elif isinstance(shipped, list):
+        assert len(made) == len(shipped)
+        for one, other in zip(made, shipped, strict=True):
+            assert_same(one, other)
+    elif isinstance(shipped, str):
+        assert made == shipped
+    else:
+        assert made == pytest.approx(shipped, rel=0.01, abs=0.01)

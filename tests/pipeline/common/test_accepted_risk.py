@@ -196,11 +196,9 @@ def test_the_sequence_of_tests_is_fixed(readings: list[tuple[float, bool, str]])
                     for s, good, g in zip(scores, right, groups, strict=True)
                     if s >= test.threshold and g in name
                 ]
-                assert (
-                    (name not in groups
-                    and name != "AB")
-                    or share_bounds(sum(over), len(over), confidence=0.9)[1] <= most
-                )
+                assert (name not in groups and name != "AB") or share_bounds(
+                    sum(over), len(over), confidence=0.9
+                )[1] <= most
 
 
 def test_a_risk_that_nothing_shows_has_no_threshold() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -19,7 +18,7 @@ from recognition.decision.risk import (
     threshold_of,
 )
 from recognition.decision.risk_text import USUAL_RISK, parse_risk, risk_in_words
-from recognition.decision.score import SOURCES, score_of
+from recognition.decision.score import SOURCES, RiskThreshold, Score, score_of
 from recognition.senses.settings import ReaderSettings
 
 
@@ -62,9 +61,11 @@ def test_words_are_understood_again(parts: int) -> None:
 
 @pytest.fixture
 def camera_without_small_risks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The camera keeps 1 in 500, the other senses what they were fitted for."""
-    whole = replace(score_of("vision"), thresholds=((0.02, 0.8), (0.002, 0.98)))
-    senses = {source: score_of(source) for source in SOURCES} | {"vision": whole}
+    """The camera keeps 1 in 500, the other senses 1 in 2,000."""
+    senses = {
+        source: Score(source, 0.0, {}, (RiskThreshold(risk, 0.99, 4000, 0, 0.5 * risk),))
+        for source, risk in (("tactile", 0.0005), ("vision", 0.002), ("fused", 0.0005))
+    }
     monkeypatch.setattr(room, "score_of", senses.__getitem__)
     threshold_of.cache_clear()
     yield
@@ -73,9 +74,10 @@ def camera_without_small_risks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_each_sense_has_its_own_threshold(source: str) -> None:
-    risk, threshold = score_of(source).thresholds[0]
-    assert least_score(source, risk) == ReaderSettings(accept_risk=risk).least_score(source) == threshold
-    assert risk_findings(source, risk) == ()
+    for tested in score_of(source).thresholds:
+        assert least_score(source, tested.risk) == tested.threshold
+        assert ReaderSettings(accept_risk=tested.risk).least_score(source) == tested.threshold
+        assert risk_findings(source, tested.risk) == ()
 
 
 @pytest.mark.usefixtures("camera_without_small_risks")

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binom
 
 from glyphs.camera.photo import Photo
-from glyphs.errors import MarksError
 from recognition.decision import score as room
 from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.score import (
     SOURCES,
     Measure,
+    RiskError,
+    RiskThreshold,
     Score,
     Term,
     log_odds,
@@ -25,14 +27,15 @@ from recognition.decision.score import (
     score_of,
     serial_is_sure,
     share,
+    text_measures,
     with_score,
 )
 from recognition.language.box import Box
 from recognition.marks.strokes import PlaceStrokes, RivalStrokes
 
-PLACE = CharacterReading((Candidate("A", 0.999, 0.999),), Box(0.0, 0.0, 1.0, 1.0))
-ODDS = Term(0.0, ((-12.0, -12.0), (12.0, 12.0)))
-PLAIN = Score(0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(0.01, ((0.01, 0.0), (0.21, -20.0)))})
+PLACE = CharacterReading((Candidate("A", 0.99999, 0.99999),), Box(0.0, 0.0, 1.0, 1.0))
+ODDS = Term(((-12.0, -12.0), (12.0, 12.0)))
+PLAIN = Score("vision", 0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(((0.01, 0.0), (0.21, -20.0)))})
 
 
 def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
@@ -58,19 +61,20 @@ def test_log_odds_and_shares_undo_each_other() -> None:
     assert (log_odds(1.0), log_odds(0.0), share(-math.inf)) == (math.inf, -math.inf, 0.0)
 
 
-def test_what_keeps_a_sure_text_from_acceptance_is_named() -> None:
+def test_a_measure_lowers_the_score() -> None:
     noisy = of_photo(noise=10.0)
-    grain = measures_of(noisy)[Measure.GRAIN]
-    made = with_score(noisy)
-    assert made.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)))
-    assert made.decision is Decision.REVIEW
-    assert made.messages() == (
-        f"unlike most parts: grain of the photograph {grain:.2g}, usually 0.01 (look at the part)",
-    )
-    # where the text is in doubt by itself, that is said
-    doubtful = with_score(of_photo(odds=2.0, noise=10.0))
-    assert doubtful.flags == ReadingFlag.LOW_CONFIDENCE
-    assert doubtful.findings == ()
+    scored = with_score(noisy)
+    assert scored.confidence == pytest.approx(share(6.0 - 100.0 * (measures_of(noisy)[Measure.GRAIN] - 0.01)))
+    assert (scored.decision, scored.flags) == (Decision.REVIEW, ReadingFlag.LOW_CONFIDENCE)
+
+
+@given(st.lists(st.floats(0.01, 0.99999), min_size=1, max_size=9), st.floats(-20.0, 40.0))
+def test_the_whole_is_no_surer_than_its_least_sure_place(places: list[float], odds: float) -> None:
+    characters = tuple(replace(PLACE, candidates=(Candidate("A", p, p),)) for p in places)
+    scored = with_score(Reading(characters, 0.5, source="tactile").with_trace(odds=odds))
+    assert scored.confidence <= min(places)
+    assert [place.confidence for place in scored.characters] == places
+    assert scored.with_confidence(1.0).confidence == min(places)
 
 
 def test_what_explains_a_low_score_goes_with_it() -> None:
@@ -109,30 +113,65 @@ def test_strokes_are_measured_at_the_weakest_place() -> None:
     assert (found[Measure.LEAST_STROKES], found[Measure.COVERED]) == (0.4, 0.7)
 
 
+VALUES = {
+    Measure.ODDS: st.floats(-13.0, 13.0),
+    Measure.LEAST_SURE: st.floats(-13.0, 13.0),
+    Measure.FORMAT_GIVEN: st.sampled_from([0.0, 1.0]),
+    Measure.EVIDENCE: st.floats(-10.0, 15.0),
+    Measure.COVERED: st.floats(0.0, 1.0),
+}
+
+
 @pytest.mark.parametrize("source", SOURCES)
 @given(data=st.data())
-def test_a_better_quantity_never_lowers_a_score(source: str, data: st.DataObject) -> None:
+def test_a_better_measure_never_lowers_a_score(source: str, data: st.DataObject) -> None:
     fitted = score_of(source)
-    better = {
-        Measure.ODDS, Measure.CAMERA, Measure.FORMAT, Measure.LEAST_STROKES, Measure.STROKES,
-    }  # fmt: skip
-    values = {
-        name: data.draw(st.floats(term.points[0][0] - 1.0, term.points[-1][0] + 1.0))
-        for name, term in fitted.terms.items()
-    }
-    name = data.draw(st.sampled_from(sorted(fitted.terms)))
-    step = data.draw(st.floats(0.0, 2.0)) * (1 if name in better else -1)
+    assert {Measure.ODDS} <= set(fitted.terms) <= set(VALUES)
+    assert len(fitted.terms) <= 4
+    values = {name: data.draw(of_measure) for name, of_measure in VALUES.items()}
+    name = data.draw(st.sampled_from(sorted(VALUES)))
+    step = data.draw(st.floats(0.0, 2.0)) * (-1.0 if name is Measure.COVERED else 1.0)
     improved = {**values, name: values[name] + step}
     assert fitted.probability(improved) >= fitted.probability(values) - 1e-12
+    assert fitted.probability(values) <= share(values[Measure.LEAST_SURE])
+
+
+def test_measures_of_a_text_are_those_of_its_reading() -> None:
+    places = (0.99, 0.7, 0.9)
+    made = text_measures(probability=0.6, count_probability=0.9, places=places, format_given=False)
+    characters = tuple(replace(PLACE, candidates=(Candidate("A", p, p),)) for p in places)
+    reading = Reading(characters, 0.5).with_trace(odds=log_odds(0.6 * 0.9), evidence=0.0)
+    assert {name: measures_of(reading)[name] for name in made} == pytest.approx(made)
+    with_format = reading.with_trace(evidence=-0.01)
+    assert measures_of(with_format)[Measure.FORMAT_GIVEN] == 1.0
+
+
+TESTED = Score(
+    "vision",
+    0.0,
+    {Measure.ODDS: ODDS},
+    (RiskThreshold(0.05, 0.8, 200, 4, 0.046), RiskThreshold(0.02, 0.95, 180, 0, 0.017)),
+)
+
+
+def test_a_smaller_risk_takes_a_higher_score() -> None:
+    assert [TESTED.threshold(risk) for risk in (0.3, 0.05, 0.049, 0.02)] == [0.8, 0.8, 0.95, 0.95]
+    assert TESTED.least_risk == 0.02
+    with pytest.raises(RiskError, match="the camera cannot promise 1 in 1,000") as error:
+        TESTED.threshold(0.001)
+    assert "accept a risk of 0.02 or more" in str(error.value.hint)
+    assert Score("tactile", 0.0, {}).least_risk == 1.0
+    for nothing in (0.0, 1.0, math.nan):
+        with pytest.raises(ValueError, match="lies between 0 and 1"):
+            TESTED.threshold(nothing)
 
 
 @pytest.mark.parametrize("source", SOURCES)
-def test_a_smaller_risk_asks_for_a_higher_score(source: str) -> None:
-    fitted = score_of(source)
-    asked = [fitted.threshold(risk) for risk in (0.05, 0.01, 0.005, 0.003)]
-    assert asked == sorted(set(asked))
-    # between two that were tried the stricter one holds
-    assert fitted.threshold(0.004) == fitted.threshold(0.003)
-    for nothing_known in (1e-7, 1.0):
-        with pytest.raises(MarksError, match="was not tested"):
-            fitted.threshold(nothing_known)
+def test_the_shipped_thresholds_keep_their_risks(source: str) -> None:
+    """Each threshold has the readings that showed it, and the exact bound of their errors is within the risk."""
+    tested = score_of(source).thresholds
+    assert tested
+    for one in tested:
+        assert one.bound <= one.risk
+        assert binom.cdf(one.wrong, one.accepted, one.bound) == pytest.approx(0.05, abs=2e-3)
+    assert [one.threshold for one in tested] == sorted(one.threshold for one in tested)
