@@ -23,6 +23,7 @@ from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
+from recognition.decision.risk import least_score
 from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
@@ -133,7 +134,8 @@ class _Part:
         self.may_shrink = self.requested_mm is None and lines.search.region is None and not lines.lines
         # a full reading follows the first look, because it finds the line best
         self.looks_since = LOOKS_PER_READING
-        self.trust = Trust(self.active.reader.settings.least_score("tactile"))
+        self.sure = least_score("tactile", self.active.reader.settings.accept_risk)
+        self.trust = Trust(self.sure)
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
         self.faults: tuple[Fault, ...] = ()
@@ -247,10 +249,9 @@ class _Part:
             return True
         if self.missing:
             return True
-        sure = self.active.reader.settings.least_score("tactile")
-        if look is None or look.confidence < sure:
+        if look is None or look.confidence < self.sure:
             return False
-        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - sure)
+        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - self.sure)
 
     def _stop_reason(self) -> StopReason | None:
         """Make a full reading; return a reason to stop (sure, or touch cannot resolve its doubts), or None."""

@@ -76,7 +76,6 @@ def camera_without_small_risks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 def test_each_sense_has_its_own_threshold(source: str) -> None:
     for tested in score_of(source).thresholds:
         assert least_score(source, tested.risk) == tested.threshold
-        assert ReaderSettings(accept_risk=tested.risk).least_score(source) == tested.threshold
         assert risk_findings(source, tested.risk) == ()
 
 
