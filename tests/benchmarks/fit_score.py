@@ -65,6 +65,8 @@ RISKS = (0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
 """Risks whose thresholds are tested."""
 THRESHOLDS = tuple(float(f"{1.0 / (1.0 + np.exp(-odds)):.6f}") for odds in np.arange(9.2, -3.0, -0.05))
 """Scores that are tested as thresholds: every twentieth of a nat, fixed before anything was read."""
+START_SHARE = 0.5
+"""See `threshold_tests`: a seventh of the readings is wrong, with low scores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +223,19 @@ class FusionPlaces:
             indices.append(np.full(int(known.sum()), index))
         return cls(np.concatenate(logs, axis=1), np.concatenate(truths), np.concatenate(indices))
 
+    def only(self, inside: Bools) -> FusionPlaces:
+        """Some of the places."""
+        return FusionPlaces(self.logs[:, inside], self.truth[inside], self.part[inside])
+
+    def log_odds(self, weights: Floats, qualities: Floats) -> tuple[Floats, Floats]:
+        """(n, characters) weighted sums of both senses, and the (2, n) weights, see `loss`."""
+        scaled = weights[:2, None] * np.exp(weights[2:].reshape(2, -1) @ qualities.T)
+        return (scaled[:, :, None] * self.logs).sum(axis=0), scaled
+
+    def best(self, weights: Floats, qualities: Floats) -> NDArray[np.intp]:
+        """(n,) index of the likeliest character."""
+        return self.log_odds(weights, qualities)[0].argmax(axis=1)
+
     def loss(self, weights: Floats, qualities: Floats) -> tuple[Floats, Floats]:
         """(n,) negative log-likelihoods of the true characters, and their gradients (n, weights).
 
@@ -228,9 +243,7 @@ class FusionPlaces:
             weights: of touch, of the camera, and log factors of either per unit of each quality.
             qualities: (n, k) qualities; each multiplies both weights by its own factor.
         """
-        factors = weights[2:].reshape(2, -1)
-        scaled = weights[:2, None] * np.exp(factors @ qualities.T)
-        log = (scaled[:, :, None] * self.logs).sum(axis=0)
+        log, scaled = self.log_odds(weights, qualities)
         total, rows = np.logaddexp.reduce(log, axis=1), np.arange(self.truth.size)
         posterior = np.exp(log - total[:, None])
         by_scaled = (posterior * self.logs).sum(axis=2) - self.logs[:, rows, self.truth]
@@ -359,6 +372,7 @@ def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, Thresh
             confidence=CONFIDENCE_LEVEL,
             thresholds=THRESHOLDS,
             groups=[one.reading.part.generator for one in own],
+            start_share=START_SHARE,
         )
     return found
 
@@ -454,6 +468,51 @@ def calibration_table(judged: Mapping[str, Sequence[Judged]]) -> Iterator[str]:
             )
 
 
+QUALITIES: Mapping[str, tuple[str, Measure]] = {
+    "grain of the photograph": ("vision", Measure.GRAIN),
+    "patches of the photograph": ("vision", Measure.PATCHES),
+    "format on the photograph": ("vision", Measure.FORMAT),
+    "fine roughness against depth": ("tactile", Measure.FINE_SHARE),
+    "coarse roughness against depth": ("tactile", Measure.COARSE_SHARE),
+    "cover of deciding strokes": ("tactile", Measure.COVERED),
+    "share of strokes felt": ("tactile", Measure.STROKES),
+    "format in the felt line": ("tactile", Measure.FORMAT),
+}
+"""Qualities of a sense on which the weights of fusion might depend."""
+
+
+def quality_table(parts: Sequence[KeptPart]) -> Iterator[str]:
+    """Weights that depend on a quality, against constant ones: both judged on left-out generators; Markdown.
+
+    The loss is that of the conditional logit, summed over all places: less is better.
+    """
+    yield "| weights depend on | loss | serials right | factor of touch, of camera per standard deviation |"
+    yield "|" + "---|" * 4
+    places = FusionPlaces.of(parts)
+    generators = np.array([parts[index].generator for index in places.part])
+    columns: dict[str, Floats] = {"nothing": np.zeros((places.part.size, 0))}
+    for name, (sense, measure) in QUALITIES.items():
+        known = [part.readings[sense].measures.get(measure, np.nan) for part in parts]
+        values = np.nan_to_num((known - np.nanmean(known)) / np.nanstd(known))
+        columns[name] = values[places.part][:, None]
+    for sense, logs in zip(("touch", "camera"), places.logs, strict=True):
+        sure = np.bincount(places.part, logs.max(axis=1)) / np.maximum(np.bincount(places.part), 1)
+        columns[f"sureness of {sense}"] = ((sure - sure.mean()) / sure.std())[places.part][:, None]
+    for name, qualities in columns.items():
+        loss, wrong_parts, factors = 0.0, set[int](), []
+        for generator in np.unique(generators):
+            inside = generators == generator
+            weights = places.only(~inside).fit(qualities[~inside])
+            tested = places.only(inside)
+            values, best = tested.loss(weights, qualities[inside])[0], tested.best(weights, qualities[inside])
+            loss += float(values.sum())
+            wrong_parts |= set(tested.part[best != tested.truth].tolist())
+            factors.append(np.exp(weights[2:]))
+        mean = np.mean(factors, axis=0)
+        shown = ", ".join(f"{factor:.2f}" for factor in mean)
+        yield f"| {name} | {loss:.1f} | {np.unique(places.part).size - len(wrong_parts):,} | {shown} |"
+
+
 MODE_NAMES = {"tactile": "touch", "vision": "camera", "fused": "both"}
 SHOWN_RISKS = (0.01, 0.001)
 FONT_FOLDS = 8
@@ -480,6 +539,7 @@ def main(kept: Path = KEPT, *, write: bool = False) -> None:
         print(f"Both senses at a risk of {odds_text(risk)}:\n")
         print("\n".join(fusion_table(judged, thresholds, risk=risk)), end="\n\n")
     by_font = judge(parts, font_fold)
+    print("\n".join(quality_table(parts)), end="\n\n")
     print("\n".join(calibration_table({"generators": judged, "fonts": by_font})), end="\n\n")
     print(fitted)
     if write:

@@ -161,14 +161,20 @@ def steepness(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return scores, rng.random(3000) >= np.clip(1.5 * (1.0 - scores), 0.0, 1.0)
 
 
-def test_thresholds_of_risks_keep_them_and_fall_with_the_risk() -> None:
+@pytest.mark.parametrize("start_share", [0.3, 1.0])
+def test_thresholds_of_risks_keep_them_and_fall_with_the_risk(start_share: float) -> None:
     """Over many draws, the true risk at the chosen threshold exceeds the promised one in at most 1 of 20."""
     risks, thresholds = (0.1, 0.05, 0.03), tuple(np.round(np.arange(0.99, 0.3, -0.01), 2))
     exceeded = dict.fromkeys(risks, 0)
     for seed in range(RUNS):
         scores, right = steepness(np.random.default_rng((9, seed)))
         found = risk_thresholds(
-            scores.tolist(), right.tolist(), risks, confidence=0.95, thresholds=thresholds
+            scores.tolist(),
+            right.tolist(),
+            risks,
+            confidence=0.95,
+            thresholds=thresholds,
+            start_share=start_share,
         )
         chosen = [found[risk].threshold for risk in risks if risk in found]
         assert chosen == sorted(chosen)

@@ -76,7 +76,7 @@ def vision(
         tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
         threshold=settings.accept_confidence,
     )  # fmt: skip
-    made = made.with_trace(lattice=placed, odds=log_odds(choice.probability))
+    made = made.with_trace(lattice=placed, choice=choice, odds=log_odds(choice.probability))
     return contracts_of_choice(made, choice, grammar)
 
 
