@@ -55,6 +55,7 @@ TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
     Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
     Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
     Measure.COVERED: ((1.0, 0.0), 0.0),
+    Measure.SAME_TEXT: ((0.0, 1.0), 1.0),
 }
 """Measures that may count: ends of their straight pieces, worst first, and the value that adds nothing."""
 HOLD = 0.3
@@ -134,13 +135,13 @@ def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
         alone = _by_sense(part, "tactile")
         return alone and replace(alone, broken=alone.broken or disagree(part, alone.text, fitted.scores))
     lattice = fuse_lattices(touch.lattice, camera.lattice, weights=fitted.weights)
-    own = part.readings["fused"]
+    own, same_text = part.readings["fused"], touch.text == camera.text == lattice.text
     return KnownReading(
         part,
         "fused",
         lattice.text,
         own.broken or disagree(part, lattice.text, fitted.scores),
-        {**own.measures, **_text_measures(lattice, touch.count_probability, part)},
+        {**own.measures, **_text_measures(lattice, touch.count_probability, part, same_text=same_text)},
     )
 
 
@@ -152,7 +153,9 @@ def _by_sense(part: KeptPart, sense: str) -> KnownReading | None:
     return KnownReading(part, sense, own.text, own.broken, measures)
 
 
-def _text_measures(lattice: Lattice, count_probability: float, part: KeptPart) -> dict[Measure, float]:
+def _text_measures(
+    lattice: Lattice, count_probability: float, part: KeptPart, *, same_text: bool | None = None
+) -> dict[Measure, float]:
     """Measures of the likeliest text. A kept format allows every text of the characters of its places."""
     best = np.exp(lattice.log_belief.max(axis=1))
     return text_measures(
@@ -160,6 +163,7 @@ def _text_measures(lattice: Lattice, count_probability: float, part: KeptPart) -
         count_probability=count_probability,
         places=best.tolist(),
         format_given=bool(part.format),
+        same_text=same_text,
     )
 
 
