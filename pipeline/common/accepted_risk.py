@@ -20,7 +20,7 @@ often. Thresholds that accept too few parts for any answer are skipped; only the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
@@ -93,7 +93,7 @@ def threshold_tests(
     risk: float,
     confidence: float,
     thresholds: Sequence[float] = THRESHOLDS,
-    groups: Sequence[str] = (),
+    groups: Sequence[Collection[str]] = (),
     group_factor: float = 5.0,
     start_share: float = 1.0,
 ) -> tuple[ThresholdTest, ...]:
@@ -105,7 +105,7 @@ def threshold_tests(
         risk: largest share of wrong readings among the accepted.
         confidence: confidence level of the tests.
         thresholds: strictest first; chosen before any part is read.
-        groups: group of each reading, such as its generator; none for a single group.
+        groups: groups of each reading, such as its generator; none if there are no groups.
         group_factor: risk of each group by itself, as a multiple of `risk`.
         start_share: largest share of the readings that the first tested threshold may accept to be allowed a wrong one;
             below 1 where many readings are doubtful, for these would all be accepted there.
@@ -119,13 +119,13 @@ def threshold_tests(
         raise ValueError(f"{values.size} scores for {wrong.size} readings of {len(groups)} groups")
     if any(a <= b for a, b in pairwise(thresholds)):
         raise ValueError("thresholds must fall, each once")
-    names = np.asarray(groups)
     column_of = partial(_Column, thresholds=thresholds, confidence=confidence, start_share=start_share)
     columns = [column_of(values, wrong, risk=risk)]
     if group_factor * risk < 1.0:
         columns += [
-            column_of(values[names == name], wrong[names == name], risk=group_factor * risk)
-            for name in dict.fromkeys(groups)
+            column_of(values[inside], wrong[inside], risk=group_factor * risk)
+            for name in sorted(set[str]().union(*groups))
+            if (inside := np.array([name in own for own in groups])).any()
         ]
     tests, going = [], True
     for k, threshold in enumerate(thresholds):
@@ -183,7 +183,7 @@ def risk_thresholds(
     *,
     confidence: float,
     thresholds: Sequence[float] = THRESHOLDS,
-    groups: Sequence[str] = (),
+    groups: Sequence[Collection[str]] = (),
     start_share: float = 1.0,
 ) -> Mapping[float, ThresholdTest]:
     """Find the proven threshold of each risk; a risk that no threshold is shown to keep has none.

@@ -19,7 +19,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ from scipy.special import expit
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
-from pipeline.common.shares import CONFIDENCE_LEVEL, Share
+from pipeline.common.shares import CONFIDENCE_LEVEL
 from recognition.combine import fuse_lattices as fusion
 from recognition.combine.fuse_lattices import (
     FusionWeights,
@@ -364,8 +363,12 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
     return judged
 
 
-def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, ThresholdTest]]:
-    """Thresholds of each source, tested on readings that break no contract, in all generators and in each."""
+Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
+"""Tested thresholds of each risk, by source."""
+
+
+def find_thresholds(judged: Sequence[Judged]) -> Thresholds:
+    """Test thresholds on readings that break no contract: together, of each generator, with a format and without."""
     found = {}
     for source in SOURCES:
         own = [one for one in judged if one.mode == one.reading.source == source and not one.reading.broken]
@@ -375,87 +378,88 @@ def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, Thresh
             RISKS,
             confidence=CONFIDENCE_LEVEL,
             thresholds=THRESHOLDS,
-            groups=[one.reading.part.generator for one in own],
+            groups=[groups_of(one.reading.part) for one in own],
             start_share=START_SHARE,
         )
     return found
 
 
-Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
+def groups_of(part: KeptPart) -> tuple[str, str]:
+    """Groups of a part in each of which a threshold must hold."""
+    return part.generator, _kind("format", part.format)
 
 
 def accepts(one: Judged, thresholds: Thresholds, risk: float) -> bool:
     """Whether a reading is accepted at a risk; never by a source that was not shown to keep it."""
-    kept = [test.threshold for tested, test in thresholds[one.reading.source].items() if tested <= risk]
+    kept = [test.threshold for least, test in thresholds[one.reading.source].items() if least <= risk]
     return bool(kept) and not one.reading.broken and one.score >= min(kept)
 
 
-def _wrong(accepted: Sequence[Judged]) -> Share:
-    return exact_share(sum(not one.reading.right for one in accepted), len(accepted))
+def kinds_of(parts: Sequence[KeptPart], *fields: str) -> dict[str, list[KeptPart]]:
+    """Group parts by the values of fields; all of them together come first."""
+    kinds: dict[str, list[KeptPart]] = {"all": list(parts)}
+    for part in sorted(parts, key=lambda part: [getattr(part, field) for field in fields]):
+        name = ", ".join(_kind(field, getattr(part, field)) for field in fields)
+        kinds.setdefault(name, []).append(part)
+    return kinds
 
 
-def risk_table(judged: Sequence[Judged], thresholds: Thresholds) -> Iterator[str]:
-    """Promised risk against seen, by sense and generator, and the share that is accepted; Markdown."""
-    yield "| sense | risk | threshold | generator | wrong of accepted | of right ones accepted | of parts accepted |"
+def _kind(field: str, value: Any) -> str:
+    if field == "format":
+        return "with a format" if value else "without a format"
+    return f"dirt {value:g}" if field == "severity" else str(value)
+
+
+def _of(judged: Sequence[Judged], parts: Sequence[KeptPart], mode: str) -> list[Judged]:
+    numbers = {part.number for part in parts}
+    return [one for one in judged if one.mode == mode and one.reading.part.number in numbers]
+
+
+def risk_table(parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: Thresholds) -> Iterator[str]:
+    """Promised risk against seen, by sense and kind of parts, and the share that is accepted; Markdown."""
+    yield "| sense | risk | from score | parts | wrong of accepted | of right ones accepted | of parts accepted |"
     yield "|" + "---|" * 7
-    generators = sorted({one.reading.part.generator for one in judged})
-    parts = {one.reading.part.number: one.reading.part.generator for one in judged}
-    for mode in SOURCES:
-        for risk in sorted({*SHOWN_RISKS, *thresholds[mode]} & {*RISKS}, reverse=True):
-            tests = [test for tested, test in thresholds[mode].items() if tested <= risk]
-            if not tests:
-                yield f"| {MODE_NAMES[mode]} | {odds_text(risk)} | none keeps it | | | | |"
+    kinds = kinds_of(parts, "generator") | kinds_of(parts, "format")
+    for mode, tested in thresholds.items():
+        least = min(tested, default=1.0)
+        for risk in sorted({*SHOWN_RISKS, *tested}, reverse=True):
+            start = f"| {MODE_NAMES[mode]} | {odds_text(risk)} |"
+            if risk < least:
+                yield f"{start} not kept | | | | |"
                 continue
-            least = min(test.threshold for test in tests)
-            for name in ("all", *(generators if risk in SHOWN_RISKS else ())):
-                own = [
-                    one for one in judged if one.mode == mode and name in ("all", one.reading.part.generator)
-                ]
+            score = min(test.threshold for kept, test in tested.items() if kept <= risk)
+            for name, own_parts in kinds.items() if risk in (*SHOWN_RISKS, least) else [("all", parts)]:
+                own = _of(judged, own_parts, mode)
                 accepted = [one for one in own if accepts(one, thresholds, risk)]
-                wrong = _wrong(accepted)
-                right = sum(one.reading.right for one in accepted)
-                of_right = right / max(sum(one.reading.right for one in own), 1)
-                total = sum(name in ("all", generator) for generator in parts.values())
+                wrong = exact_share(sum(not one.reading.right for one in accepted), len(accepted))
+                of_right = (wrong.total - wrong.count) / max(sum(one.reading.right for one in own), 1)
                 yield (
-                    f"| {MODE_NAMES[mode]} | {odds_text(risk)} | {least:.4f} | {name} "
-                    f"| {wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} "
-                    f"| {of_right:.1%} | {len(accepted) / total:.1%} |"
+                    f"{start} {score:.4f} | {name} | {wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} "
+                    f"| {of_right:.1%} | {wrong.total / len(own_parts):.1%} |"
                 )
 
 
-def fusion_table(judged: Sequence[Judged], thresholds: Thresholds, *, risk: float) -> Iterator[str]:
+def fusion_table(
+    parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: Thresholds, *, risk: float
+) -> Iterator[str]:
     """Both senses together against each alone, on the same parts; Markdown."""
     yield "| parts | number | right: touch, camera, both | only both, only the better | accepted: touch, camera, both |"
     yield "|" + "---|" * 5
-    parts = {one.reading.part.number: one.reading.part for one in judged}
-    kinds: list[tuple[str, Callable[[KeptPart], bool]]] = [("all", lambda part: True)]
-    kinds += [
-        (f"dirt {level:g}", partial(_has, "severity", level))
-        for level in sorted({p.severity for p in parts.values()})
-    ]
-    kinds += [
-        (name, partial(_has, "generator", name)) for name in sorted({p.generator for p in parts.values()})
-    ]
-    for name, belongs in kinds:
-        numbers = {number for number, part in parts.items() if belongs(part)}
-        own = [one for one in judged if one.reading.part.number in numbers]
-        right = {
-            mode: {one.reading.part.number for one in own if one.mode == mode and one.reading.right}
-            for mode in SOURCES
-        }
-        accepted = {
-            mode: sum(one.mode == mode and accepts(one, thresholds, risk) for one in own) for mode in SOURCES
-        }
-        better = max(right["tactile"], right["vision"], key=len)
-        yield (
-            f"| {name} | {len(numbers):,} | {', '.join(str(len(right[mode])) for mode in SOURCES)} "
-            f"| {len(right['fused'] - better)}, {len(better - right['fused'])} "
-            f"| {', '.join(str(accepted[mode]) for mode in SOURCES)} |"
-        )
-
-
-def _has(field: str, value: object, part: KeptPart) -> bool:
-    return bool(getattr(part, field) == value)
+    for fields in (("severity",), ("generator",), ("format",), ("generator", "severity")):
+        for name, own_parts in kinds_of(parts, *fields).items():
+            if name == "all" and fields != ("severity",):
+                continue
+            own = {mode: _of(judged, own_parts, mode) for mode in SOURCES}
+            right = {
+                mode: {one.reading.part.number for one in own[mode] if one.reading.right} for mode in SOURCES
+            }
+            accepted = (sum(accepts(one, thresholds, risk) for one in own[mode]) for mode in SOURCES)
+            better = max(right["tactile"], right["vision"], key=len)
+            yield (
+                f"| {name} | {len(own_parts):,} | {', '.join(str(len(right[mode])) for mode in SOURCES)} "
+                f"| {len(right['fused'] - better)}, {len(better - right['fused'])} "
+                f"| {', '.join(map(str, accepted))} |"
+            )
 
 
 def calibration_table(judged: Mapping[str, Sequence[Judged]]) -> Iterator[str]:
@@ -518,7 +522,7 @@ def quality_table(parts: Sequence[KeptPart]) -> Iterator[str]:
 
 
 MODE_NAMES = {"tactile": "touch", "vision": "camera", "fused": "both"}
-SHOWN_RISKS = (0.01, 0.001)
+SHOWN_RISKS = (0.05, 0.01, 0.001)
 FONT_FOLDS = 8
 
 
@@ -527,21 +531,22 @@ def font_fold(part: KeptPart) -> str:
     return str(crc32(part.font.split("-")[0].encode()) % FONT_FOLDS)
 
 
-def main(kept: Path = KEPT, *, write: bool = False) -> None:
+def main(readings: Path = KEPT, *, write: bool = False) -> None:
     """Fit, print the tables as Markdown, and write the fits.
 
     Args:
-        kept: file of kept readings.
+        readings: file of kept readings.
         write: replace the fits of the package.
     """
-    parts = load(kept)
+    parts = load(readings)
     judged = judge(parts, lambda part: part.generator)
     thresholds = find_thresholds(judged)
     fitted = fit(parts)
-    print("\n".join(risk_table(judged, thresholds)), end="\n\n")
-    for risk in (0.02, 0.01):
-        print(f"Both senses at a risk of {odds_text(risk)}:\n")
-        print("\n".join(fusion_table(judged, thresholds, risk=risk)), end="\n\n")
+    print("\n".join(risk_table(parts, judged, thresholds)), end="\n\n")
+    kept = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), max(RISKS)}
+    for risk in sorted(kept - {1.0}):
+        print(f"At a risk of {odds_text(risk)}:\n")
+        print("\n".join(fusion_table(parts, judged, thresholds, risk=risk)), end="\n\n")
     by_font = judge(parts, font_fold)
     print("\n".join(quality_table(parts)), end="\n\n")
     print("\n".join(calibration_table({"generators": judged, "fonts": by_font})), end="\n\n")
@@ -557,9 +562,7 @@ def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
             "bias": score.bias,
             "terms": {measure.name: term.points for measure, term in score.terms.items()},
             "thresholds": [
-                asdict(
-                    RiskThreshold(risk, test.threshold, test.accepted, test.wrong, float(f"{test.bound:.6f}"))
-                )
+                asdict(RiskThreshold(risk, test.threshold, test.accepted, test.wrong, round(test.bound, 6)))
                 for risk, test in thresholds[source].items()
             ],
         }
