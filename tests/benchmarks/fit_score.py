@@ -61,7 +61,7 @@ HOLD = 0.3
 """Weight of the penalty that pulls each weight to where it starts: 1 for the log odds of the text, 0 for the others."""
 LEAST_WEIGHT = 0.02
 """Log odds over a measure's whole range below which it is left out."""
-RISKS = (0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
+RISKS = (0.1, 0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
 """Risks whose thresholds are tested."""
 THRESHOLDS = tuple(float(f"{1.0 / (1.0 + np.exp(-odds)):.6f}") for odds in np.arange(9.2, -3.0, -0.05))
 """Scores that are tested as thresholds: every twentieth of a nat, fixed before anything was read."""
@@ -531,6 +531,36 @@ def font_fold(part: KeptPart) -> str:
     return str(crc32(part.font.split("-")[0].encode()) % FONT_FOLDS)
 
 
+def report(
+    parts: Sequence[KeptPart], fitted: Fit, judged: Sequence[Judged], thresholds: Thresholds
+) -> Iterator[str]:
+    """All tables, each under its heading; Markdown."""
+    generators = ", ".join(
+        f"{len(own):,} {name}" for name, own in kinds_of(parts, "generator").items() if name != "all"
+    )
+    yield f"{len(parts):,} parts ({generators}) in {len({part.font for part in parts})} font files."
+    yield from ("", "### Promised risk and risk seen", "", *risk_table(parts, judged, thresholds))
+    both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), max(SHOWN_RISKS)}
+    for risk in sorted(both - {1.0}, reverse=True):
+        yield from ("", f"### Touch and camera together, at a risk of {odds_text(risk)}", "")
+        yield from fusion_table(parts, judged, thresholds, risk=risk)
+    yield from ("", "### Weights of fusion that depend on the quality of a sense", "", *quality_table(parts))
+    by_fold = {"generators": judged, "fonts": judge(parts, font_fold)}
+    yield from ("", "### Calibration", "", *calibration_table(by_fold))
+    yield from (
+        "",
+        "### Fit",
+        "",
+        f"Weights of fusion: touch {fitted.weights.touch:g}, camera {fitted.weights.camera:g}.",
+    )
+    yield from ("", "| sense | measure | log odds added at its values |", "|---|---|---|")
+    for source, score in fitted.scores.items():
+        yield f"| {MODE_NAMES[source]} | none | {score.bias:g} |"
+        for measure, term in score.terms.items():
+            curve = ", ".join(f"{nats:g} at {value:g}" for value, nats in term.points)
+            yield f"| {MODE_NAMES[source]} | {measure.value} | {curve} |"
+
+
 def main(readings: Path = KEPT, *, write: bool = False) -> None:
     """Fit, print the tables as Markdown, and write the fits.
 
@@ -540,17 +570,9 @@ def main(readings: Path = KEPT, *, write: bool = False) -> None:
     """
     parts = load(readings)
     judged = judge(parts, lambda part: part.generator)
-    thresholds = find_thresholds(judged)
-    fitted = fit(parts)
-    print("\n".join(risk_table(parts, judged, thresholds)), end="\n\n")
-    kept = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), max(RISKS)}
-    for risk in sorted(kept - {1.0}):
-        print(f"At a risk of {odds_text(risk)}:\n")
-        print("\n".join(fusion_table(parts, judged, thresholds, risk=risk)), end="\n\n")
-    by_font = judge(parts, font_fold)
-    print("\n".join(quality_table(parts)), end="\n\n")
-    print("\n".join(calibration_table({"generators": judged, "fonts": by_font})), end="\n\n")
-    print(fitted)
+    thresholds, fitted = find_thresholds(judged), fit(parts)
+    for line in report(parts, fitted, judged, thresholds):
+        print(line)
     if write:
         _write(scoring.FITTED, {"parts": len(parts), "scores": _scores(fitted, thresholds)})
         _write(fusion.FITTED, {"parts": len(parts), "weights": asdict(fitted.weights)})
