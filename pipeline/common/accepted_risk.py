@@ -20,9 +20,10 @@ often. Thresholds that accept too few parts for any answer are skipped; only the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -92,8 +93,9 @@ def threshold_tests(
     risk: float,
     confidence: float,
     thresholds: Sequence[float] = THRESHOLDS,
-    groups: Sequence[str] = (),
+    groups: Sequence[Collection[str]] = (),
     group_factor: float = 5.0,
+    start_share: float = 1.0,
 ) -> tuple[ThresholdTest, ...]:
     """Test the thresholds in order, as the module describes; the last one shown to hold is the one to use.
 
@@ -103,8 +105,10 @@ def threshold_tests(
         risk: largest share of wrong readings among the accepted.
         confidence: confidence level of the tests.
         thresholds: strictest first; chosen before any part is read.
-        groups: group of each reading, such as its generator; none for a single group.
+        groups: groups of each reading, such as its generator; none if there are no groups.
         group_factor: risk of each group by itself, as a multiple of `risk`.
+        start_share: largest share of the readings that the first tested threshold may accept to be allowed a wrong one;
+            below 1 where many readings are doubtful, for these would all be accepted there.
 
     Raises:
         ValueError: the lengths differ, the risk or the confidence does not lie between 0 and 1, or the thresholds do
@@ -115,12 +119,13 @@ def threshold_tests(
         raise ValueError(f"{values.size} scores for {wrong.size} readings of {len(groups)} groups")
     if any(a <= b for a, b in pairwise(thresholds)):
         raise ValueError("thresholds must fall, each once")
-    names = np.asarray(groups)
-    columns = [_Column(values, wrong, thresholds, risk, confidence)]
+    column_of = partial(_Column, thresholds=thresholds, confidence=confidence, start_share=start_share)
+    columns = [column_of(values, wrong, risk=risk)]
     if group_factor * risk < 1.0:
         columns += [
-            _Column(values[names == name], wrong[names == name], thresholds, group_factor * risk, confidence)
-            for name in dict.fromkeys(groups)
+            column_of(values[inside], wrong[inside], risk=group_factor * risk)
+            for name in sorted(set[str]().union(*groups))
+            if (inside := np.array([name in own for own in groups])).any()
         ]
     tests, going = [], True
     for k, threshold in enumerate(thresholds):
@@ -143,15 +148,17 @@ class _Column:
         self,
         scores: NDArray[np.float64],
         wrong: NDArray[np.bool_],
+        *,
         thresholds: Sequence[float],
         risk: float,
         confidence: float,
+        start_share: float,
     ) -> None:
         accepted = [scores >= threshold for threshold in thresholds]
         self.counts = [(int((wrong & over).sum()), int(over.sum())) for over in accepted]
         most = max((total for _, total in self.counts), default=0)
         needed = [parts_needed(risk, confidence=confidence, wrong=allowed) for allowed in ALLOWED_WRONG]
-        self.least = next((total for total in needed if total <= most), needed[-1])
+        self.least = next((total for total in needed if total <= start_share * most), needed[-1])
         self.risk, self.confidence = risk, confidence
 
     def too_few(self, k: int) -> bool:
@@ -176,7 +183,8 @@ def risk_thresholds(
     *,
     confidence: float,
     thresholds: Sequence[float] = THRESHOLDS,
-    groups: Sequence[str] = (),
+    groups: Sequence[Collection[str]] = (),
+    start_share: float = 1.0,
 ) -> Mapping[float, ThresholdTest]:
     """Find the proven threshold of each risk; a risk that no threshold is shown to keep has none.
 
@@ -186,16 +194,18 @@ def risk_thresholds(
         risks: risks, each tested by itself.
         confidence: confidence level of the tests.
         thresholds: strictest first; chosen before any part is read.
-        groups: group of each reading, see `threshold_tests`.
+        groups, start_share: see `threshold_tests`.
     """
-    found = {
-        risk: proven_threshold(
-            threshold_tests(
-                scores, right, risk=risk, confidence=confidence, thresholds=thresholds, groups=groups
-            )
-        )
-        for risk in risks
-    }
+    tests_of = partial(
+        threshold_tests,
+        scores,
+        right,
+        confidence=confidence,
+        thresholds=thresholds,
+        groups=groups,
+        start_share=start_share,
+    )
+    found = {risk: proven_threshold(tests_of(risk=risk)) for risk in risks}
     return {risk: test for risk, test in found.items() if test is not None}
 
 

@@ -63,6 +63,7 @@ class Measure(StrEnum):
     ODDS = "log odds of the text before anything else is known"
     LEAST_SURE = "log odds of the least sure place"
     FORMAT_GIVEN = "1 with a format, 0 without"
+    SAME_TEXT = "1 if touch and camera read the same text, 0 if not"
     MARGIN = "least margin"
     BELIEF = "belief before the format"
     EVIDENCE = "evidence against the strongest rival (nats)"
@@ -97,6 +98,9 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
     }
     if reading.characters:
         found[Measure.LEAST_SURE] = within_odds(log_odds(min(c.confidence for c in reading.characters)))
+    if scored_as(reading) == "fused":
+        texts = {"".join(one.text.split()) for one in (reading, trace.touch, trace.vision) if one is not None}
+        found[Measure.SAME_TEXT] = float(len(texts) == 1)
     first = touch or vision
     openly = None if first is None else first.trace.open_lattice
     if openly is not None and openly.n_places:
@@ -110,7 +114,12 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
 
 
 def text_measures(
-    *, probability: float, count_probability: float, places: Iterable[float], format_given: bool
+    *,
+    probability: float,
+    count_probability: float,
+    places: Iterable[float],
+    format_given: bool,
+    same_text: bool | None = None,
 ) -> dict[Measure, float]:
     """Return the measures of a text that a score needs.
 
@@ -119,12 +128,14 @@ def text_measures(
         count_probability: probability of the number of places; 1 with a format.
         places: probability of the character of each place; at least one.
         format_given: whether the reader was given a format.
+        same_text: whether each of both senses reads this text by itself; None for one sense.
     """
-    return {
+    measures = {
         Measure.ODDS: within_odds(log_odds(probability * count_probability)),
         Measure.LEAST_SURE: within_odds(log_odds(min(places))),
         Measure.FORMAT_GIVEN: float(format_given),
     }
+    return measures if same_text is None else {**measures, Measure.SAME_TEXT: float(same_text)}
 
 
 def _of_strokes(

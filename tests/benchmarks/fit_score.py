@@ -19,7 +19,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ from scipy.special import expit
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
-from pipeline.common.shares import CONFIDENCE_LEVEL, Share
+from pipeline.common.shares import CONFIDENCE_LEVEL
 from recognition.combine import fuse_lattices as fusion
 from recognition.combine.fuse_lattices import (
     FusionWeights,
@@ -55,16 +54,19 @@ TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
     Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
     Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
     Measure.COVERED: ((1.0, 0.0), 0.0),
+    Measure.SAME_TEXT: ((0.0, 1.0), 1.0),
 }
 """Measures that may count: ends of their straight pieces, worst first, and the value that adds nothing."""
 HOLD = 0.3
 """Weight of the penalty that pulls each weight to where it starts: 1 for the log odds of the text, 0 for the others."""
 LEAST_WEIGHT = 0.02
 """Log odds over a measure's whole range below which it is left out."""
-RISKS = (0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
+RISKS = (0.1, 0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
 """Risks whose thresholds are tested."""
 THRESHOLDS = tuple(float(f"{1.0 / (1.0 + np.exp(-odds)):.6f}") for odds in np.arange(9.2, -3.0, -0.05))
 """Scores that are tested as thresholds: every twentieth of a nat, fixed before anything was read."""
+START_SHARE = 0.5
+"""See `threshold_tests`: a seventh of the readings is wrong, with low scores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,13 +134,13 @@ def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
         alone = _by_sense(part, "tactile")
         return alone and replace(alone, broken=alone.broken or disagree(part, alone.text, fitted.scores))
     lattice = fuse_lattices(touch.lattice, camera.lattice, weights=fitted.weights)
-    own = part.readings["fused"]
+    own, same_text = part.readings["fused"], touch.text == camera.text == lattice.text
     return KnownReading(
         part,
         "fused",
         lattice.text,
         own.broken or disagree(part, lattice.text, fitted.scores),
-        {**own.measures, **_text_measures(lattice, touch.count_probability, part)},
+        {**own.measures, **_text_measures(lattice, touch.count_probability, part, same_text=same_text)},
     )
 
 
@@ -150,7 +152,9 @@ def _by_sense(part: KeptPart, sense: str) -> KnownReading | None:
     return KnownReading(part, sense, own.text, own.broken, measures)
 
 
-def _text_measures(lattice: Lattice, count_probability: float, part: KeptPart) -> dict[Measure, float]:
+def _text_measures(
+    lattice: Lattice, count_probability: float, part: KeptPart, *, same_text: bool | None = None
+) -> dict[Measure, float]:
     """Measures of the likeliest text. A kept format allows every text of the characters of its places."""
     best = np.exp(lattice.log_belief.max(axis=1))
     return text_measures(
@@ -158,6 +162,7 @@ def _text_measures(lattice: Lattice, count_probability: float, part: KeptPart) -
         count_probability=count_probability,
         places=best.tolist(),
         format_given=bool(part.format),
+        same_text=same_text,
     )
 
 
@@ -220,6 +225,19 @@ class FusionPlaces:
             indices.append(np.full(int(known.sum()), index))
         return cls(np.concatenate(logs, axis=1), np.concatenate(truths), np.concatenate(indices))
 
+    def only(self, inside: Bools) -> FusionPlaces:
+        """Some of the places."""
+        return FusionPlaces(self.logs[:, inside], self.truth[inside], self.part[inside])
+
+    def log_odds(self, weights: Floats, qualities: Floats) -> tuple[Floats, Floats]:
+        """(n, characters) weighted sums of both senses, and the (2, n) weights, see `loss`."""
+        scaled = weights[:2, None] * np.exp(weights[2:].reshape(2, -1) @ qualities.T)
+        return (scaled[:, :, None] * self.logs).sum(axis=0), scaled
+
+    def best(self, weights: Floats, qualities: Floats) -> NDArray[np.intp]:
+        """(n,) index of the likeliest character."""
+        return self.log_odds(weights, qualities)[0].argmax(axis=1)
+
     def loss(self, weights: Floats, qualities: Floats) -> tuple[Floats, Floats]:
         """(n,) negative log-likelihoods of the true characters, and their gradients (n, weights).
 
@@ -227,9 +245,7 @@ class FusionPlaces:
             weights: of touch, of the camera, and log factors of either per unit of each quality.
             qualities: (n, k) qualities; each multiplies both weights by its own factor.
         """
-        factors = weights[2:].reshape(2, -1)
-        scaled = weights[:2, None] * np.exp(factors @ qualities.T)
-        log = (scaled[:, :, None] * self.logs).sum(axis=0)
+        log, scaled = self.log_odds(weights, qualities)
         total, rows = np.logaddexp.reduce(log, axis=1), np.arange(self.truth.size)
         posterior = np.exp(log - total[:, None])
         by_scaled = (posterior * self.logs).sum(axis=2) - self.logs[:, rows, self.truth]
@@ -346,8 +362,12 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
     return judged
 
 
-def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, ThresholdTest]]:
-    """Thresholds of each source, tested on readings that break no contract, in all generators and in each."""
+Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
+"""Tested thresholds of each risk, by source."""
+
+
+def find_thresholds(judged: Sequence[Judged]) -> Thresholds:
+    """Test thresholds on readings that break no contract: together, of each generator, with a format and without."""
     found = {}
     for source in SOURCES:
         own = [one for one in judged if one.mode == one.reading.source == source and not one.reading.broken]
@@ -357,86 +377,88 @@ def find_thresholds(judged: Sequence[Judged]) -> dict[str, Mapping[float, Thresh
             RISKS,
             confidence=CONFIDENCE_LEVEL,
             thresholds=THRESHOLDS,
-            groups=[one.reading.part.generator for one in own],
+            groups=[groups_of(one.reading.part) for one in own],
+            start_share=START_SHARE,
         )
     return found
 
 
-Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
+def groups_of(part: KeptPart) -> tuple[str, str]:
+    """Groups of a part in each of which a threshold must hold."""
+    return part.generator, _kind("format", part.format)
 
 
 def accepts(one: Judged, thresholds: Thresholds, risk: float) -> bool:
     """Whether a reading is accepted at a risk; never by a source that was not shown to keep it."""
-    kept = [test.threshold for tested, test in thresholds[one.reading.source].items() if tested <= risk]
+    kept = [test.threshold for least, test in thresholds[one.reading.source].items() if least <= risk]
     return bool(kept) and not one.reading.broken and one.score >= min(kept)
 
 
-def _wrong(accepted: Sequence[Judged]) -> Share:
-    return exact_share(sum(not one.reading.right for one in accepted), len(accepted))
+def kinds_of(parts: Sequence[KeptPart], *fields: str) -> dict[str, list[KeptPart]]:
+    """Group parts by the values of fields; all of them together come first."""
+    kinds: dict[str, list[KeptPart]] = {"all": list(parts)}
+    for part in sorted(parts, key=lambda part: [getattr(part, field) for field in fields]):
+        name = ", ".join(_kind(field, getattr(part, field)) for field in fields)
+        kinds.setdefault(name, []).append(part)
+    return kinds
 
 
-def risk_table(judged: Sequence[Judged], thresholds: Thresholds) -> Iterator[str]:
-    """Promised risk against seen, by sense and generator, and the share that is accepted; Markdown."""
-    yield "| sense | risk | threshold | generator | wrong of accepted | of right ones accepted | of parts accepted |"
+def _kind(field: str, value: Any) -> str:
+    if field == "format":
+        return "with a format" if value else "without a format"
+    return f"dirt {value:g}" if field == "severity" else str(value)
+
+
+def _of(judged: Sequence[Judged], parts: Sequence[KeptPart], mode: str) -> list[Judged]:
+    numbers = {part.number for part in parts}
+    return [one for one in judged if one.mode == mode and one.reading.part.number in numbers]
+
+
+def risk_table(parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: Thresholds) -> Iterator[str]:
+    """Promised risk against seen, by sense and kind of parts, and the share that is accepted; Markdown."""
+    yield "| sense | risk | from score | parts | wrong of accepted | of right ones accepted | of parts accepted |"
     yield "|" + "---|" * 7
-    generators = sorted({one.reading.part.generator for one in judged})
-    parts = {one.reading.part.number: one.reading.part.generator for one in judged}
-    for mode in SOURCES:
-        for risk in sorted({*SHOWN_RISKS, *thresholds[mode]} & {*RISKS}, reverse=True):
-            tests = [test for tested, test in thresholds[mode].items() if tested <= risk]
-            if not tests:
-                yield f"| {MODE_NAMES[mode]} | {risk_in_words(risk)} | none keeps it | | | | |"
+    kinds = kinds_of(parts, "generator") | kinds_of(parts, "format")
+    for mode, tested in thresholds.items():
+        least = min(tested, default=1.0)
+        for risk in sorted({*SHOWN_RISKS, *tested}, reverse=True):
+            start = f"| {MODE_NAMES[mode]} | {risk_in_words(risk)} |"
+            if risk < least:
+                yield f"{start} not kept | | | | |"
                 continue
-            least = min(test.threshold for test in tests)
-            for name in ("all", *(generators if risk in SHOWN_RISKS else ())):
-                own = [
-                    one for one in judged if one.mode == mode and name in ("all", one.reading.part.generator)
-                ]
+            score = min(test.threshold for kept, test in tested.items() if kept <= risk)
+            for name, own_parts in kinds.items() if risk in (*SHOWN_RISKS, least) else [("all", parts)]:
+                own = _of(judged, own_parts, mode)
                 accepted = [one for one in own if accepts(one, thresholds, risk)]
-                wrong = _wrong(accepted)
-                right = sum(one.reading.right for one in accepted)
-                of_right = right / max(sum(one.reading.right for one in own), 1)
-                total = sum(name in ("all", generator) for generator in parts.values())
+                wrong = exact_share(sum(not one.reading.right for one in accepted), len(accepted))
+                of_right = (wrong.total - wrong.count) / max(sum(one.reading.right for one in own), 1)
                 yield (
-                    f"| {MODE_NAMES[mode]} | {risk_in_words(risk)} | {least:.4f} | {name} "
-                    f"| {wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} "
-                    f"| {of_right:.1%} | {len(accepted) / total:.1%} |"
+                    f"{start} {score:.4f} | {name} | {wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} "
+                    f"| {of_right:.1%} | {wrong.total / len(own_parts):.1%} |"
                 )
 
 
-def fusion_table(judged: Sequence[Judged], thresholds: Thresholds, *, risk: float) -> Iterator[str]:
+def fusion_table(
+    parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: Thresholds, *, risk: float
+) -> Iterator[str]:
     """Both senses together against each alone, on the same parts; Markdown."""
     yield "| parts | number | right: touch, camera, both | only both, only the better | accepted: touch, camera, both |"
     yield "|" + "---|" * 5
-    parts = {one.reading.part.number: one.reading.part for one in judged}
-    kinds: list[tuple[str, Callable[[KeptPart], bool]]] = [("all", lambda part: True)]
-    kinds += [
-        (f"dirt {level:g}", partial(_has, "severity", level))
-        for level in sorted({p.severity for p in parts.values()})
-    ]
-    kinds += [
-        (name, partial(_has, "generator", name)) for name in sorted({p.generator for p in parts.values()})
-    ]
-    for name, belongs in kinds:
-        numbers = {number for number, part in parts.items() if belongs(part)}
-        own = [one for one in judged if one.reading.part.number in numbers]
-        right = {
-            mode: {one.reading.part.number for one in own if one.mode == mode and one.reading.right}
-            for mode in SOURCES
-        }
-        accepted = {
-            mode: sum(one.mode == mode and accepts(one, thresholds, risk) for one in own) for mode in SOURCES
-        }
-        better = max(right["tactile"], right["vision"], key=len)
-        yield (
-            f"| {name} | {len(numbers):,} | {', '.join(str(len(right[mode])) for mode in SOURCES)} "
-            f"| {len(right['fused'] - better)}, {len(better - right['fused'])} "
-            f"| {', '.join(str(accepted[mode]) for mode in SOURCES)} |"
-        )
-
-
-def _has(field: str, value: object, part: KeptPart) -> bool:
-    return bool(getattr(part, field) == value)
+    for fields in (("severity",), ("generator",), ("format",), ("generator", "severity")):
+        for name, own_parts in kinds_of(parts, *fields).items():
+            if name == "all" and fields != ("severity",):
+                continue
+            own = {mode: _of(judged, own_parts, mode) for mode in SOURCES}
+            right = {
+                mode: {one.reading.part.number for one in own[mode] if one.reading.right} for mode in SOURCES
+            }
+            accepted = (sum(accepts(one, thresholds, risk) for one in own[mode]) for mode in SOURCES)
+            better = max(right["tactile"], right["vision"], key=len)
+            yield (
+                f"| {name} | {len(own_parts):,} | {', '.join(str(len(right[mode])) for mode in SOURCES)} "
+                f"| {len(right['fused'] - better)}, {len(better - right['fused'])} "
+                f"| {', '.join(map(str, accepted))} |"
+            )
 
 
 def calibration_table(judged: Mapping[str, Sequence[Judged]]) -> Iterator[str]:
@@ -453,8 +475,53 @@ def calibration_table(judged: Mapping[str, Sequence[Judged]]) -> Iterator[str]:
             )
 
 
+QUALITIES: Mapping[str, tuple[str, Measure]] = {
+    "grain of the photograph": ("vision", Measure.GRAIN),
+    "patches of the photograph": ("vision", Measure.PATCHES),
+    "format on the photograph": ("vision", Measure.FORMAT),
+    "fine roughness against depth": ("tactile", Measure.FINE_SHARE),
+    "coarse roughness against depth": ("tactile", Measure.COARSE_SHARE),
+    "cover of deciding strokes": ("tactile", Measure.COVERED),
+    "share of strokes felt": ("tactile", Measure.STROKES),
+    "format in the felt line": ("tactile", Measure.FORMAT),
+}
+"""Qualities of a sense on which the weights of fusion might depend."""
+
+
+def quality_table(parts: Sequence[KeptPart]) -> Iterator[str]:
+    """Weights that depend on a quality, against constant ones: both judged on left-out generators; Markdown.
+
+    The loss is that of the conditional logit, summed over all places: less is better.
+    """
+    yield "| weights depend on | loss | serials right | factor of touch, of camera per standard deviation |"
+    yield "|" + "---|" * 4
+    places = FusionPlaces.of(parts)
+    generators = np.array([parts[index].generator for index in places.part])
+    columns: dict[str, Floats] = {"nothing": np.zeros((places.part.size, 0))}
+    for name, (sense, measure) in QUALITIES.items():
+        known = [part.readings[sense].measures.get(measure, np.nan) for part in parts]
+        values = np.nan_to_num((known - np.nanmean(known)) / np.nanstd(known))
+        columns[name] = values[places.part][:, None]
+    for sense, logs in zip(("touch", "camera"), places.logs, strict=True):
+        sure = np.bincount(places.part, logs.max(axis=1)) / np.maximum(np.bincount(places.part), 1)
+        columns[f"sureness of {sense}"] = ((sure - sure.mean()) / sure.std())[places.part][:, None]
+    for name, qualities in columns.items():
+        loss, wrong_parts, factors = 0.0, set[int](), []
+        for generator in np.unique(generators):
+            inside = generators == generator
+            weights = places.only(~inside).fit(qualities[~inside])
+            tested = places.only(inside)
+            values, best = tested.loss(weights, qualities[inside])[0], tested.best(weights, qualities[inside])
+            loss += float(values.sum())
+            wrong_parts |= set(tested.part[best != tested.truth].tolist())
+            factors.append(np.exp(weights[2:]))
+        mean = np.mean(factors, axis=0)
+        shown = ", ".join(f"{factor:.2f}" for factor in mean)
+        yield f"| {name} | {loss:.1f} | {np.unique(places.part).size - len(wrong_parts):,} | {shown} |"
+
+
 MODE_NAMES = {"tactile": "touch", "vision": "camera", "fused": "both"}
-SHOWN_RISKS = (0.01, 0.001)
+SHOWN_RISKS = (0.05, 0.01, 0.001)
 FONT_FOLDS = 8
 
 
@@ -463,24 +530,48 @@ def font_fold(part: KeptPart) -> str:
     return str(crc32(part.font.split("-")[0].encode()) % FONT_FOLDS)
 
 
-def main(kept: Path = KEPT, *, write: bool = False) -> None:
+def report(
+    parts: Sequence[KeptPart], fitted: Fit, judged: Sequence[Judged], thresholds: Thresholds
+) -> Iterator[str]:
+    """All tables, each under its heading; Markdown."""
+    generators = ", ".join(
+        f"{len(own):,} {name}" for name, own in kinds_of(parts, "generator").items() if name != "all"
+    )
+    yield f"{len(parts):,} parts ({generators}) in {len({part.font for part in parts})} font files."
+    yield from ("", "### Promised risk and risk seen", "", *risk_table(parts, judged, thresholds))
+    both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), max(SHOWN_RISKS)}
+    for risk in sorted(both - {1.0}, reverse=True):
+        yield from ("", f"### Touch and camera together, at a risk of {risk_in_words(risk)}", "")
+        yield from fusion_table(parts, judged, thresholds, risk=risk)
+    yield from ("", "### Weights of fusion that depend on the quality of a sense", "", *quality_table(parts))
+    by_fold = {"generators": judged, "fonts": judge(parts, font_fold)}
+    yield from ("", "### Calibration", "", *calibration_table(by_fold))
+    yield from (
+        "",
+        "### Fit",
+        "",
+        f"Weights of fusion: touch {fitted.weights.touch:g}, camera {fitted.weights.camera:g}.",
+    )
+    yield from ("", "| sense | measure | log odds added at its values |", "|---|---|---|")
+    for source, score in fitted.scores.items():
+        yield f"| {MODE_NAMES[source]} | none | {score.bias:g} |"
+        for measure, term in score.terms.items():
+            curve = ", ".join(f"{nats:g} at {value:g}" for value, nats in term.points)
+            yield f"| {MODE_NAMES[source]} | {measure.value} | {curve} |"
+
+
+def main(readings: Path = KEPT, *, write: bool = False) -> None:
     """Fit, print the tables as Markdown, and write the fits.
 
     Args:
-        kept: file of kept readings.
+        readings: file of kept readings.
         write: replace the fits of the package.
     """
-    parts = load(kept)
+    parts = load(readings)
     judged = judge(parts, lambda part: part.generator)
-    thresholds = find_thresholds(judged)
-    fitted = fit(parts)
-    print("\n".join(risk_table(judged, thresholds)), end="\n\n")
-    for risk in (0.02, 0.01):
-        print(f"Both senses at a risk of {risk_in_words(risk)}:\n")
-        print("\n".join(fusion_table(judged, thresholds, risk=risk)), end="\n\n")
-    by_font = judge(parts, font_fold)
-    print("\n".join(calibration_table({"generators": judged, "fonts": by_font})), end="\n\n")
-    print(fitted)
+    thresholds, fitted = find_thresholds(judged), fit(parts)
+    for line in report(parts, fitted, judged, thresholds):
+        print(line)
     if write:
         _write(scoring.FITTED, {"parts": len(parts), "scores": _scores(fitted, thresholds)})
         _write(fusion.FITTED, {"parts": len(parts), "weights": asdict(fitted.weights)})
@@ -492,9 +583,7 @@ def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
             "bias": score.bias,
             "terms": {measure.name: term.points for measure, term in score.terms.items()},
             "thresholds": [
-                asdict(
-                    RiskThreshold(risk, test.threshold, test.accepted, test.wrong, float(f"{test.bound:.6f}"))
-                )
+                asdict(RiskThreshold(risk, test.threshold, test.accepted, test.wrong, round(test.bound, 6)))
                 for risk, test in thresholds[source].items()
             ],
         }

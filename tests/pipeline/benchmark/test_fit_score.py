@@ -208,16 +208,12 @@ def test_tables_have_a_row_for_each_sense_and_kind_of_part() -> None:
     parts = drawn_parts(10, 300, slip=0.05)
     judged = judge(parts, lambda part: part.generator)
     thresholds = find_thresholds(judged)
-    risks = "\n".join(risk_table(judged, thresholds))
+    risks = "\n".join(risk_table(parts, judged, thresholds))
     assert all(f"| {name} |" in risks for name in ("touch", "camera", "both"))
-    fused = list(fusion_table(judged, thresholds, risk=0.05))
-    assert [row.split(" | ")[0] for row in fused[2:]] == [
-        "| all",
-        "| dirt 0",
-        "| dirt 0.3",
-        "| other",
-        "| own",
-    ]
+    fused = list(fusion_table(parts, judged, thresholds, risk=0.05))
+    kinds = ["| all", "| dirt 0", "| dirt 0.3", "| other", "| own", "| with a format", "| other, dirt 0"]
+    assert [row.split(" | ")[0] for row in fused[2:9]] == kinds
+    assert len(fused) == 2 + 10
     assert fused[2].split(" | ")[1] == "300"
 
 

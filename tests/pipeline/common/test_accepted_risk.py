@@ -141,7 +141,7 @@ def test_each_group_must_keep_its_own_risk() -> None:
     """A few wrong readings, all of one small group: together they keep the risk, in that group they do not."""
     scores = np.r_[np.full(4000, 0.99), np.full(100, 0.95)]
     right = np.r_[np.ones(4000, dtype=bool), np.arange(100) >= 12]
-    groups = ["large"] * 4000 + ["small"] * 100
+    groups = [("large",)] * 4000 + [("small", "late")] * 100
     thresholds = (0.99, 0.95)
     options = {"risk": 0.01, "confidence": 0.95, "thresholds": thresholds}
     together = threshold_tests(scores.tolist(), right.tolist(), **options)
@@ -152,7 +152,7 @@ def test_each_group_must_keep_its_own_risk() -> None:
     assert [test.shown for test in each] == [Shown.TOO_FEW, Shown.NO]
     assert proven_threshold(each) is None
     with pytest.raises(ValueError, match="2 scores for 2 readings of 1 groups"):
-        threshold_tests([0.9, 0.8], [True, True], groups=["one"], **options)
+        threshold_tests([0.9, 0.8], [True, True], groups=[("one",)], **options)
 
 
 def steepness(rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -161,14 +161,20 @@ def steepness(rng: np.random.Generator) -> tuple[Floats, Floats]:
     return scores, rng.random(3000) >= np.clip(1.5 * (1.0 - scores), 0.0, 1.0)
 
 
-def test_thresholds_of_risks_keep_them_and_fall_with_the_risk() -> None:
+@pytest.mark.parametrize("start_share", [0.3, 1.0])
+def test_thresholds_of_risks_keep_them_and_fall_with_the_risk(start_share: float) -> None:
     """Over many draws, the true risk at the chosen threshold exceeds the promised one in at most 1 of 20."""
     risks, thresholds = (0.1, 0.05, 0.03), tuple(np.round(np.arange(0.99, 0.3, -0.01), 2))
     exceeded = dict.fromkeys(risks, 0)
     for seed in range(RUNS):
         scores, right = steepness(np.random.default_rng((9, seed)))
         found = risk_thresholds(
-            scores.tolist(), right.tolist(), risks, confidence=0.95, thresholds=thresholds
+            scores.tolist(),
+            right.tolist(),
+            risks,
+            confidence=0.95,
+            thresholds=thresholds,
+            start_share=start_share,
         )
         chosen = [found[risk].threshold for risk in risks if risk in found]
         assert chosen == sorted(chosen)
@@ -177,7 +183,9 @@ def test_thresholds_of_risks_keep_them_and_fall_with_the_risk() -> None:
     assert max(exceeded.values()) <= binom.ppf(0.999, RUNS, 0.05)
 
 
-@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans(), st.sampled_from("AB")), max_size=120))
+@given(
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans(), st.sampled_from(["A", "B", "AC"])), max_size=120)
+)
 def test_the_sequence_of_tests_is_fixed(readings: list[tuple[float, bool, str]]) -> None:
     """Too few, then shown, then one not shown, then none tested; what is shown keeps the bound in every group."""
     scores, right, groups = (
@@ -188,17 +196,10 @@ def test_the_sequence_of_tests_is_fixed(readings: list[tuple[float, bool, str]])
     steps = [order[test.shown] for test in tests]
     assert steps == sorted(steps)
     assert steps.count(2) <= 1
-    for test in tests:
-        if test.shown is Shown.YES:
-            for name, most in (("AB", 0.15), ("A", 0.75), ("B", 0.75)):
-                over = [
-                    not good
-                    for s, good, g in zip(scores, right, groups, strict=True)
-                    if s >= test.threshold and g in name
-                ]
-                assert (name not in groups and name != "AB") or share_bounds(
-                    sum(over), len(over), confidence=0.9
-                )[1] <= most
+    for threshold in (test.threshold for test in tests if test.shown is Shown.YES):
+        for name, most in (("", 0.15), *((name, 0.75) for name in set("".join(groups)))):
+            wrong = [not good for score, good, own in readings if score >= threshold and name in own]
+            assert share_bounds(sum(wrong), len(wrong), confidence=0.9)[1] <= most
 
 
 def test_a_risk_that_nothing_shows_has_no_threshold() -> None:

@@ -78,7 +78,7 @@ def vision(
         tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
         threshold=least_score(source, settings.accept_risk),
     )  # fmt: skip
-    made = made.with_trace(lattice=placed, odds=log_odds(choice.probability))
+    made = made.with_trace(lattice=placed, choice=choice, odds=log_odds(choice.probability))
     return contracts_of_choice(made, choice, grammar)
 
 

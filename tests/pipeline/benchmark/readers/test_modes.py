@@ -35,7 +35,7 @@ from tests.factories import designed_parts
 from tests.support.readings import reading_of
 from whisker_array.simulation.traces import Fidelity
 
-SURE = reading_of("AB", source="tactile", threshold=0.97)
+SURE = reading_of("AB", source="tactile", threshold=0.97, beliefs=0.999999)
 
 
 def test_every_contract_and_term_has_a_name() -> None:
