@@ -32,7 +32,6 @@ from pipeline.reading.simulated_scan import VirtualBench
 from recognition.active.active_reader import scan_of
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
-from recognition.decision.risk import least_score
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.views.levelling import level
@@ -97,7 +96,7 @@ def _feel() -> FeltPart:
         level(part.height_map),
         found,
         [edges(k + 1) for k in range(len(sweeps))],
-        sure_from=least_score("tactile", reader.settings.accept_risk),
+        sure_from=reader.settings.least_score("tactile"),
     )
 
 

@@ -23,7 +23,6 @@ from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
-from recognition.decision.risk import least_score
 from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
@@ -134,7 +133,7 @@ class _Part:
         self.may_shrink = self.requested_mm is None and lines.search.region is None and not lines.lines
         # a full reading follows the first look, because it finds the line best
         self.looks_since = LOOKS_PER_READING
-        self.sure = least_score("tactile", self.active.reader.settings.accept_risk)
+        self.sure = self.active.reader.settings.least_score("tactile")
         self.trust = Trust(self.sure)
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None

@@ -21,7 +21,7 @@ from recognition.decision.reading_of_line import (
     contracts_of_choice,
     doubts_of_lines,
 )
-from recognition.decision.risk import least_score, risk_findings
+from recognition.decision.risk import risk_findings
 from recognition.decision.score import log_odds, score_of, scored_as, share, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
@@ -62,7 +62,7 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
         reading.without_flags(ReadingFlag.RISK_NOT_KEPT), source="fused", photos=vision.photos, trace=trace
     )
     source, risk = scored_as(reading), settings.accept_risk
-    reading = with_score(replace(reading, accept_risk=risk, threshold=least_score(source, risk)))
+    reading = with_score(replace(reading, accept_risk=risk, threshold=settings.least_score(source)))
     untested = risk_findings(source, risk) if reading.characters else ()
     reading = reading.with_findings(*untested, *disagreement(touch, vision, plain_text(reading)))
     # a photograph without a scale has a frame of its own

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from recognition.combine.read_line import ReadLine, greatest_between, word_gaps
 from recognition.decision.decide import CHECK_FORMAT, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
-from recognition.decision.risk import least_score, risk_findings
+from recognition.decision.risk import risk_findings
 from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
@@ -53,6 +53,9 @@ class LineSettings(Protocol):
     @property
     def accept_risk(self) -> float:
         """Greatest share of wrong readings among those accepted."""
+
+    def least_score(self, source: str) -> float:
+        """Least score from which a text of a source of readings is accepted, or counts as sure."""
 
     @property
     def grammar(self) -> Grammar | None:
@@ -100,7 +103,7 @@ def reading_of_line(
     if not choice.text or not main.is_text:
         found = _outside_format(openly, grammar)
         return nothing.with_findings(*found).with_trace(lattice=lattice, open_lattice=openly)
-    least = least_score(source, settings.accept_risk)
+    least = settings.least_score(source)
     unsure = choice.probability < least
     if grammar is None and len(choice.text) < least_places and unsure:
         # a scratch is read as a 1, two dents as OO
@@ -149,7 +152,7 @@ def doubts_of_lines(
         settings: lines that the part should have, and the accepted risk.
         source: source of the reading.
     """
-    least, names = least_score(source, settings.accept_risk), {other.name for other in others}
+    least, names = settings.least_score(source), {other.name for other in others}
     unread = [other.text for other in others if not other.name and other.may_be_serial]
     unsure = [f"{other.name} {other.text}" for other in others if other.name and other.confidence < least]
     return (

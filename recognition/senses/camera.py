@@ -18,7 +18,6 @@ from recognition.decision.contracts import checked_by_codes
 from recognition.decision.layouts import with_layout
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.risk import least_score
 from recognition.decision.score import log_odds, with_score
 from recognition.decision.which_way_up import weigh_orientation
 from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
@@ -75,7 +74,7 @@ class VisionReader:
         timer = StepTimer()
         made = self._of_views(photo, views, timer, left_out=left_out)
         # a sure reading may be in review for a contract: another text must not bypass it
-        if made.confidence < least_score("vision", self.settings.accept_risk) and not photo.others:
+        if made.confidence < self.settings.least_score("vision") and not photo.others:
             clean = stainless_view(bare)
             if clean is not None:
                 other = self._of_views(photo, [clean], timer)

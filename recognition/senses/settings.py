@@ -15,7 +15,7 @@ from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
 from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
-from recognition.decision.risk import require_kept
+from recognition.decision.risk import least_score, require_kept
 from recognition.decision.risk_text import USUAL_RISK, check_risk
 from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
@@ -110,6 +110,10 @@ class ReaderSettings:
     def templates_judge(self) -> bool:
         """Whether the templates of the named fonts are compared with the marks."""
         return bool(self.fonts) and "templates" in self.experts
+
+    def least_score(self, source: str) -> float:
+        """Least score from which a text of a source of readings is accepted, or counts as sure."""
+        return least_score(source, self.accept_risk)
 
     @cached_property
     def asked(self) -> Mapping[str, LineFormat]:

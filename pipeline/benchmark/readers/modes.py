@@ -22,7 +22,7 @@ from pipeline.common.settings import SettingsError
 from recognition.decision.decide import BROKEN, MEASURE_FLAGS, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice
-from recognition.decision.risk import least_score, risk_findings
+from recognition.decision.risk import risk_findings
 from recognition.decision.score import SOURCES, Measure, score_of, with_score
 from recognition.language.constrained_decoding import choose
 from recognition.reader import Reader
@@ -74,7 +74,12 @@ def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Readi
     """
     source, risk = whole.source, settings.accept_risk
     reading = Reading(
-        (), 0.0, source=source, seconds=whole.seconds, accept_risk=risk, threshold=least_score(source, risk)
+        (),
+        0.0,
+        source=source,
+        seconds=whole.seconds,
+        accept_risk=risk,
+        threshold=settings.least_score(source),
     )
     lattice = whole.trace.by_expert.get(expert)
     if lattice is None:

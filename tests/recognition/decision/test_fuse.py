@@ -20,7 +20,7 @@ from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.fuse import fuse
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
-from recognition.decision.risk import least_score, risk_findings
+from recognition.decision.risk import risk_findings
 from recognition.decision.score import log_odds, with_score
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
@@ -76,7 +76,7 @@ def vision(
     choice = choose(placed, grammar)
     made = Reading(
         tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
-        threshold=least_score(source, settings.accept_risk),
+        threshold=settings.least_score(source),
     )  # fmt: skip
     made = made.with_trace(lattice=placed, choice=choice, odds=log_odds(choice.probability))
     return contracts_of_choice(made, choice, grammar)

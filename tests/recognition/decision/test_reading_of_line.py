@@ -32,6 +32,9 @@ class Rules:
     accept_risk: float = 0.01
     asked: Mapping[str, LineFormat] = field(default_factory=dict)
 
+    def least_score(self, source: str) -> float:
+        return room.least_score(source, self.accept_risk)
+
 
 def line_of(
     text: str, *, sure: float = 0.999, rival: str = "", grammar: Grammar | None = None, at: TextLine = LINE

@@ -18,7 +18,6 @@ from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Reading
-from recognition.decision.risk import least_score
 from recognition.senses import camera
 from recognition.senses.camera import VisionReader
 from recognition.senses.settings import ReaderSettings
@@ -91,7 +90,7 @@ def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
 
     monkeypatch.setattr(camera, "stainless_view", never)
     found = VisionReader(replace(SETTINGS, lines={"lot": "A9"})).read_photo(photo[1])
-    assert found.confidence >= least_score("vision", SETTINGS.accept_risk)
+    assert found.confidence >= SETTINGS.least_score("vision")
     assert found.decision is Decision.REVIEW
     assert found.seconds["read"] > 0.0
 
