@@ -33,7 +33,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from recognition.decision.score import Measure
+from recognition.decide.score import Measure
 
 THRESHOLDS = (
     0.9999, 0.9998, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.95, 0.94, 0.93, 0.92, 0.91,

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.benchmark.exam.design import design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.common.shares import share
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from recognition.senses.step_timer import StepTimer
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level

@@ -5,7 +5,7 @@
     python tests/benchmarks/fit_score.py stamped sketched --write
 
 Each folder is a generator of parts. The readings of a sense fit a logistic regression on named quantities
-(`recognition.decision.score`), whose weights may not point the wrong way: more covered strokes never raise a score.
+(`recognition.decide.score`), whose weights may not point the wrong way: more covered strokes never raise a score.
 Each soil, each font and each generator is left out in turn, and its readings are judged by a fit to the others. What
 the exam keeps out is in no fit.
 """
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from recognition.decision.score import FITTED, SOURCES, Measure, Score, Term
-from recognition.senses.settings import ReaderSettings
+from recognition.decide.score import FITTED, SOURCES, Measure, Score, Term
+from recognition.settings import ReaderSettings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -307,7 +307,7 @@ def main(
     if write:
         known = [one for one in readings if not one.kept_out]
         manifest = {
-            "what": "weights of the score (recognition/decision/score.py)",
+            "what": "weights of the score (recognition/decide/score.py)",
             "command": "python tests/benchmarks/fit_score.py BENCHMARK ... --write",
             "made": date.today().isoformat(),
             "fonts": sorted({one.font for one in known}),

@@ -20,8 +20,8 @@ from scipy.stats import binomtest
 from glyphs import stamp
 from glyphs.fonts.serials import random_text
 from recognition import Reader
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.reading import Reading
 
 FORMAT = "AA999999"
 FONTS = ("gothic", "futural", "timesrb")

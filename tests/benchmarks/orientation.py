@@ -25,7 +25,7 @@ from glyphs.part import Part, stamp
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.grid import PartMap
 from pipeline.reading.part_reader import read_surface
-from recognition.decision.reading import Reading
+from recognition.decide.reading import Reading
 from recognition.experts.recogniser import steps_of
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC

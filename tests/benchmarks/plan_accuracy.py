@@ -26,7 +26,7 @@ from pipeline.benchmark.exam.design import Design, design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.reading.simulated_scan import VirtualBench
 from recognition import Orientation, Reader
-from recognition.decision.decide import Decision
+from recognition.decide.decision import Decision
 from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, describe_directions
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan

@@ -29,8 +29,8 @@ from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.synth import SynthSpec, make_part
-from recognition.decision.reading import Reading
-from recognition.decision.score import measures_of
+from recognition.decide.reading import Reading
+from recognition.decide.score import measures_of
 from recognition.learning.sketches import photograph
 from recognition.reader import Reader
 from recognition.views.view import GREY

@@ -20,7 +20,7 @@ from glyphs.fonts.serials import random_text
 from glyphs.sketch import ROWS_PER_HEIGHT, sketch
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
-from recognition.decision.score import measures_of
+from recognition.decide.score import measures_of
 from recognition.learning.sketches import photograph
 from recognition.learning.training_fonts import find_fonts
 from recognition.reader import Reader

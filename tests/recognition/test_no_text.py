@@ -18,8 +18,8 @@ from glyphs.stamping.plate import plate_texture
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan

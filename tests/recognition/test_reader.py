@@ -12,11 +12,11 @@ import pytest
 from glyphs.fonts.glyph import FontError
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.depth_rules import depth_rule
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.depth_rules import depth_rule
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
-from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire
+from recognition.settings import STAND_INS, ReaderSettings, Repertoire
 from tests.support.felt import felt, shallower
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity

@@ -32,8 +32,8 @@ from recognition import (
     TextLine,
     Verification,
 )
-from recognition.decision.depth_rules import depth_rule
-from recognition.decision.verify import verify
+from recognition.decide.depth_rules import depth_rule
+from recognition.decide.verify import verify
 from recognition.language.check_digits import CheckDigit
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import choose

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from recognition.decision.reading import Box, Candidate, CharacterReading, Reading
+from recognition.decide.reading import Box, Candidate, CharacterReading, Reading
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 

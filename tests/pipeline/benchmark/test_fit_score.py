@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from recognition.decision.score import Measure, share
+from recognition.decide.score import Measure, share
 from tests.benchmarks import fit_score
 from tests.benchmarks.fit_score import KnownReading, fit, known_readings, left_out
 

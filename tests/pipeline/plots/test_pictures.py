@@ -15,9 +15,9 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.common.texts import same_text
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
-from recognition.decision.decide import Finding, ReadingFlag
-from recognition.decision.picture import moment_image, reading_figure
-from recognition.decision.reading import Box, Candidate, CharacterReading, Reading, ReadingTrace
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.picture import moment_image, reading_figure
+from recognition.decide.reading import Box, Candidate, CharacterReading, Reading, ReadingTrace
 from recognition.marks.depth import MarkDepth
 from whisker_array.estimation.relief import Route, relief_from_edges
 from whisker_array.scan.scan import Scan, trace_scan

@@ -22,13 +22,13 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.as_record import reading_record, rivals_of
 from pipeline.runs.task import RunOrder, read_listed
-from recognition.decision.decide import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.marks.depth import MarkDepth
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from recognition.views.codes import Code
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)

@@ -20,7 +20,7 @@ from pipeline.reading.certificate_statistics import (
     threshold_tests,
     unlike,
 )
-from recognition.decision.score import Measure, roughness
+from recognition.decide.score import Measure, roughness
 
 RISK, CONFIDENCE = 0.05, 0.9
 RUNS, PARTS = 200, 300

@@ -22,7 +22,7 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.runs.task import RunOrder, read_listed
 from recognition.senses.photo_sizes import SIZES
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 
 SETTINGS = ReadSettings(font=("gothic",), format=("AA99",))
 FEW_PIXELS = 150_000

@@ -21,12 +21,12 @@ from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import PartReader, read_surface, senses_of
-from recognition.decision.decide import ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.verify import Verdict, VerifyError
+from recognition.decide.decision import ReadingFlag
+from recognition.decide.reading import Reading
+from recognition.decide.verify import Verdict, VerifyError
 from recognition.language.lattice import Lattice
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.support.readings import reading_of
 
 SHAPE = (20, 30)
@@ -92,8 +92,8 @@ def fused_as(
         seen.append((touch.text, vision.text, before_format))
         return lattice
 
-    monkeypatch.setattr("recognition.decision.fuse.fuse", fuse)
-    monkeypatch.setattr("recognition.decision.fuse.fused_lattice", fused_lattice)
+    monkeypatch.setattr("recognition.decide.fuse.fuse", fuse)
+    monkeypatch.setattr("recognition.decide.fuse.fused_lattice", fused_lattice)
 
 
 @pytest.fixture

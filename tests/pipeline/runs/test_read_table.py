@@ -21,7 +21,7 @@ from pipeline.common.reading_records import (
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import notes, print_table, table_lines
-from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decide.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 

@@ -15,7 +15,7 @@ from recognition.active.moves import Way
 from recognition.active.policy import Ladder
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch
-from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decide.decision import Decision, ReadingFlag
 from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level

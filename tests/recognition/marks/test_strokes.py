@@ -12,9 +12,9 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.decide import Decision, Finding, ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, add_stroke_findings
+from recognition.decide.decision import Decision, Finding, ReadingFlag
+from recognition.decide.reading import Reading
+from recognition.decide.stroke_doubts import HIDDEN_MARGIN, LEFT, add_stroke_findings
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice

@@ -16,11 +16,11 @@ from glyphs.camera.photo import Photo
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.decide import Decision
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision
+from recognition.decide.reading import Reading
 from recognition.senses import camera
 from recognition.senses.camera import VisionReader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 
 TEXT = "K7B29"
 SETTINGS = ReaderSettings(fonts=("gothic",), format="A9A99", height_mm=5.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
-from recognition.decision.reading import Reading
+from recognition.decide.reading import Reading
 from recognition.senses.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
 from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm, photo_pitch_mm
 from recognition.views.text_line import TextLine

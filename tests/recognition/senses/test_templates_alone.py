@@ -7,9 +7,9 @@ import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
-from recognition.decision.decide import Decision
+from recognition.decide.decision import Decision
 from recognition.lines import networks
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level
 from tests.support.felt import felt

@@ -24,13 +24,13 @@ from pipeline.benchmark.readers.modes import (
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.reading import part_reader
-from recognition.decision.decide import BROKEN, MEASURE_FLAGS, Decision, ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.score import SOURCES, Measure, score_of, with_score
+from recognition.decide.decision import BROKEN, MEASURE_FLAGS, Decision, ReadingFlag
+from recognition.decide.reading import Reading
+from recognition.decide.score import SOURCES, Measure, score_of, with_score
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.readings import reading_of
 from whisker_array.simulation.traces import Fidelity
@@ -58,7 +58,7 @@ def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyP
     term = next(one for one in score_of("tactile").terms if one is not Measure.ODDS)
     worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
     measures = {Measure.ODDS: 9.0, term: worst}
-    monkeypatch.setattr("recognition.decision.score.measures_of", lambda _: MappingProxyType(measures))
+    monkeypatch.setattr("recognition.decide.score.measures_of", lambda _: MappingProxyType(measures))
     whole = with_score(SURE)
     less = leave_out(term.name.lower().replace("_", "-"))(whole)
     assert less.confidence > whole.confidence

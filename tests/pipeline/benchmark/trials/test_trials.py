@@ -9,8 +9,8 @@ from types import MappingProxyType
 import pytest
 
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
-from recognition.decision.decide import ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import ReadingFlag
+from recognition.decide.reading import Reading
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(

@@ -1,0 +1,129 @@
+"""Judges of the score: a low one, and rules for a text that would otherwise be accepted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from recognition.decide.choice import Choice
+from recognition.decide.decision import Finding, Kind, ReadingFlag, flags_of
+from recognition.decide.evidence import Evidence
+from recognition.decide.score import DIGITS, Measure, log_odds, score_of, share
+from recognition.decide.words import ranges_text
+from recognition.language.confusions import CharacterState
+from recognition.marks.lines_felt import places_lacking_lines
+from recognition.settings import ReaderSettings
+
+ABOUT_TEXT = ReadingFlag.of(Kind.CONTRACT, Kind.EXPLANATION, Kind.MARK)
+"""Flags that explain a low score."""
+
+
+def low_confidence(
+    choice: Choice, findings: Sequence[Finding], *, count_share: float = 0.9
+) -> Iterator[Finding]:
+    """Report a score below the threshold: what is unlike most parts, or else the doubtful characters.
+
+    Args:
+        choice: the text.
+        findings: what is known to speak against it; then nothing else is unlike most parts.
+        count_share: the number of characters is doubted if the score is below this share of the product of theirs.
+    """
+    if not choice.is_low:
+        return
+    low, why = ReadingFlag.LOW_CONFIDENCE, choice.shortfall
+    unlike = "" if flags_of(findings) & ABOUT_TEXT else _unlike_most_parts(choice)
+    if unlike:
+        yield Finding(low, unlike)
+    places = tuple(enumerate(choice.characters, start=1))
+    unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
+    rivals = _rivals(choice)
+    if rivals:
+        yield Finding(low, f"{why}: {', '.join(rivals.values())}?", tuple(rivals))
+    if unread:
+        text = f"no character can be made out: {ranges_text(unread)} (look at the part)"
+        yield Finding(low, text, tuple(unread))
+    if rivals or unread or unlike:
+        return
+    if choice.score < count_share * math.prod(c.confidence for _, c in places):
+        yield Finding(low, f"{why}: are there {len(places)} characters?")
+    elif len(places) > 1:
+        k, least = min(places, key=lambda place: place[1].confidence)
+        yield Finding(low, f"{why}: {least.char} at place {k} is the least certain", (k,))
+    else:
+        yield Finding(low, why)
+
+
+def _unlike_most_parts(choice: Choice) -> str:
+    """Describe the measure that keeps the text from being accepted; empty if none does by itself."""
+    terms = score_of(choice.scored_as).terms
+    losses = (
+        (-terms[name].nats(value), name)
+        for name, value in choice.measures.items()
+        if name in terms and name is not Measure.ODDS
+    )
+    loss, name = max(losses, default=(0.0, Measure.ODDS))
+    if share(log_odds(choice.score) + loss) < choice.threshold:
+        return ""
+    usual = terms[name].usual
+    return (
+        f"unlike most parts: {name.value} {choice.measures[name]:.2g}, usually {usual:.2g} (look at the part)"
+    )
+
+
+def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> dict[int, str]:
+    """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5".
+
+    Args:
+        choice: choice with its characters.
+        doubted: least probability of a second candidate for its place to be named.
+        most_places: most places that are named for low confidence.
+    """
+    places = [
+        (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)
+        for k, c in enumerate(choice.characters, start=1)
+        if len(c.candidates) > 1
+        and c.candidates[1].probability >= doubted
+        and not (c.state is not None and c.state.state is CharacterState.NOT_READ)
+    ]
+    return {k: text for _, text, k in sorted(places)[:most_places]}
+
+
+def other_texts(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+    """Raise the threshold for a text that was chosen among several.
+
+    Reading the same text again costs nothing. Each other text that a look has read is one more chance to be wrong:
+    after k texts, 1/k of the error is allowed (Bonferroni). Looks are those of touch at another height, in another
+    order of the rows and after further passes, and of the camera without stains.
+    """
+    texts = {choice.text}.union(*(sense.log.other_texts for sense in choice.senses))
+    if choice.score < 1.0 - (1.0 - choice.threshold) / len(texts):
+        yield Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: an earlier look read another text")
+
+
+def too_few_lines(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+    """Report places where the passes of active touch do not distinguish the text from its rivals."""
+    log = choice.sense.log
+    if not log.chosen_passes or log.scan is None or not choice.strokes:
+        return
+    missing = places_lacking_lines(
+        log.scan, [place.box for place in choice.characters], choice.strokes, height_mm=choice.height_mm
+    )
+    for k, lacking in {lacking.place: lacking for lacking in reversed(missing)}.items():
+        likeliest = max(choice.strokes[k].rivals, key=lambda rival: rival.belief, default=None)
+        pair = choice.text[k] if likeliest is None else f"{choice.text[k]} or {likeliest.char}"
+        what = f"{pair} at place {k + 1}: too few lines {lacking.axis} were felt over it (feel more lines)"
+        yield Finding(ReadingFlag.TOO_FEW_LINES, what, (k + 1,))
+
+
+def certificate(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+    """Report a text that the certificate does not cover."""
+    allowed = settings.certified
+    if allowed is None:
+        return
+    if evidence.source not in allowed.sources:
+        why = f"the certificate does not cover this sense ({evidence.source})"
+    elif round(choice.score, DIGITS) < allowed.confidence:
+        why = f"confidence {choice.score:.4f}, certified from {allowed.confidence:g}"
+    else:
+        return
+    yield Finding(ReadingFlag.NOT_CERTIFIED, why)

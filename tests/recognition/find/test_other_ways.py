@@ -1,0 +1,111 @@
+"""A reading weighed against the other ways in which its marks may be meant."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs import stamp
+from glyphs.surface.maps import HeightMap
+from recognition.decide import which_way_up
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.reading import OtherLine, Reading
+from recognition.decide.reading_of_line import reading_of_line
+from recognition.decide.which_way_up import ways_possible, weigh_orientation
+from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation, Way
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.line_reader import LineReader
+from recognition.search.line_search import LineSearch
+from recognition.settings import ReaderSettings
+from recognition.views.levelling import level
+from recognition.views.view import View, heights_view
+
+SURE = 0.99
+
+
+def view_of(text: str, *, mirrored: bool = False) -> View:
+    surface = level(stamp(text, fonts="gothic", height_mm=4.0, seed=3).height_map)
+    return heights_view(surface.mirrored if mirrored else surface)
+
+
+def read(view: View, mask: str, *others: OtherLine) -> tuple[Reading, LineReader]:
+    grammar = Grammar(format=mask)
+    lines = LineReader(LineSearch(grammar, ALPHANUMERIC, height_mm=4.0))
+    made = reading_of_line(
+        lines.read(view), ReaderSettings(format=grammar), flags=ReadingFlag.NONE, source="tactile"
+    )
+    return replace(made, others=others), lines
+
+
+@pytest.mark.parametrize(
+    ("orientation", "rows_known", "turned_deg", "ways"),
+    [
+        (Orientation.ANY, True, 0.0, (Way.UPSIDE_DOWN,)),
+        (Orientation.UPRIGHT, True, 0.0, ()),
+        (Orientation.UPRIGHT, True, -88.0, (Way.UPSIDE_DOWN,)),
+        (Orientation.UPRIGHT, False, 0.0, (Way.ROWS_REVERSED,)),
+        (Orientation.ANY, False, 0.0, tuple(Way)),
+    ],
+)
+def test_what_is_known_removes_ways(
+    orientation: Orientation, rows_known: bool, turned_deg: float, ways: tuple[Way, ...]
+) -> None:
+    assert ways_possible(orientation, rows_known=rows_known, turned_deg=turned_deg) == ways
+
+
+def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of these marks a look tells the way; the test has it tell too little."""
+    monkeypatch.setattr(which_way_up, "LEAST_LEAD_NATS", math.inf)
+    view = view_of("822800")
+    reading, lines = read(view, "999999")
+    found = weigh_orientation(reading, view, lines, rows_known=False)
+    assert (found.text, found.decision) == ("822800", Decision.REVIEW)
+    assert any("also readable with its rows in the other order: " in m for m in found.messages())
+
+
+def test_what_a_look_settles_is_no_doubt() -> None:
+    view = view_of("471275")
+    reading, lines = read(view, "999999")
+    assert weigh_orientation(reading, view, lines) is reading
+
+
+@pytest.mark.parametrize(
+    ("text", "confidence", "reverse", "doubted"),
+    [
+        ("LOT47", SURE, False, False),
+        ("LOT47", 0.6, False, True),  # not surely read
+        ("LOT47", SURE, True, True),  # it says that the part lies upside down
+        ("HOXN", SURE, False, True),  # reads upside down as well
+    ],
+)
+def test_another_line_that_reads_one_way_settles_it(
+    text: str, confidence: float, reverse: bool, doubted: bool
+) -> None:
+    view, beside = view_of("9608"), view_of(text)
+    reading, lines = read(view, "9999")
+    line = LineReader(LineSearch(None, ALPHANUMERIC, height_mm=4.0)).read(beside).main
+    assert line is not None
+    # both lines stand on one part: the view of the other is below that of the serial
+    both = replace(view, layers=stacked(view, beside))
+    down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
+    place = replace(line.line, centre_mm=line.line.centre_mm + down)
+    other = OtherLine("", text, confidence, line=place.reversed if reverse else place)
+    found = weigh_orientation(replace(reading, others=(other,)), both, lines)
+    assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
+
+
+def stacked(upper: View, lower: View) -> np.ndarray:
+    wide = max(upper.layers.shape[2], lower.layers.shape[2])
+    padded = [np.pad(v.layers, ((0, 0), (0, 0), (0, wide - v.layers.shape[2]))) for v in (upper, lower)]
+    return np.concatenate(padded, axis=1)
+
+
+def test_a_mirrored_view_is_that_of_the_mirrored_map() -> None:
+    view = view_of("A7")
+    assert np.array_equal(view_of("A7", mirrored=True).layers, view.mirrored.layers)
+    assert np.array_equal(view.mirrored.mirrored.layers, view.layers)
+    assert isinstance(stamp("A7", seed=1).height_map.mirrored, HeightMap)
