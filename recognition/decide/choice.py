@@ -198,7 +198,7 @@ def choose_text(
     else:
         choice = replace(_text_of_both(evidence, settings, alone), alone=alone)
     choice = _measured(replace(choice, codes=_codes(choice, evidence)))
-    if _is_dirt(choice):
+    if is_dirt(choice):
         choice = replace(choice, characters=(), spaces_after=frozenset())
     return _scored(choice, evidence, settings, without)
 
@@ -397,7 +397,7 @@ def _measured(choice: Choice) -> Choice:
     return replace(choice, marks=found, characters=characters)
 
 
-def _is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
+def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
     """Whether an unreadable line is no text but dirt or land: hardly a stroke of it was felt.
 
     Args:

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
-from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.decision import Decision, Finding, ReadingFlag
 from recognition.decide.depth_rules import (
     DEPTH_RULES,
     DepthRule,
     DepthRuleError,
     DepthWindow,
     depth_rule,
-    judged_by,
     least_depth,
-    print_size_mm,
 )
+from recognition.decide.depth_judges import depth_rules, print_size_mm, violations
 from recognition.decide.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
 from recognition.marks.no_depth import NoDepth
+from recognition.settings import ReaderSettings
+from tests.support.evidence import judged, text_of
 
 FIREARMS = depth_rule("27CFR478.92")
 ENGINES = depth_rule("70-16-05")
@@ -37,11 +39,18 @@ def reading(
         )
         for char, depth in marks
     )
-    return Reading(characters, 0.97, height_mm=height_mm, flags=ReadingFlag.DROPOUTS, font="gothic")
+    findings = (Finding.of(ReadingFlag.DROPOUTS),)
+    return Reading(characters, 0.97, findings, height_mm=height_mm, font="gothic")
+
+
+def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
+    """The reading of a mark under rules."""
+    broken = (f for rule in rules for f in violations(rule, reading.characters, reading.height_mm))
+    return replace(reading, findings=(*reading.findings, *broken))
 
 
 def said(reading: Reading) -> tuple[str, ...]:
-    return tuple(finding.text for finding in reading.findings)
+    return tuple(finding.text for finding in reading.findings if finding.flag is not ReadingFlag.DROPOUTS)
 
 
 def test_the_rule_for_firearms() -> None:
@@ -128,32 +137,33 @@ def test_rules_have_positive_depths(depth: float) -> None:
 def test_without_rules_nothing_is_said() -> None:
     plain = reading(("K", 0.01), ("7", None))
     assert judged_by(plain, ()) == plain
-    assert judged_by(replace(plain, characters=()), (FIREARMS,)).findings == ()
+    unread = text_of((), source="tactile")
+    assert judged(unread, depth_rules, settings=ReaderSettings(depth_rules=(FIREARMS,))) == ()
 
 
 def test_the_note_names_rule_place_and_depth() -> None:
-    judged = judged_by(reading(("K", 0.2), ("7", 0.061), ("B", 0.07)), (FIREARMS,))
-    assert judged.flags == ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
-    assert said(judged) == (
+    marked = judged_by(reading(("K", 0.2), ("7", 0.061), ("B", 0.07)), (FIREARMS,))
+    assert marked.flags == ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
+    assert said(marked) == (
         "too shallow for 27CFR478.92: 7 at place 2 0.061 mm, B at place 3 0.070 mm (at least 0.0762)",
     )
-    assert set(judged.messages()) == {ReadingFlag.DROPOUTS.text, *said(judged)}
+    assert set(marked.messages()) == {ReadingFlag.DROPOUTS.text, *said(marked)}
     # the text is as sure as before, but the part is not as it should be
-    assert (judged.decision, judged.confidence) == (Decision.REVIEW, 0.97)
+    assert (marked.decision, marked.confidence) == (Decision.REVIEW, 0.97)
 
 
 def test_a_mark_may_be_too_deep() -> None:
-    judged = judged_by(reading(("K", 0.11), ("7", 0.24)), (depth_rule("MIL-STD-792"),))
-    assert judged.flags & ReadingFlag.TOO_DEEP
-    assert said(judged) == ("too deep for MIL-STD-792: 7 at place 2 0.270 mm (at most 0.25)",)
-    assert judged.decision is Decision.REVIEW
+    marked = judged_by(reading(("K", 0.11), ("7", 0.24)), (depth_rule("MIL-STD-792"),))
+    assert marked.flags & ReadingFlag.TOO_DEEP
+    assert said(marked) == ("too deep for MIL-STD-792: 7 at place 2 0.270 mm (at most 0.25)",)
+    assert marked.decision is Decision.REVIEW
 
 
 def test_the_window_is_that_of_the_height() -> None:
     marks = (("K", 0.08), ("7", 0.1))
     assert judged_by(reading(*marks, height_mm=1.9), (ENGINES,)).decision is Decision.ACCEPT
-    judged = judged_by(reading(*marks, height_mm=3.0), (ENGINES,))
-    assert said(judged) == (
+    marked = judged_by(reading(*marks, height_mm=3.0), (ENGINES,))
+    assert said(marked) == (
         "too shallow for 70-16-05: K at place 1 0.080 mm, 7 at place 2 0.100 mm (at least 0.15)",
     )
     unruled = judged_by(reading(*marks, height_mm=5.0), (ENGINES,))
@@ -165,37 +175,37 @@ def test_the_window_is_that_of_the_height() -> None:
 
 def test_a_burr_may_be_too_high() -> None:
     rule = depth_rule("burr=0.03")
-    assert judged_by(reading(("K", 0.2), burr_mm=0.03), (rule,)).findings == ()
-    judged = judged_by(reading(("K", 0.2), burr_mm=0.041), (rule,))
-    assert judged.flags & ReadingFlag.BURR_TOO_HIGH
-    assert said(judged) == ("burr too high for own rule: K at place 1 0.041 mm (at most 0.03)",)
+    assert said(judged_by(reading(("K", 0.2), burr_mm=0.03), (rule,))) == ()
+    marked = judged_by(reading(("K", 0.2), burr_mm=0.041), (rule,))
+    assert marked.flags & ReadingFlag.BURR_TOO_HIGH
+    assert said(marked) == ("burr too high for own rule: K at place 1 0.041 mm (at most 0.03)",)
     unknown = judged_by(reading(("K", 0.2), burr_mm=None), (rule,))
     assert said(unknown) == ("depth not measured for own rule: K at place 1 (scan it again)",)
 
 
 def test_every_rule_speaks_for_itself() -> None:
-    judged = judged_by(reading(("K", 0.2), ("7", 0.07)), (FIREARMS, least_depth(0.3)))
-    assert [note.split(":")[0] for note in said(judged)] == [
+    marked = judged_by(reading(("K", 0.2), ("7", 0.07)), (FIREARMS, least_depth(0.3)))
+    assert [note.split(":")[0] for note in said(marked)] == [
         "too shallow for 27CFR478.92",
         "too shallow for min_depth_mm",
     ]
-    assert judged_by(reading(("K", 0.31)), (FIREARMS, least_depth(0.3))).findings == ()
+    assert said(judged_by(reading(("K", 0.31)), (FIREARMS, least_depth(0.3)))) == ()
 
 
 def test_a_depth_not_felt_is_not_a_depth_met() -> None:
-    judged = judged_by(reading(("K", 0.2), ("7", None)), (FIREARMS,))
-    assert judged.flags & ReadingFlag.DEPTH_UNKNOWN
-    assert not judged.flags & ReadingFlag.TOO_SHALLOW
-    assert said(judged) == ("depth not measured for 27CFR478.92: 7 at place 2 (scan it again)",)
+    marked = judged_by(reading(("K", 0.2), ("7", None)), (FIREARMS,))
+    assert marked.flags & ReadingFlag.DEPTH_UNKNOWN
+    assert not marked.flags & ReadingFlag.TOO_SHALLOW
+    assert said(marked) == ("depth not measured for 27CFR478.92: 7 at place 2 (scan it again)",)
 
 
 def test_the_reason_says_what_to_do_about_a_depth_that_was_not_measured() -> None:
     plain = reading(("K", 0.2), ("7", None), ("B", None), ("1", None))
     causes = (None, NoDepth.FONT, NoDepth.SATURATED, NoDepth.FONT)
     characters = (replace(c, no_depth=why) for c, why in zip(plain.characters, causes, strict=True))
-    judged = judged_by(replace(plain, characters=tuple(characters)), (FIREARMS,))
-    assert judged.decision is Decision.REVIEW
-    assert said(judged) == (
+    marked = judged_by(replace(plain, characters=tuple(characters)), (FIREARMS,))
+    assert marked.decision is Decision.REVIEW
+    assert said(marked) == (
         "depth not measured for 27CFR478.92: 7 at place 2, 1 at place 4 (name the font)",
         "depth not measured for 27CFR478.92: B at place 3 (lower the gain, scan it again)",
     )
@@ -203,16 +213,16 @@ def test_the_reason_says_what_to_do_about_a_depth_that_was_not_measured() -> Non
 
 def test_a_print_size_at_the_bottoms_needs_a_depth() -> None:
     rule = depth_rule("height=1.6")
-    assert judged_by(reading(("K", 0.2), ("7", None)), (rule,)).findings == ()
-    judged = judged_by(reading(("K", None), ("7", None)), (rule,))
-    assert judged.flags & ReadingFlag.DEPTH_UNKNOWN
+    assert said(judged_by(reading(("K", 0.2), ("7", None)), (rule,))) == ()
+    marked = judged_by(reading(("K", None), ("7", None)), (rule,))
+    assert marked.flags & ReadingFlag.DEPTH_UNKNOWN
 
 
 @pytest.mark.parametrize(("height", "small"), [(1.5, True), (1.7, True), (1.9, False)])
 def test_print_size_is_that_of_the_bottoms(height: float, small: bool) -> None:
     # mean depth 0.1: walls of 45 degrees take 0.2 mm off the height at the surface
     tried = reading(("K", 0.08), ("7", 0.08), height_mm=height)
-    assert print_size_mm(tried) == pytest.approx(height - 0.2)
-    judged = judged_by(tried, (FIREARMS,))
-    assert bool(judged.flags & ReadingFlag.TOO_SMALL) is small
-    assert any("too small for 27CFR478.92" in note for note in said(judged)) is small
+    assert print_size_mm(tried.characters, height) == pytest.approx(height - 0.2)
+    marked = judged_by(tried, (FIREARMS,))
+    assert bool(marked.flags & ReadingFlag.TOO_SMALL) is small
+    assert any("too small for 27CFR478.92" in note for note in said(marked)) is small

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
-from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,24 +12,28 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
+from glyphs.camera.photo import Photo
 from recognition.combine.fuse_lattices import fuse_lattices, lead_nats
-from recognition.decide.contracts import checked_by_codes
+from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
-from recognition.decide.fuse import fuse
-from recognition.decide.reading import OtherLine, Reading
-from recognition.decide.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
-from recognition.decide.score import log_odds, with_score
+from recognition.decide.evidence import Evidence, SenseEvidence
+from recognition.decide.reading import Reading
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation
+from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 from recognition.views.codes import Code
+from tests.support.evidence import believed_line, sense_of
 
 CHARS = tuple("ABC12")
 EXACT = 1e-9
 """Relative: a handful of products in another order."""
-SETTINGS = ReaderSettings(format="AA9999")
+SETTINGS = ReaderSettings(format="AA9999", orientation=Orientation.UPRIGHT)
+ANYTHING = replace(SETTINGS, format=None)
+EIGHT = replace(SETTINGS, format="AA999999")
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 
@@ -59,28 +62,22 @@ def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tup
     return lattice(out, where, tuple(LETTERS))
 
 
-def vision(
-    beliefs: Lattice | None,
-    settings: ReaderSettings = SETTINGS,
-    *,
-    grammar: Grammar | None = None,
-    flags: ReadingFlag = ReadingFlag.NONE,
-    source: str = "vision",
-) -> Reading:
-    """The reading that these beliefs make."""
-    if beliefs is None:
-        return Reading((), 0.0, ReadingFlag.NO_CHARACTERS, source=source)
-    placed = beliefs if beliefs.boxes else replace(beliefs, boxes=boxes(beliefs.n_places))
-    choice = choose(placed, grammar)
-    made = Reading(
-        tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
-        threshold=settings.accept_confidence,
-    )  # fmt: skip
-    made = made.with_trace(lattice=placed, odds=log_odds(choice.probability))
-    return contracts_of_choice(made, choice, grammar)
+def touch(beliefs: Lattice | None, **more: Any) -> SenseEvidence:
+    """What touch has read with these beliefs."""
+    return sense_of(beliefs, "tactile", **more)
 
 
-touch = partial(vision, source="tactile")
+def vision(beliefs: Lattice | None, **more: Any) -> SenseEvidence:
+    """What the camera has read with these beliefs."""
+    return sense_of(beliefs, "vision", **more)
+
+
+def alone(sense: SenseEvidence, settings: ReaderSettings = SETTINGS) -> Reading:
+    return decide(Evidence.of(sense), settings)
+
+
+def fuse(felt: SenseEvidence, seen: SenseEvidence, settings: ReaderSettings) -> Reading:
+    return decide(Evidence.of(felt).joined(Evidence.of(seen)), settings)
 
 
 @st.composite
@@ -114,8 +111,8 @@ def test_touch_is_believed_where_the_camera_is_as_sure_of_another_character() ->
 def test_a_text_is_no_surer_of_both_than_the_number_of_its_characters_is_of_touch() -> None:
     sure, seen = touch(of_text("AB1234", 0.9999)), vision(of_text("AB1234", 0.999))
     # of touch, whether there are six characters is open
-    counted = with_score(sure.with_trace(odds=0.0))
-    assert fuse(counted, seen, SETTINGS).trace.odds == 0.0
+    counted = touch(of_text("AB1234", 0.9999), likely=0.5)
+    assert fuse(counted, seen, SETTINGS).trace.odds == pytest.approx(0.0, abs=0.01)
     assert fuse(sure, seen, SETTINGS).confidence > fuse(counted, seen, SETTINGS).confidence
 
 
@@ -136,8 +133,8 @@ def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:
 @given(st.floats(0.3, 0.9999), st.floats(0.3, 0.9999))
 @settings(max_examples=25, deadline=None)
 def test_two_senses_in_doubt_are_no_surer_than_the_surer_one(felt: float, seen: float) -> None:
-    one, other = with_score(touch(of_text("AB1234", felt))), with_score(vision(of_text("AB1234", seen)))
-    read = fuse(one, other, SETTINGS)
+    senses = touch(of_text("AB1234", felt)), vision(of_text("AB1234", seen))
+    read, (one, other) = fuse(*senses, SETTINGS), map(alone, senses)
     if Decision.ACCEPT not in (one.decision, other.decision):
         assert read.confidence <= max(one.confidence, other.confidence)
         assert read.decision is not Decision.ACCEPT
@@ -146,13 +143,13 @@ def test_two_senses_in_doubt_are_no_surer_than_the_surer_one(felt: float, seen: 
 def test_both_doubtful_of_the_same_are_sure_together() -> None:
     doubtful = touch(of_text("AB1234", [0.999, 0.999, 0.8, 0.999, 0.999, 0.999], rival="AB7234"))
     read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)
-    assert doubtful.decision is Decision.REVIEW
+    assert alone(doubtful).decision is Decision.REVIEW
     assert (read.text, read.decision, read.source) == ("AB1234", Decision.ACCEPT, "fused")
     assert read.confidence > 0.9
 
 
 def test_the_photograph_of_another_part_sends_it_to_review() -> None:
-    read = fuse(touch(of_text("RY354206", 0.9999)), vision(of_text("TG391882", 0.999)), SETTINGS)
+    read = fuse(touch(of_text("RY354206", 0.9999)), vision(of_text("TG391882", 0.999)), EIGHT)
     assert read.decision is Decision.REVIEW
     assert read.messages() == ("camera reads TG391882, touch RY354206: are they of one part?",)
     (finding,) = read.findings
@@ -179,8 +176,7 @@ def test_two_serials_are_never_accepted_as_one(
         touch(of_text(felt, doubt ** (1 / len(felt)))),
         vision(of_text(seen, other_doubt ** (1 / len(seen)))),
     )
-    one, other = (with_score(reading) for reading in sure)
-    read = fuse(one, other, SETTINGS)
+    read, (one, other) = fuse(*sure, ANYTHING), (alone(sense, ANYTHING) for sense in sure)
     apart = f"camera reads {seen}, touch {felt}: are they of one part?"
     if felt == seen:
         assert not read.flags & ReadingFlag.SENSES_DISAGREE
@@ -192,8 +188,8 @@ def test_two_serials_are_never_accepted_as_one(
 def test_a_camera_whose_doubts_add_up_is_not_outvoted() -> None:
     """It is unsure of every place, but far surer of its text than of the one that touch has read."""
     doubtful = vision(of_text("TG391882", 0.6))
-    assert doubtful.confidence < 0.1
-    read = fuse(touch(of_text("RY354206", 0.9999)), doubtful, SETTINGS)
+    assert alone(doubtful, ANYTHING).confidence < 0.1
+    read = fuse(touch(of_text("RY354206", 0.9999)), doubtful, ANYTHING)
     assert (read.text, read.decision) == ("RY354206", Decision.REVIEW)
     assert read.messages()[0].startswith("camera reads TG391882, touch RY354206")
 
@@ -201,18 +197,24 @@ def test_a_camera_whose_doubts_add_up_is_not_outvoted() -> None:
 def test_a_camera_misled_by_dirt_at_two_places_leaves_the_part_to_touch() -> None:
     beliefs = [0.99, 0.99, 0.99, 0.8, 0.8, 0.99, 0.99, 0.99]
     misled = vision(of_text("RY381206", beliefs, rival="RY354206"))
-    read = fuse(touch(of_text("RY354206", 0.9999)), misled, SETTINGS)
+    read = fuse(touch(of_text("RY354206", 0.9999)), misled, EIGHT)
     assert (read.text, read.decision, read.findings) == ("RY354206", Decision.ACCEPT, ())
 
 
+def unreadable(openly: Lattice) -> SenseEvidence:
+    """Touch that can read nothing in the format where it has felt another text."""
+    nothing = Lattice(tuple(LETTERS), np.full((6, len(LETTERS)), -np.inf))
+    return SenseEvidence("tactile", lines=PartLines(believed_line(nothing, openly)))
+
+
 def test_touch_that_felt_another_text_than_the_format_allows_is_not_passed_over() -> None:
-    felt = touch(None).with_trace(open_lattice=of_text("HOUSING", 0.9999))
+    felt = unreadable(of_text("HOUSING", 0.9999))
     seen = vision(of_text("AB1234", 0.9999))
     read = fuse(felt, seen, SETTINGS)
     assert read.decision is Decision.REVIEW
     assert "camera reads AB1234, touch HOUSING: are they of one part?" in read.messages()
     for dirt in (of_text("HOUSING", 0.7), of_text("1I", 0.99999)):
-        assert fuse(touch(None).with_trace(open_lattice=dirt), seen, SETTINGS).decision is Decision.ACCEPT
+        assert fuse(unreadable(dirt), seen, SETTINGS).decision is Decision.ACCEPT
 
 
 @given(st.floats(0.01, 1.0))
@@ -231,78 +233,79 @@ def test_one_sense_alone() -> None:
     by_vision = fuse(touch(None), vision(of_text("AB1234", 0.999)), SETTINGS)
     assert (by_vision.text, by_vision.source) == ("AB1234", "fused")
     # it is as sure as a camera by itself
-    assert by_vision.confidence == pytest.approx(
-        with_score(vision(of_text("AB1234", 0.999))).confidence, abs=1e-3
-    )
+    assert by_vision.confidence == pytest.approx(alone(vision(of_text("AB1234", 0.999))).confidence, abs=1e-3)
     by_none = fuse(touch(None), vision(None), SETTINGS)
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
 
 
 @pytest.mark.parametrize("text", ["AB1234", None])
 def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
-    one = replace(touch(of_text(text, 0.999) if text else None), seconds=MappingProxyType({"read": 2.0}))
-    other = replace(vision(of_text("AB1234", 0.999)), seconds=MappingProxyType({"read": 3.0}))
+    one = touch(of_text(text, 0.999) if text else None, seconds={"read": 2.0})
+    other = vision(of_text("AB1234", 0.999), seconds={"read": 3.0})
     assert fuse(one, other, SETTINGS).seconds == {"read": 2.0, "vision read": 3.0}
 
 
-LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})
+LINES = replace(SETTINGS, lines={"lot": "AAA99"})
+SERIAL = of_text("AB1234", 0.999)
 
 
-def lines_of(reading: Reading, *others: OtherLine) -> Reading:
-    """The reading with other lines, doubted as a sense by itself doubts them."""
-    return replace(reading, others=others).with_findings(*doubts_of_lines(others, LINES))
+def lot(text: str, sure: float, *, named: bool = True) -> dict[str, Any]:
+    """Another line, that was asked for or not."""
+    line = believed_line(of_text(text, sure ** (1 / len(text))))
+    return {"others": {"lot": line}} if named else {"unassigned": (line,)}
 
 
 def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
-    missed = lines_of(touch(of_text("AB1234", 0.999)))
-    assert missed.decision is Decision.REVIEW
-    assert missed.messages() == ("no text was read for the line lot",)
-    camera = lines_of(vision(of_text("AB1234", 0.999)), OtherLine("lot", "LOT77", 0.99))
+    missed, unseen = touch(SERIAL), vision(SERIAL)
+    assert alone(missed, LINES).decision is Decision.REVIEW
+    assert alone(missed, LINES).messages() == ("no text was read for the line lot",)
+    camera = vision(SERIAL, **lot("LOT77", 0.999))
     read = fuse(missed, camera, LINES)
-    assert (read.decision, read.others, read.messages()) == (Decision.ACCEPT, camera.others, ())
-    still = fuse(missed, lines_of(vision(of_text("AB1234", 0.999))), LINES)
-    assert (still.decision, still.messages()) == (Decision.REVIEW, missed.messages())
+    assert (read.decision, read.others, read.messages()) == (
+        Decision.ACCEPT, alone(camera, LINES).others, (),
+    )  # fmt: skip
+    still = fuse(missed, unseen, LINES)
+    assert (still.decision, still.messages()) == (Decision.REVIEW, alone(missed, LINES).messages())
 
 
 def test_a_doubtful_line_is_not_accepted_with_a_sure_serial() -> None:
-    doubtful = OtherLine("lot", "LOT77", 0.5)
-    sure, other = replace(doubtful, confidence=0.99), OtherLine("lot", "LOT11", 0.99)
-    felt, seen = touch(of_text("AB1234", 0.999)), vision(of_text("AB1234", 0.999))
-    both = fuse(lines_of(felt, doubtful), lines_of(seen, doubtful), LINES)
+    doubtful, sure, other = lot("LOT77", 0.5), lot("LOT77", 0.9999), lot("LOT11", 0.9999)
+    both = fuse(touch(SERIAL, **doubtful), vision(SERIAL, **doubtful), LINES)
     assert (both.decision, both.messages()) == (Decision.REVIEW, ("low confidence: lot LOT77?",))
-    assert fuse(lines_of(felt, doubtful), lines_of(seen, sure), LINES).decision is Decision.ACCEPT
-    apart = fuse(lines_of(felt, sure), lines_of(seen, other), LINES)
+    assert fuse(touch(SERIAL, **doubtful), vision(SERIAL, **sure), LINES).decision is Decision.ACCEPT
+    apart = fuse(touch(SERIAL, **sure), vision(SERIAL, **other), LINES)
     assert apart.decision is Decision.REVIEW
     assert apart.messages() == ("lot: touch has LOT77, the camera LOT11",)
     # by the camera alone it is doubted just so
-    assert ReadingFlag.LINE_MISSING in fuse(touch(None), lines_of(seen, doubtful), LINES).flags
+    assert ReadingFlag.LINE_MISSING in fuse(touch(None), vision(SERIAL, **doubtful), LINES).flags
 
 
 def test_a_line_nobody_asked_for_sends_to_review_whoever_reads_it() -> None:
-    sure, more = OtherLine("lot", "LOT77", 0.99), OtherLine("", "12/26", 0.9)
-    felt = lines_of(touch(of_text("AB1234", 0.999)), sure)
-    read = fuse(felt, lines_of(vision(of_text("AB1234", 0.999)), sure, more), LINES)
-    assert (read.decision, read.others) == (Decision.REVIEW, (sure, more))
+    sure, more = lot("LOT77", 0.9999), lot("1226", 0.99, named=False)
+    read = fuse(touch(SERIAL, **sure), vision(SERIAL, **sure, **more), LINES)
+    assert read.decision is Decision.REVIEW
+    assert [(line.name, line.text) for line in read.others] == [("lot", "LOT77"), ("", "1226")]
     # unless the other one has read it for the line that was asked for
-    unnamed = replace(sure, name="")
-    assert fuse(felt, lines_of(vision(of_text("AB1234", 0.999)), unnamed), LINES).others == (sure,)
+    unnamed = lot("LOT77", 0.99, named=False)
+    read = fuse(touch(SERIAL, **sure), vision(SERIAL, **unnamed), LINES)
+    assert [(line.name, line.text) for line in read.others] == [("lot", "LOT77")]
 
 
 def test_another_number_of_characters_is_another_text() -> None:
     """Doubtful, it leaves touch alone, and a note says so; sure, it is that of another part."""
     felt = touch(of_text("AB1234", 0.999, where=boxes(6)))
-    read = fuse(felt, vision(of_text("B123", 0.8)), SETTINGS)
+    read = fuse(felt, vision(of_text("B123", 0.8)), ANYTHING)
     note = "the camera has read B123, which has another number of characters; read by touch alone"
     assert (read.text, read.decision, read.messages()) == ("AB1234", Decision.ACCEPT, (note,))
-    read = fuse(felt, vision(of_text("B123", 0.9999)), SETTINGS)
+    read = fuse(felt, vision(of_text("B123", 0.9999)), ANYTHING)
     assert (read.text, read.decision) == ("AB1234", Decision.REVIEW)
     assert read.messages() == ("camera reads B123, touch AB1234: are they of one part?", note)
     # nor is a sure touch outvoted by a camera that has read more
-    read = fuse(touch(of_text("AB1234", 0.9999)), vision(of_text("AB12345", 0.5)), SETTINGS)
+    read = fuse(touch(of_text("AB1234", 0.9999)), vision(of_text("AB12345", 0.5)), ANYTHING)
     assert read.text == "AB1234"
 
 
-BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5)
+BLIND = replace(SETTINGS, format=Grammar.parse("vin"), accept_confidence=0.5)
 """8 and H count alike in the check digit of a VIN."""
 VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
 
@@ -310,10 +313,9 @@ VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
 @pytest.mark.parametrize("path", ["vision", "fused", "touch failed", "camera failed"])
 def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: str) -> None:
     beliefs = of_text(VIN, [0.9999, 0.9999, 0.8, *[0.9999] * 14], rival=RIVAL)
-    by_vision = vision(beliefs, BLIND, grammar=BLIND.grammar)
-    by_touch = replace(by_vision, source="tactile")
+    by_vision, by_touch = vision(beliefs), touch(beliefs)
     read = {
-        "vision": by_vision,
+        "vision": alone(by_vision, BLIND),
         "fused": fuse(by_touch, by_vision, BLIND),
         "touch failed": fuse(touch(None), by_vision, BLIND),
         "camera failed": fuse(by_touch, vision(None), BLIND),
@@ -327,15 +329,14 @@ def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: s
 def test_a_code_is_compared_with_what_both_read() -> None:
     code = Code("QR Code", "SER AB1234", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)))
     # the camera alone reads B for 8's twin and is held up by the code; touch knows better
-    seen = checked_by_codes(vision(of_text("AB1284", 0.6, rival="AB1234")), (code,))
-    assert seen.flags & ReadingFlag.CODE_DISAGREES
+    seen = vision(of_text("AB1284", 0.6, rival="AB1234"), codes=(code,))
+    assert alone(seen).flags & ReadingFlag.CODE_DISAGREES
     made = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS)
     assert (made.text, made.codes) == ("AB1234", (code,))
     assert not made.flags & ReadingFlag.CODE_DISAGREES
     assert made.messages()[-1] == "the QR Code holds the same serial"
     # and where both read another than the code holds, a person looks
-    other = replace(code, text="SER AB1235")
-    sure = checked_by_codes(vision(of_text("AB1234", 0.999)), (other,))
+    sure = vision(of_text("AB1234", 0.999), codes=(replace(code, text="SER AB1235"),))
     made = fuse(touch(of_text("AB1234", 0.999)), sure, SETTINGS)
     assert (made.text, made.decision) == ("AB1234", Decision.REVIEW)
     assert made.flags & ReadingFlag.CODE_DISAGREES
@@ -345,6 +346,6 @@ def test_a_code_is_compared_with_what_both_read() -> None:
 
 def test_a_code_in_a_photograph_without_a_scale_has_no_place_on_the_plate() -> None:
     code = Code("QR Code", "SER AB1234", ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)))
-    seen = checked_by_codes(replace(vision(of_text("AB1234", 0.99)), unit="px"), (code,))
+    seen = vision(of_text("AB1234", 0.99), codes=(code,), photo=Photo(np.zeros((20, 30), dtype=np.uint8)))
     (kept,) = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS).codes
     assert (kept.text, kept.box) == ("SER AB1234", None)

@@ -12,9 +12,12 @@ from hypothesis import strategies as st
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
+from recognition.decide import choice, score_judges
 from recognition.decide import score as room
+from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, Finding, ReadingFlag
-from recognition.decide.reading import Candidate, CharacterReading, Reading
+from recognition.decide.evidence import Evidence
+from recognition.decide.reading import Reading
 from recognition.decide.score import (
     SOURCES,
     Measure,
@@ -23,34 +26,44 @@ from recognition.decide.score import (
     log_odds,
     measures_of,
     score_of,
-    serial_is_sure,
     share,
-    with_score,
 )
-from recognition.language.box import Box
+from recognition.decide.score_judges import low_confidence
+from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation
 from recognition.marks.strokes import PlaceStrokes, RivalStrokes
 from recognition.settings import ReaderSettings
+from tests.support.evidence import sense_of, text_of
+from tests.support.readings import reading_of
 
-PLACE = CharacterReading((Candidate("A", 0.999, 0.999),), Box(0.0, 0.0, 1.0, 1.0))
 ODDS = Term(0.0, ((-12.0, -12.0), (12.0, 12.0)))
 PLAIN = Score(0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(0.01, ((0.01, 0.0), (0.21, -20.0)))})
+SETTINGS = ReaderSettings(accept_confidence=0.98, orientation=Orientation.UPRIGHT)
+
+
+def photo(noise: float = 0.0) -> Photo:
+    grey = np.random.default_rng(4).normal(128.0, noise, (60, 90)) if noise else np.full((60, 90), 128.0)
+    return Photo(np.clip(grey, 0, 255).astype(np.uint8))
 
 
 def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
-    grey = np.random.default_rng(4).normal(128.0, noise, (60, 90)) if noise else np.full((60, 90), 128.0)
-    made = Reading((PLACE,), 0.5, source="vision", threshold=0.98)
-    return made.with_trace(photo=Photo(np.clip(grey, 0, 255).astype(np.uint8)), odds=odds)
+    """The reading of a photograph whose text has these log odds before anything else is known."""
+    sure = share(odds) ** 0.25
+    lattice = Lattice(("A", "B"), np.log(np.array([[sure, (1.0 - sure) * 0.5]] * 4) + 1e-300))
+    sense = sense_of(lattice, "vision", photo=photo(noise))
+    return decide(Evidence.of(sense), SETTINGS)
 
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "score_of", lambda source: PLAIN)
+    for module in (room, choice, score_judges):
+        monkeypatch.setattr(module, "score_of", lambda source: PLAIN)
 
 
-@pytest.mark.parametrize(("odds", "accepted"), [(math.inf, True), (-math.inf, False)])
-def test_certainty_is_no_missing_value(odds: float, accepted: bool) -> None:
-    assert (with_score(of_photo(odds=odds)).decision is Decision.ACCEPT) == accepted
-    assert with_score(of_photo(odds=odds)).confidence != pytest.approx(0.5)
+@pytest.mark.parametrize("odds", [math.inf, -math.inf])
+def test_certainty_is_no_missing_value(odds: float) -> None:
+    assert measures_of(odds=odds)[Measure.ODDS] == math.copysign(50.0, odds)
+    assert Measure.ODDS not in measures_of()
 
 
 def test_log_odds_and_shares_undo_each_other() -> None:
@@ -61,52 +74,50 @@ def test_log_odds_and_shares_undo_each_other() -> None:
 
 def test_what_keeps_a_sure_text_from_acceptance_is_named() -> None:
     noisy = of_photo(noise=10.0)
-    grain = measures_of(noisy)[Measure.GRAIN]
-    made = with_score(noisy)
-    assert made.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)))
-    assert made.decision is Decision.REVIEW
-    assert made.messages() == (
+    grain = noisy.measures[Measure.GRAIN]
+    assert noisy.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)), abs=1e-4)
+    assert noisy.decision is Decision.REVIEW
+    assert noisy.messages() == (
         f"unlike most parts: grain of the photograph {grain:.2g}, usually 0.01 (look at the part)",
     )
     # where the text is in doubt by itself, that is said
-    doubtful = with_score(of_photo(odds=2.0, noise=10.0))
+    doubtful = of_photo(odds=2.0, noise=10.0)
     assert doubtful.flags == ReadingFlag.LOW_CONFIDENCE
-    assert doubtful.findings == ()
-
-
-def test_what_explains_a_low_score_goes_with_it() -> None:
-    missing = Finding(ReadingFlag.STROKES_MISSING, "most strokes are missing: A at place 1 (clean it)")
-    assert with_score(of_photo().with_findings(missing)).messages() == ()
-    assert with_score(of_photo(odds=1.0).with_findings(missing)).messages()[-1] == missing.text
+    assert not any("unlike" in message for message in doubtful.messages())
+    # and so is what speaks against it
+    contract = Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”")
+    text = text_of("A", score=noisy.confidence, measures=noisy.measures)
+    assert any("unlike" in finding.text for finding in low_confidence(text, ()))
+    assert not any("unlike" in finding.text for finding in low_confidence(text, (contract,)))
 
 
 def test_a_broken_contract_stays_whatever_the_score() -> None:
-    made = with_score(of_photo().with_findings(Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”")))
-    assert made.decision is Decision.REVIEW
-    assert not serial_is_sure(made)
-    shallow = with_score(of_photo().with_findings(Finding(ReadingFlag.TOO_SHALLOW, "too shallow")))
+    unread = reading_of("A", 0.999, flags=ReadingFlag.UNREAD_MARKS, threshold=0.98)
+    assert unread.decision is Decision.REVIEW
+    assert not unread.serial_is_sure
+    shallow = reading_of("A", 0.999, flags=ReadingFlag.TOO_SHALLOW, threshold=0.98)
     assert shallow.decision is Decision.REVIEW
-    assert serial_is_sure(shallow)
+    assert shallow.serial_is_sure
 
 
-def test_nothing_read_has_no_score() -> None:
-    empty = replace(of_photo(), characters=(), confidence=0.0)
-    assert with_score(empty) is empty
+def test_nothing_read_has_no_score_and_is_measured_all_the_same() -> None:
+    empty = decide(Evidence.of(sense_of(None, "vision", photo=photo(10.0))), SETTINGS)
+    assert (empty.confidence, empty.text) == (0.0, "")
+    assert empty.measures[Measure.GRAIN] > 0.0
 
 
 def test_grain_does_not_depend_on_exposure() -> None:
-    noisy = of_photo(noise=10.0)
-    assert noisy.trace.photo is not None
-    darker = noisy.with_trace(photo=Photo((noisy.trace.photo.pixels // 2).astype(np.uint8)))
+    bright = photo(10.0)
+    dark = Photo((bright.pixels // 2).astype(np.uint8))
     for name in (Measure.GRAIN, Measure.PATCHES):
-        assert measures_of(darker)[name] == pytest.approx(measures_of(noisy)[name], rel=0.1)
+        assert measures_of(photo=dark)[name] == pytest.approx(measures_of(photo=bright)[name], rel=0.1)
 
 
 def test_strokes_are_measured_at_the_weakest_place() -> None:
     rival = RivalStrokes("B", belief=0.1, margin=1.0, apart_heights=0.5, more_heights=0.4, hidden=0.7)
     short = replace(rival, more_heights=0.1, hidden=1.0)
     places = (PlaceStrokes(0.9, 0.8), PlaceStrokes(0.4, 0.8, rivals=(rival, short)))
-    found = measures_of(Reading((PLACE,) * 2, 0.5).with_trace(strokes=places))
+    found = measures_of(strokes=places)
     assert (found[Measure.LEAST_STROKES], found[Measure.COVERED]) == (0.4, 0.7)
 
 
@@ -142,7 +153,7 @@ def test_a_smaller_risk_asks_for_a_higher_score(source: str) -> None:
 def test_each_sense_has_its_own_threshold_for_a_risk() -> None:
     given = ReaderSettings(accept_risk=0.005)
     for source in SOURCES:
-        assert given.of(source).accept_confidence == score_of(source).threshold(0.005)
-    assert ReaderSettings().of("tactile") == ReaderSettings()
+        assert given.least_score(source) == score_of(source).threshold(0.005)
+        assert ReaderSettings().least_score(source) == ReaderSettings().accept_confidence
     with pytest.raises(MarksError, match="was not tested"):
         ReaderSettings(accept_risk=1e-7)

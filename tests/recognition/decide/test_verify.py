@@ -5,20 +5,23 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.evidence import Evidence
 from recognition.decide.reading import Reading
-from recognition.decide.verify import Verdict, Verification, VerifyError, verify, with_verification
+from recognition.decide.verify import Verdict, Verification, VerifyError, verify
 from recognition.language.confusions import CharacterState
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
-from tests.support.readings import reading_of
+from recognition.language.orientation import Orientation
+from recognition.settings import ReaderSettings
+from tests.support.evidence import sense_of
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
@@ -153,30 +156,32 @@ def lattice_of(*places: dict[str, float]) -> Lattice:
         return Lattice(tuple(FEW), np.log([[place.get(c, 0.0) for c in FEW] for place in places]))
 
 
-READ_B1, READ_81 = reading_of("B1", 0.9), reading_of("81", 0.9)
 SURE_B1 = lattice_of({"B": 0.998, "8": 0.001}, {"1": 0.998})
 SURE_81 = lattice_of({"8": 0.998, "B": 0.0001}, {"1": 0.998})
+TWO_PLACES = ReaderSettings(format=Grammar(sets=(FEW, FEW)), orientation=Orientation.UPRIGHT)
 
 
 def verdict(
-    read: Reading, beliefs: Lattice | None, text: str, **options: Any
+    beliefs: Lattice | None, text: str, seen: Lattice | None = None, *, accept: float = 0.9
 ) -> tuple[Reading, Verification]:
-    found = with_verification(read, beliefs, text, **options)
+    """The reading that these beliefs make if a text is expected."""
+    camera = None if seen is None else sense_of(seen, "vision")
+    evidence = Evidence(sense_of(beliefs), camera, expected=text)
+    found = decide(evidence, replace(TWO_PLACES, accept_confidence=accept))
     assert found.trace.verification is not None
     return found, found.trace.verification
 
 
 def test_a_reading_bears_the_states_of_what_is_expected() -> None:
-    read, found = verdict(READ_81, SURE_81, "B1")
+    read, found = verdict(SURE_81, "B1")
     assert found.verdict is Verdict.REFUTED
-    assert ReadingFlag.MISMATCH in read.flags
-    assert (READ_81.decision, read.decision) == (Decision.ACCEPT, Decision.REVIEW)
+    assert (read.flags, read.decision) == (ReadingFlag.MISMATCH, Decision.REVIEW)
     states = [c.state for c in read.characters if c.state is not None]
     assert [s.state for s in states] == [CharacterState.MISMATCH, CharacterState.READ]
     assert (states[0].rival, states[0].expected) == ("8", "B")
-    read, found = verdict(READ_81, SURE_81, "8 1")
+    read, found = verdict(SURE_81, "8 1")
     assert found.verdict is Verdict.CONFIRMED
-    assert read.flags is ReadingFlag.NONE
+    assert (read.flags, read.decision) == (ReadingFlag.NONE, Decision.ACCEPT)
     assert read.text == "81"
 
 
@@ -184,33 +189,33 @@ DOUBTED_B1 = lattice_of({"B": 0.97, "8": 0.03}, {"1": 0.998})
 
 
 @pytest.mark.parametrize(
-    ("confidence", "text", "said"),
+    ("accept", "text", "verdict_and_probability"),
     [
-        (0.98, "B1", (Verdict.CONFIRMED, 0.98)),
-        (0.9, "B1", (Verdict.UNDECIDED, 0.97 * 0.998)),
-        (0.98, "81", (Verdict.UNDECIDED, 0.03 * 0.998)),
+        (0.5, "B1", (Verdict.CONFIRMED, None)),
+        (1.0, "B1", (Verdict.UNDECIDED, 0.97 * 0.998)),
+        (0.5, "81", (Verdict.UNDECIDED, 0.03 * 0.998)),
     ],
 )
 def test_a_reading_that_is_accepted_confirms_its_text(
-    confidence: float, text: str, said: tuple[Verdict, float]
+    accept: float, text: str, verdict_and_probability: tuple[Verdict, float | None]
 ) -> None:
-    read = replace(reading_of("B1", confidence), threshold=0.97)
-    found = verdict(read, DOUBTED_B1, text)[1]
-    assert (found.verdict, found.probability) == (said[0], pytest.approx(said[1]))
+    read, found = verdict(DOUBTED_B1, text, accept=accept)
+    kind, probability = verdict_and_probability
+    expected = read.confidence if probability is None else probability
+    assert (found.verdict, found.probability) == (kind, pytest.approx(expected))
 
 
 def test_without_characters_nothing_is_known() -> None:
-    read, found = verdict(replace(READ_B1, characters=()), None, "B1")
+    read, found = verdict(None, "B1")
     assert (found.verdict, found.probability) == (Verdict.UNDECIDED, 0.0)
-    assert read.flags is ReadingFlag.NONE
+    assert read.flags is ReadingFlag.NO_CHARACTERS
     assert "0 characters were found where 2 are expected" in found.messages()[0]
 
 
 def test_senses_that_contradict_each_other_confirm_nothing() -> None:
-    apart = ReadingFlag.SENSES_DISAGREE
-    read, found = verdict(replace(READ_B1, flags=apart), SURE_B1, "B1")
+    read, found = verdict(SURE_B1, "B1", SURE_81)
     assert found.verdict is Verdict.UNDECIDED
-    assert read.flags is apart
-    read, found = verdict(replace(READ_81, flags=apart), SURE_81, "B1")
+    assert read.flags & ReadingFlag.SENSES_DISAGREE
+    read, found = verdict(SURE_81, "B1", SURE_81)
     assert found.verdict is Verdict.REFUTED
-    assert read.flags is apart | ReadingFlag.MISMATCH
+    assert read.flags & ReadingFlag.MISMATCH
