@@ -108,7 +108,9 @@ def too_few_lines(evidence: Evidence, choice: Choice, settings: ReaderSettings) 
     missing = places_lacking_lines(
         log.scan, [place.box for place in choice.characters], choice.strokes, height_mm=choice.height_mm
     )
-    for k, lacking in {lacking.place: lacking for lacking in reversed(missing)}.items():
+    # of two axes that lack lines at a place, the first is named
+    by_place = {lacking.place: lacking for lacking in reversed(missing)}
+    for k, lacking in sorted(by_place.items()):
         likeliest = max(choice.strokes[k].rivals, key=lambda rival: rival.belief, default=None)
         pair = choice.text[k] if likeliest is None else f"{choice.text[k]} or {likeliest.char}"
         what = f"{pair} at place {k + 1}: too few lines {lacking.axis} were felt over it (feel more lines)"

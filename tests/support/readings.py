@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from recognition.decide.decision import Finding, ReadingFlag
@@ -24,3 +25,8 @@ def reading_of(
     each = [beliefs] * len(text) if isinstance(beliefs, float) else beliefs
     places = (CharacterReading((Candidate(c, 1.0, p),), BOX) for c, p in zip(text, each, strict=True))
     return Reading(tuple(places), confidence, (*map(Finding.of, flags), *findings), **more)
+
+
+def traced(reading: Reading, **fields: Any) -> Reading:
+    """The reading with these fields of its trace."""
+    return replace(reading, trace=replace(reading.trace, **fields))

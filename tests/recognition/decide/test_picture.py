@@ -16,6 +16,7 @@ from recognition.decide.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.marks.grade import Action, MarkGrade, Parameter
+from tests.support.readings import traced
 
 
 def reading(source: str) -> Reading:
@@ -41,7 +42,7 @@ def tactile() -> Reading:
         np.zeros((2, 50, 80), np.float32), tuple(TraceDirection)[:2], np.ones((50, 80), np.bool_), 0.1
     )
     surface = HeightMap(np.zeros((50, 80), np.float32), 0.1)
-    return reading("tactile").with_trace(edge_map=edges, height_map=surface)
+    return traced(reading("tactile"), edge_map=edges, height_map=surface)
 
 
 def axes_of(figure: Figure, title: str) -> Any:
@@ -55,7 +56,7 @@ def words(axes: Any) -> str:
 
 def test_both_senses_stand_side_by_side() -> None:
     figure = reading_figure(
-        reading("fused").with_trace(touch=tactile(), vision=reading("vision"), photo=photo()), title="both"
+        traced(reading("fused"), touch=tactile(), vision=reading("vision"), photo=photo()), title="both"
     )
     picture = axes_of(figure, "photograph")
     assert len(picture.patches) == 1
@@ -74,7 +75,7 @@ def test_state_and_grade_stand_below_the_candidates() -> None:
 
 
 def test_a_photograph_alone(tmp_path: Path) -> None:
-    figure = reading_figure(reading("vision").with_trace(photo=photo()), title="vision")
+    figure = reading_figure(traced(reading("vision"), photo=photo()), title="vision")
     assert "height map, levelled" not in [a.get_title(loc="left") for a in figure.axes]
     figure.savefig(tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000
@@ -82,11 +83,11 @@ def test_a_photograph_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("placed", [True, False])
 def test_a_photograph_that_was_not_read_is_shown(placed: bool) -> None:
-    figure = reading_figure(tactile().with_trace(photo=photo(placed=placed)), title="touch")
+    figure = reading_figure(traced(tactile(), photo=photo(placed=placed)), title="touch")
     # boxes felt are drawn where the stage says how picture and plate lie
     assert len(axes_of(figure, "photograph").patches) == int(placed)
 
 
 def test_without_a_pitch_a_photograph_is_shown_in_pixels() -> None:
-    figure = reading_figure(tactile().with_trace(photo=photo(None)), title="touch")
+    figure = reading_figure(traced(tactile(), photo=photo(None)), title="touch")
     assert axes_of(figure, "photograph, pixels").get_xlabel() == "x, pixels"

@@ -10,35 +10,37 @@ import pytest
 
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
-from recognition.decide import which_way_up
+from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
-from recognition.decide.reading import OtherLine, Reading
-from recognition.decide.reading_of_line import reading_of_line
-from recognition.decide.which_way_up import ways_possible, weigh_orientation
+from recognition.decide.evidence import Evidence, SenseEvidence
+from recognition.decide.reading import Reading
+from recognition.find import other_ways as room
+from recognition.find.other_ways import OtherWay, other_ways, ways_possible
 from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.search.line_reader import LineReader
 from recognition.search.line_search import LineSearch
+from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view
-
-SURE = 0.99
-
+from tests.support.evidence import believed_line
 
 def view_of(text: str, *, mirrored: bool = False) -> View:
     surface = level(stamp(text, fonts="gothic", height_mm=4.0, seed=3).height_map)
     return heights_view(surface.mirrored if mirrored else surface)
 
 
-def read(view: View, mask: str, *others: OtherLine) -> tuple[Reading, LineReader]:
-    grammar = Grammar(format=mask)
-    lines = LineReader(LineSearch(grammar, ALPHANUMERIC, height_mm=4.0))
-    made = reading_of_line(
-        lines.read(view), ReaderSettings(format=grammar), flags=ReadingFlag.NONE, source="tactile"
-    )
-    return replace(made, others=others), lines
+def read(view: View, mask: str) -> tuple[PartLines, LineReader]:
+    lines = LineReader(LineSearch(Grammar(format=mask), ALPHANUMERIC, height_mm=4.0))
+    return lines.read(view), lines
+
+
+def reading_of(part: PartLines, ways: tuple[OtherWay, ...], mask: str) -> Reading:
+    evidence = Evidence.of(SenseEvidence("tactile", lines=part, other_ways=ways))
+    return decide(evidence, ReaderSettings(format=mask))
 
 
 @pytest.mark.parametrize(
@@ -59,43 +61,53 @@ def test_what_is_known_removes_ways(
 
 def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of these marks a look tells the way; the test has it tell too little."""
-    monkeypatch.setattr(which_way_up, "LEAST_LEAD_NATS", math.inf)
+    monkeypatch.setattr(room, "LEAST_LEAD_NATS", math.inf)
     view = view_of("822800")
-    reading, lines = read(view, "999999")
-    found = weigh_orientation(reading, view, lines, rows_known=False)
+    part, lines = read(view, "999999")
+    found = reading_of(part, other_ways(part, view, lines, rows_known=False), "999999")
     assert (found.text, found.decision) == ("822800", Decision.REVIEW)
     assert any("also readable with its rows in the other order: " in m for m in found.messages())
 
 
 def test_what_a_look_settles_is_no_doubt() -> None:
     view = view_of("471275")
-    reading, lines = read(view, "999999")
-    assert weigh_orientation(reading, view, lines) is reading
+    part, lines = read(view, "999999")
+    assert other_ways(part, view, lines) == ()
 
 
 @pytest.mark.parametrize(
-    ("text", "confidence", "reverse", "doubted"),
+    ("text", "reverse", "doubted"),
     [
-        ("LOT47", SURE, False, False),
-        ("LOT47", 0.6, False, True),  # not surely read
-        ("LOT47", SURE, True, True),  # it says that the part lies upside down
-        ("HOXN", SURE, False, True),  # reads upside down as well
+        ("LOT47", False, False),
+        ("LOT47", True, True),  # it says that the part lies upside down
+        ("HOXN", False, True),  # reads upside down as well
     ],
 )
-def test_another_line_that_reads_one_way_settles_it(
-    text: str, confidence: float, reverse: bool, doubted: bool
-) -> None:
+def test_another_line_that_reads_one_way_settles_it(text: str, reverse: bool, doubted: bool) -> None:
     view, beside = view_of("9608"), view_of(text)
-    reading, lines = read(view, "9999")
+    part, lines = read(view, "9999")
     line = LineReader(LineSearch(None, ALPHANUMERIC, height_mm=4.0)).read(beside).main
     assert line is not None
     # both lines stand on one part: the view of the other is below that of the serial
     both = replace(view, layers=stacked(view, beside))
     down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
-    other = OtherLine("", text, confidence, line=place.reversed if reverse else place)
-    found = weigh_orientation(replace(reading, others=(other,)), both, lines)
+    other = replace(line, line=place.reversed if reverse else place)
+    part = replace(part, others=(other,))
+    found = reading_of(part, other_ways(part, both, lines), "9999")
+    assert found.others[0].text == text
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
+
+
+def test_a_doubtful_line_settles_nothing() -> None:
+    view = view_of("9608")
+    part, lines = read(view, "9999")
+    assert part.main is not None
+    doubtful = believed_line(Lattice(tuple("LOT47"), np.log(np.full((5, 5), 0.15))))
+    (upside_down,) = other_ways(part, view, lines)
+    one_way = replace(upside_down, excluded_by=(doubtful.line,))
+    found = reading_of(replace(part, others=(doubtful,)), (one_way,), "9999")
+    assert found.flags & ReadingFlag.ORIENTATION_UNKNOWN
 
 
 def stacked(upper: View, lower: View) -> np.ndarray:
