@@ -1,5 +1,6 @@
 from .active.active_reader import ActiveReader, ActiveSettings
 from .active.active_reading import ActiveReading, StopReason
+from .camera import VisionReader
 from .decide.decision import Decision, Finding, ReadingFlag
 from .decide.depth_rules import DepthRule, depth_rule, least_depth
 from .decide.reading import (
@@ -18,7 +19,6 @@ from .language.orientation import Orientation
 from .marks.depth import MarkDepth
 from .marks.grade import MarkGrade
 from .reader import Reader
-from .camera import VisionReader
 from .settings import ReaderSettings
 from .touch import TactileReader
 from .views.codes import Code

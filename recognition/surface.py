@@ -1,7 +1,7 @@
 """Evidence by touch of a surface: the virtual array scans it at the scale of its characters.
 
-    surface --first pass--> heights of characters --one after the other, until sure--> Scan --TactileReader--> evidence
-    order of its rows unknown, and not sure --> the mirrored surface likewise; the one that reads more counts
+surface --first pass--> heights of characters --one after the other, until sure--> Scan --TactileReader--> evidence
+order of its rows unknown, and not sure --> the mirrored surface likewise; the one that reads more counts
 """
 
 from __future__ import annotations
@@ -136,12 +136,12 @@ def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
                 touch.lines.search, levelled, fidelity=fidelity, soil=soil, feel=surface.feel
             )
         except NothingFeltError as error:
-            return nothing_felt(error, times=times).logged(surface=levelled)
+            return nothing_felt(error, Log(seconds=times.seconds, surface=levelled))
     if not heights:
         return SenseEvidence("tactile", log=Log(seconds=times.seconds, surface=levelled))
     feel = surface.feel or virtual_feel(fidelity=fidelity, soil=soil, part_id=surface.part_id)
     looks = _Looks(touch)
-    for number, height_mm in enumerate(heights, start=1):
+    for height_mm in heights:
         with times.step("scan"):
             scan = feel(levelled, height_mm)
         evidence = touch.of_scan(scan, times=times, rows_known=surface.rows_known)

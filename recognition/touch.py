@@ -16,9 +16,9 @@ from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.combine.read_line import ReadLine
-from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.choice import is_doubtful
 from recognition.decide.decide import decide
+from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.find.layouts import other_layout
@@ -98,7 +98,7 @@ class TactileReader:
             try:
                 view, notes = see_scan(scan, edges)
             except MapError as error:
-                return nothing_felt(error, log=log, times=times)
+                return nothing_felt(error, replace(log, seconds=times.seconds))
         with times.step("find"):
             part = self.lines.read(view, about=about, twice=True)
         with times.step("measure"):
@@ -175,13 +175,10 @@ def see_scan(scan: Scan, edges: EdgeMap | None = None) -> tuple[View, tuple[str,
         return felt_view(edges, None, scan.touch), (f"no depth was measured: {error}",)
 
 
-def nothing_felt(error: MapError, *, log: Log = Log(), times: StepTimes | None = None) -> SenseEvidence:
+def nothing_felt(error: MapError, log: Log) -> SenseEvidence:
     """Evidence of a scan that shows nothing, with the reason."""
     problem = Finding(ReadingFlag.NO_CHARACTERS, f"no characters found: {error}")
-    seconds = log.seconds if times is None else times.seconds
-    return SenseEvidence(
-        "tactile", log=replace(log, findings=(problem, *log.findings), seconds=seconds)
-    )
+    return SenseEvidence("tactile", log=replace(log, findings=(problem, *log.findings)))
 
 
 def scan_findings(scan: Scan, *, most_share: float = 0.005) -> tuple[Finding, ...]:

@@ -198,7 +198,9 @@ class _Part:
         """Choose the cheapest step that adds lines missing to exclude rivals of a sure text, or else ask the policy."""
         # the lines of a dead whisker stay missing whatever is felt, so a way gets at most FIRST lines here
         ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
-        wanted = [way for way in ways if any(way.direction.along_x is place.along_x for place in self.missing)]
+        wanted = [
+            way for way in ways if any(way.direction.along_x is place.along_x for place in self.missing)
+        ]
         steps = self.progress.candidates(self.region, wanted)
         if not steps:
             return self.active.settings.policy.choose(self.progress, self.region, left_s=left_s)
@@ -270,9 +272,7 @@ class _Part:
         if self.scan is None:
             return ()
         boxes = [place.box for place in reading.characters]
-        return places_lacking_lines(
-            self.scan, boxes, reading.trace.strokes, height_mm=reading.height_mm
-        )
+        return places_lacking_lines(self.scan, boxes, reading.trace.strokes, height_mm=reading.height_mm)
 
     def _full_evidence(self) -> SenseEvidence:
         others = frozenset(self.texts)
@@ -280,7 +280,7 @@ class _Part:
             return SenseEvidence("tactile")
         if self.edges is None:
             assert self.unseen is not None
-            return nothing_felt(self.unseen, log=Log(scan=self.scan, chosen_passes=True, other_texts=others))
+            return nothing_felt(self.unseen, Log(scan=self.scan, chosen_passes=True, other_texts=others))
         evidence = self.active.reader.of_scan(self.scan, about=self.line, edges=self.edges)
         return evidence.logged(chosen_passes=True, other_texts=others)
 

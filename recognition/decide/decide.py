@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -71,6 +72,7 @@ def decide(
     Raises:
         VerifyError: the expected text cannot be verified.
     """
+    start = time.perf_counter()
     alone = _alone(evidence, settings)
     measures = without if isinstance(without, frozenset) else frozenset[Measure]()
     left_out = ReadingFlag.NONE if isinstance(without, frozenset) else without
@@ -92,7 +94,8 @@ def decide(
         choice = replace(choice, characters=_checked(choice, verification))
         if verification.verdict is Verdict.REFUTED and not ReadingFlag.MISMATCH & left_out:
             findings.append(Finding.of(ReadingFlag.MISMATCH))
-    return _reading(evidence, choice, findings, verification)
+    seconds = {**_seconds(evidence), "decide": time.perf_counter() - start}
+    return _reading(evidence, choice, findings, verification, MappingProxyType(seconds))
 
 
 def _alone(evidence: Evidence, settings: ReaderSettings) -> Mapping[str, Reading]:
@@ -136,7 +139,11 @@ def _checked(choice: Choice, verification: Verification) -> tuple[CharacterReadi
 
 
 def _reading(
-    evidence: Evidence, choice: Choice, findings: list[Finding], verification: Verification | None
+    evidence: Evidence,
+    choice: Choice,
+    findings: list[Finding],
+    verification: Verification | None,
+    seconds: Mapping[str, float],
 ) -> Reading:
     sense, vision = choice.sense, evidence.vision
     notes = (finding.text for finding in findings if not finding.flag)
@@ -151,7 +158,7 @@ def _reading(
         box=hull([place.box for place in choice.characters]),
         source=evidence.source,
         spaces_after=choice.spaces_after,
-        seconds=_seconds(evidence),
+        seconds=seconds,
         notes=(*sense.log.notes, *notes, *evidence.notes),
         unit="mm" if sense.scaled else "px",
         others=choice.others,
@@ -170,7 +177,7 @@ def _seconds(evidence: Evidence) -> Mapping[str, float]:
     if touch is None or vision is None:
         return evidence.senses[0].log.seconds
     seen = {f"vision {step}": seconds for step, seconds in vision.log.seconds.items()}
-    return MappingProxyType({**touch.log.seconds, **seen})
+    return {**touch.log.seconds, **seen}
 
 
 def _trace(evidence: Evidence, choice: Choice, verification: Verification | None) -> ReadingTrace:

@@ -231,9 +231,7 @@ class Reading:
 
     def _decision_without(self, flags: ReadingFlag) -> Decision:
         states = [place.state for place in self.characters]
-        return decision_of(
-            states, score=self.confidence, threshold=self.threshold, flags=self.flags & ~flags
-        )
+        return decision_of(states, score=self.confidence, threshold=self.threshold, flags=self.flags & ~flags)
 
     @property
     def fields(self) -> Mapping[str, str]:

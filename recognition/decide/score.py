@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
+
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from recognition.language.lattice import Lattice

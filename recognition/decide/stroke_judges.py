@@ -151,7 +151,13 @@ def guessed_characters(
             over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
     """
     line, laid = choice.line, None if choice.marks is None else choice.marks.measured
-    if not choice.characters or not choice.font or laid is None or line is None or "network" in line.by_expert:
+    if (
+        not choice.characters
+        or not choice.font
+        or laid is None
+        or line is None
+        or "network" in line.by_expert
+    ):
         return
     guessed = {c for c, glyph in laid.font.glyphs.items() if glyph.guessed}
     places = None if settings.grammar is None else settings.grammar.fixed_places

@@ -1,7 +1,7 @@
 """Measure the marks of a line: once for the line, then for each text that it may have.
 
-    view, line, text --> Marks: side, height and pose of the line, its surface
-    Marks, text, posteriors --> TextMarks: strokes of the text and its rivals, depths, grades
+view, line, text --> Marks: side, height and pose of the line, its surface
+Marks, text, posteriors --> TextMarks: strokes of the text and its rivals, depths, grades
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.faces import Face
 from glyphs.surface.display import one_line
 from recognition.combine.read_line import ReadLine
 from recognition.glyph_match.felt_line import FeltLine, felt_line
@@ -155,7 +154,11 @@ def _text_marks(
         ]
         line = line_depths(marks.relief, measured, others, named=fonts.named)
         found = replace(
-            found, depths=line.depths, measured=measured, font_fits=line.font_fits, **_graded(marks, measured, line)
+            found,
+            depths=line.depths,
+            measured=measured,
+            font_fits=line.font_fits,
+            **_graded(marks, measured, line),
         )
     cut = {k for k, place in enumerate(strokes) if not place.whole}
     clipped = _clipped_places(marks, boxes)

@@ -64,7 +64,7 @@ def reader_of(mask: str) -> Reader:
 def read_right(scan: Scan, truth: str, mask: str) -> tuple[int, bool]:
     """Characters that touch reads right, blanks aside, and whether it accepts the serial."""
     try:
-        reading = reader_of(mask).touch.read_scan(scan)
+        reading = reader_of(mask).read(scan)
     except MarksError as error:
         _log.info("%s: %s", truth, error)
         return 0, False

@@ -30,7 +30,6 @@ from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.synth import SynthSpec, make_part
 from recognition.decide.reading import Reading
-from recognition.decide.score import measures_of
 from recognition.learning.sketches import photograph
 from recognition.reader import Reader
 from recognition.views.view import GREY
@@ -203,7 +202,7 @@ def kept_of(reading: Reading) -> dict[str, Any]:
         "valid_mass": None if trace.choice is None else trace.choice.valid_mass,
         "probability": None if trace.choice is None else trace.choice.probability,
         "places": [[(c.char, c.probability) for c in one.candidates] for one in reading.characters],
-        "measures": {m.name: v for m, v in measures_of(reading).items()},
+        "measures": {m.name: v for m, v in reading.measures.items()},
         "lattices": {
             name: ("".join(one.chars), one.log_belief.astype(np.float32))
             for name, one in lattices.items()
@@ -215,7 +214,10 @@ def kept_of(reading: Reading) -> dict[str, Any]:
                 "score": place.score,
                 "whole": place.whole,
                 "too_few_lines": place.too_few_lines,
-                "rivals": [(r.char, r.belief, r.margin, r.apart_heights, r.more_heights, r.hidden) for r in place.rivals],
+                "rivals": [
+                    (r.char, r.belief, r.margin, r.apart_heights, r.more_heights, r.hidden)
+                    for r in place.rivals
+                ],
             }
             for place in trace.strokes
         ],
@@ -269,15 +271,18 @@ def main(
         is_free = (number // len(GENERATORS)) % FREE == 0
         reader = free if is_free else readers[part.format]
         try:
-            touch = reader.touch.read_height_map(part.height_map, soil=part.soil_layer)
+            touch = reader.read(part.height_map, soil=part.soil_layer)
             felt = time.process_time()
-            vision = reader.vision.read_photo(part.photo)
+            vision = reader.read(part.photo)
             seen = time.process_time()
             readings = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
         except MarksError as error:
             print(f"part {number}: {error}", flush=True)
             continue
-        kept |= {"format": "" if is_free else part.format, "seconds": (drawn - start, felt - drawn, seen - felt)}
+        kept |= {
+            "format": "" if is_free else part.format,
+            "seconds": (drawn - start, felt - drawn, seen - felt),
+        }
         kept["readings"] = {source: kept_of(reading) for source, reading in readings.items()}
         temporary = path.with_suffix(".tmp")
         temporary.write_bytes(pickle.dumps(kept))

@@ -20,7 +20,6 @@ from glyphs.fonts.serials import random_text
 from glyphs.sketch import ROWS_PER_HEIGHT, sketch
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
-from recognition.decide.score import measures_of
 from recognition.learning.sketches import photograph
 from recognition.learning.training_fonts import find_fonts
 from recognition.reader import Reader
@@ -55,15 +54,15 @@ def main(*folders: Path, parts: int = 240, seed: int = 5151, out: Path) -> None:
         height_mm = float(np.exp(rng.uniform(*np.log(HEIGHTS_MM))))
         pitch_mm, land = height_mm / ROWS_PER_HEIGHT, ROWS_PER_HEIGHT // 2
         z_mm = np.pad(made.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
-        touch = reader.touch.read_height_map(HeightMap(z_mm, pitch_mm))
+        touch = reader.read(HeightMap(z_mm, pitch_mm))
         pixels = np.asarray(np.clip(255.0 * grey, 0.0, 255.0), dtype=np.uint8)
-        vision = reader.vision.read_photo(Photo(pixels, pitch_mm=pitch_mm))
+        vision = reader.read(Photo(pixels, pitch_mm=pitch_mm))
         levels = {"soil": "sketched", "font": font.name, "severity": made.severity, "height_mm": height_mm}
         name = f"sketched-{k:04d}"
         trials = [
             Trial(
                 name, k, levels, mode, text, **answer_of(reading),
-                measures={one.value: value for one, value in measures_of(reading).items()},
+                measures={one.value: value for one, value in reading.measures.items()},
             )
             for mode, reading in (("tactile", touch), ("vision", vision), ("fused", reader.fuse(touch, vision)))
         ]  # fmt: skip

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from recognition.combine.read_line import ReadLine
+from recognition.combine.read_line import Floats, ReadLine
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
@@ -25,8 +25,16 @@ from tests.support.readings import reading_of
 LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0)
 
 
+@dataclass(frozen=True, eq=False)
 class BelievedLine(ReadLine):
-    """A line of text with given posteriors."""
+    """A line of text with given posteriors, also without the format."""
+
+    openly: Lattice | None = None
+
+    @property
+    def open_places(self) -> tuple[Lattice, Floats]:  # type: ignore[override]
+        lattice = self.lattice if self.openly is None else self.openly
+        return lattice, _columns(lattice)
 
     @property
     def is_text(self) -> bool:
@@ -47,11 +55,12 @@ def believed_line(
         likely: probability of the number of places.
         at: where it stands.
     """
-    openly = lattice if openly is None else openly
-    columns, open_columns = (HEIGHT_ROWS * np.arange(1.0, own.n_places + 1.0) for own in (lattice, openly))
-    line = BelievedLine(at, lattice, columns, 0.0, likely, MappingProxyType({"network": lattice}), ())
-    vars(line)["open_places"] = (openly, open_columns)
-    return line
+    by_expert = MappingProxyType({"network": lattice})
+    return BelievedLine(at, lattice, _columns(lattice), 0.0, likely, by_expert, (), openly)
+
+
+def _columns(lattice: Lattice) -> Floats:
+    return HEIGHT_ROWS * np.arange(1.0, lattice.n_places + 1.0)
 
 
 def sense_of(

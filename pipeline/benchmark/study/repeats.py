@@ -166,6 +166,4 @@ def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Re
 
     reader = reader_of(settings_of(settings, listed))
     with local_copies(listed, photos=settings.mode != "tactile") as files:
-        return PartReader(reader, settings.model_copy(update={"active": False})).read(
-            files, again=again
-        )
+        return PartReader(reader, settings.model_copy(update={"active": False})).read(files, again=again)

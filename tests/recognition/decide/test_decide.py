@@ -131,7 +131,9 @@ def test_a_format_that_changes_what_was_read_says_so() -> None:
     assert found.text == "AB1"
     assert found.decision is Decision.REVIEW
     # what is read is clear: the hint is about the format, whatever the score and the strokes say
-    undecided = Finding(ReadingFlag.STROKES_UNDECIDED, "8 or B at place 2: covered (clean it and scan it again)")
+    undecided = Finding(
+        ReadingFlag.STROKES_UNDECIDED, "8 or B at place 2: covered (clean it and scan it again)"
+    )
     doubtful = replace(found, confidence=0.1, findings=(*found.findings, undecided))
     for reading in (found, doubtful):
         assert reading.messages() == (

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from recognition.decide.decision import Decision, Finding, ReadingFlag
+from recognition.decide.depth_judges import depth_rules, print_size_mm, violations
 from recognition.decide.depth_rules import (
     DEPTH_RULES,
     DepthRule,
@@ -17,7 +18,6 @@ from recognition.decide.depth_rules import (
     depth_rule,
     least_depth,
 )
-from recognition.decide.depth_judges import depth_rules, print_size_mm, violations
 from recognition.decide.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
 from recognition.marks.no_depth import NoDepth

@@ -67,11 +67,16 @@ def test_a_confidence_below_the_threshold_is_told_in_numbers() -> None:
 
 
 def test_findings_of_one_kind_are_one_reason() -> None:
-    made = review(SURE, CLOSE, flags=ReadingFlag.NONE, findings=(
-        Finding(ReadingFlag.STROKES_UNDECIDED, "K or X at place 1: not felt (clean it)"),
-        Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
-        Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
-    ))
+    made = review(
+        SURE,
+        CLOSE,
+        flags=ReadingFlag.NONE,
+        findings=(
+            Finding(ReadingFlag.STROKES_UNDECIDED, "K or X at place 1: not felt (clean it)"),
+            Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
+            Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
+        ),
+    )
     assert made.messages() == ("K or X at place 1, 1 or I at place 2: not felt (clean it)",)
 
 
@@ -97,10 +102,15 @@ def test_where_no_place_has_a_rival_the_doubt_is_named_all_the_same(confidence: 
 
 def test_at_most_two_reasons_in_order_of_importance() -> None:
     flags = UNSURE | ReadingFlag.DROPOUTS
-    made = review(SURE, CLOSE, flags=flags, findings=(
-        Finding(ReadingFlag.FORMAT_OVERRULED, "the format changed what was read: 8 to B at place 2"),
-        Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
-    ))
+    made = review(
+        SURE,
+        CLOSE,
+        flags=flags,
+        findings=(
+            Finding(ReadingFlag.FORMAT_OVERRULED, "the format changed what was read: 8 to B at place 2"),
+            Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
+        ),
+    )
     assert made.messages() == (
         f"{LOW}: 1 or I at place 2?",
         "another line reads “SN8”",
@@ -109,11 +119,16 @@ def test_at_most_two_reasons_in_order_of_importance() -> None:
 
 
 def test_every_rule_that_is_broken_is_named() -> None:
-    made = review(SURE, CLOSE, flags=UNSURE, findings=(
-        Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
-        Finding(ReadingFlag.TOO_SHALLOW, "too shallow for one"),
-        Finding(ReadingFlag.TOO_SHALLOW, "too shallow for another"),
-    ))
+    made = review(
+        SURE,
+        CLOSE,
+        flags=UNSURE,
+        findings=(
+            Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
+            Finding(ReadingFlag.TOO_SHALLOW, "too shallow for one"),
+            Finding(ReadingFlag.TOO_SHALLOW, "too shallow for another"),
+        ),
+    )
     assert made.messages()[2:] == ("too shallow for one", "too shallow for another")
 
 

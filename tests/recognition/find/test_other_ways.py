@@ -28,6 +28,7 @@ from recognition.views.levelling import level
 from recognition.views.view import View, heights_view
 from tests.support.evidence import believed_line
 
+
 def view_of(text: str, *, mirrored: bool = False) -> View:
     surface = level(stamp(text, fonts="gothic", height_mm=4.0, seed=3).height_map)
     return heights_view(surface.mirrored if mirrored else surface)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -238,7 +237,9 @@ def test_strokes_of_another_font_are_not_missing() -> None:
     graded = tuple(replace(c, grade=worn) for c in text_of("K7").characters)
     there = (PlaceStrokes(0.9, 0.8),) * 2
 
-    def missing(characters: tuple[CharacterReading, ...], laid_in: str, *felt: PlaceStrokes) -> tuple[Finding, ...]:
+    def missing(
+        characters: tuple[CharacterReading, ...], laid_in: str, *felt: PlaceStrokes
+    ) -> tuple[Finding, ...]:
         return judged(text_of(characters, strokes=felt, laid_in=laid_in, font="gothic"), missing_strokes)
 
     (finding,) = missing(graded, "timesr", *there)

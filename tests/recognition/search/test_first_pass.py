@@ -7,10 +7,10 @@ import pytest
 
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap, MapError
-from recognition.decide.evidence import Evidence
-from recognition.surface import Surface
 from recognition import Reader
+from recognition.decide.evidence import Evidence
 from recognition.search.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
+from recognition.surface import Surface
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan
 

@@ -16,10 +16,10 @@ from glyphs.camera.photo import Photo
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
-from recognition.decide.decision import Decision
-from recognition.decide.reading import Reading
 from recognition import camera
+from recognition.decide.decision import Decision
 from recognition.decide.line_judges import DARK
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
 from recognition.settings import ReaderSettings
 
@@ -71,9 +71,7 @@ def check_places(found: Reading, part: StampedPart) -> None:
         assert b.y0_mm < 0.5 * (y0 + y1) < b.y1_mm
 
 
-def test_rust_is_told_from_relief_by_its_colour(
-    reader: Reader, photo: tuple[StampedPart, Photo]
-) -> None:
+def test_rust_is_told_from_relief_by_its_colour(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
     picture = rusty(photo[0])
     colourless = replace(picture, pixels=np.rint(255.0 * picture.grey()).astype(np.uint8))
     assert reader.read(colourless).decision is not Decision.ACCEPT
@@ -112,9 +110,7 @@ def test_a_photograph_becomes_a_reading(reader: Reader, photo: tuple[StampedPart
 
 
 @pytest.mark.parametrize(("level", "noise"), [(0, 0.0), (128, 0.0), (20, 3.0)])
-def test_a_covered_lens_is_not_taken_for_several_lines(
-    reader: Reader, level: int, noise: float
-) -> None:
+def test_a_covered_lens_is_not_taken_for_several_lines(reader: Reader, level: int, noise: float) -> None:
     pixels = level + np.random.default_rng(1).normal(0.0, noise, (90, 160))
     found = reader.read(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
     assert (found.text, found.notes) == ("", (DARK,))
@@ -150,9 +146,7 @@ def test_a_slanted_line_is_read(
     assert found.rotation_deg == pytest.approx(turned_deg, abs=6.0)
 
 
-def test_a_turned_line_under_grime_is_read(
-    reader: Reader, make_part: Callable[..., StampedPart]
-) -> None:
+def test_a_turned_line_under_grime_is_read(reader: Reader, make_part: Callable[..., StampedPart]) -> None:
     part = make_part(TEXT, line_rotation_deg=8.0)
     rng = np.random.default_rng(1)
     grey = lit(part, rng=rng)
