@@ -15,7 +15,7 @@ from glyphs.errors import MarksError
 from recognition.combine.read_line import ReadLine
 from recognition.decide.choice import is_doubtful
 from recognition.decide.decide import decide
-from recognition.decide.evidence import Evidence, Log, SenseEvidence
+from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
 from recognition.find.layouts import other_layout
 from recognition.find.other_ways import other_ways
@@ -24,7 +24,6 @@ from recognition.language.lattice import Lattice
 from recognition.search.line_reader import LineReader, is_agreed
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
-from recognition.surface import EVEN
 from recognition.views.codes import Code, codes_of, without_codes
 from recognition.views.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
 from recognition.views.registered import photo_views, stainless_view

@@ -13,7 +13,7 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
-from recognition.decide.decision import USUAL_THRESHOLD
+from recognition.decide.decision import USUAL_THRESHOLD, CertifiedAcceptance
 from recognition.decide.depth_rules import DepthRule
 from recognition.decide.score import SOURCES, score_of
 from recognition.experts.steps import EXPERTS
@@ -28,19 +28,6 @@ if TYPE_CHECKING:
 
 STAND_INS = ("gothic", "futuram", "timesr")
 """Built-in fonts that stand in for an unnamed one: depths are measured along their strokes."""
-
-
-@dataclass(frozen=True)
-class CertifiedAcceptance:
-    """Limits of a certificate for acceptance, in addition to the settings.
-
-    Attributes:
-        confidence: least confidence, 0 to 1.
-        sources: sources of the certified readings: "tactile", "vision", "fused"; others are not accepted.
-    """
-
-    confidence: float
-    sources: tuple[str, ...]
 
 
 class ReaderOptions(TypedDict, total=False):

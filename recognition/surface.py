@@ -15,7 +15,7 @@ from glyphs.surface.maps import HeightMap
 from recognition.active.moves import Region
 from recognition.active.replay import read_kept
 from recognition.decide.decision import ReadingFlag
-from recognition.decide.evidence import Log, SenseEvidence
+from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.search.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
 from recognition.step_times import StepTimes
@@ -23,8 +23,6 @@ from recognition.touch import TactileReader, nothing_felt
 from recognition.views.levelling import filled_note, level, square_to_plate
 from whisker_array.scan.session import StageSession
 
-EVEN = 0.5
-"""Confidence above which a text of another look counts as a candidate."""
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
 
 OpenStage = Callable[[HeightMap, Soil | None, float, Region | None], StageSession]

@@ -102,14 +102,14 @@ class TactileReader:
         with times.step("find"):
             part = self.lines.read(view, about=about, twice=True)
         with times.step("measure"):
-            marks = None
-            if part.main is not None:
+            marks, main = None, part.main
+            if main is not None:
                 clipped_mm = positions_mm(scan, SampleFlag.SATURATED)
-                marks = measure(view, part.main, self.fonts, clipped_mm=clipped_mm)
+                marks = measure(view, main, self.fonts, clipped_mm=clipped_mm)
                 felt = None if marks is None else marks.felt
                 if felt is not None:
                     part = reject_false_lines(part, felt, self.fonts.every)
-                part = replace(part, main=part.main.with_experts(self._templates(view, part.main, felt)))
+                part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
         with times.step("orientation"):
             ways = other_ways(part, view, self.lines, rows_known=rows_known)
         with times.step("layout"):

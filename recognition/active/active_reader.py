@@ -20,7 +20,7 @@ from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
 from recognition.decide.decision import BESIDE_SERIAL, Finding, ReadingFlag
-from recognition.decide.evidence import Log, SenseEvidence
+from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.marks.lines_felt import LackingLines, places_lacking_lines
 from recognition.touch import TactileReader, bench_findings, nothing_felt, see_scan
@@ -40,8 +40,6 @@ FIRST_LOOK_DOUBT = 0.1
 With few scan lines a look may be sure of a wrong text, but seldom twice."""
 LOOKS_PER_READING = 4
 """Number of looks between two full readings if no look is sure: a full reading takes as long as four looks."""
-EVEN = 0.5
-"""Confidence of a full reading above which its text is a candidate."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.FORMAT_OVERRULED

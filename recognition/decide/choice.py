@@ -21,7 +21,7 @@ from glyphs.surface.display import one_line
 from recognition.combine.fuse_lattices import fuse_lattices
 from recognition.combine.read_line import ReadLine, word_gaps
 from recognition.decide.decision import USUAL_THRESHOLD
-from recognition.decide.evidence import Evidence, SenseEvidence
+from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
 from recognition.decide.reading import (
     Candidate,
     CharacterReading,
@@ -45,8 +45,8 @@ from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import PlaceStrokes
 
 if TYPE_CHECKING:
+    from recognition.marks.laid_text import LaidText
     from recognition.search.part_lines import PartLines
-    from recognition.settings import ReaderSettings
     from recognition.views.codes import Code
 
 DOUBTFUL = 0.5
@@ -142,9 +142,12 @@ class Choice:
     @property
     def font(self) -> str:
         """Font that fits the marks best; empty if unknown."""
-        marks = self.marks
-        known = marks is not None and marks.is_graded and marks.measured is not None
-        return marks.measured.font.name if known else ""
+        return "" if self.in_own_font is None else self.in_own_font.font.name
+
+    @property
+    def in_own_font(self) -> LaidText | None:
+        """The text in the font of the part; None if that is unknown."""
+        return None if self.marks is None else self.marks.in_own_font
 
     @property
     def layout(self) -> str:
@@ -155,8 +158,8 @@ class Choice:
     def height_mm(self) -> float:
         """Character height; 0 if unknown."""
         marks, line = self.sense.marks, self.line
-        if self.marks is not None and self.marks.is_graded and self.marks.measured is not None:
-            return self.marks.measured.height_mm
+        if self.in_own_font is not None:
+            return self.in_own_font.height_mm
         if line is None or self.decoding is None:
             return 0.0
         return line.line.height_mm if marks is None else marks.felt.line.height_mm
@@ -164,8 +167,8 @@ class Choice:
     @cached_property
     def rotation_deg(self) -> float:
         """Rotation of the line, from +x towards +y."""
-        if self.marks is not None and self.marks.is_graded and self.marks.measured is not None:
-            return self.marks.measured.rotation_deg
+        if self.in_own_font is not None:
+            return self.in_own_font.rotation_deg
         return 0.0 if self.line is None or self.decoding is None else self.line.line.turned_deg
 
     @property
@@ -180,7 +183,7 @@ class Choice:
 
 def choose_text(
     evidence: Evidence,
-    settings: ReaderSettings,
+    settings: DecisionSettings,
     alone: Mapping[str, Reading],
     *,
     without: frozenset[Measure] = frozenset(),
@@ -212,7 +215,7 @@ def _codes(choice: Choice, evidence: Evidence) -> tuple[Code, ...]:
     return codes if same_frame else tuple(replace(code, corners=()) for code in codes)
 
 
-def _text_of_sense(sense: SenseEvidence, settings: ReaderSettings) -> Choice:
+def _text_of_sense(sense: SenseEvidence, settings: DecisionSettings) -> Choice:
     part, grammar = sense.lines, settings.grammar
     main = None if part is None else part.main
     if part is None or main is None:
@@ -255,7 +258,7 @@ def is_doubtful(part: PartLines, grammar: Grammar | None, source: str) -> bool:
     return score_of(source).of_belief(decoding.probability * main.likely) < DOUBTFUL
 
 
-def _text_of_both(evidence: Evidence, settings: ReaderSettings, alone: Mapping[str, Reading]) -> Choice:
+def _text_of_both(evidence: Evidence, settings: DecisionSettings, alone: Mapping[str, Reading]) -> Choice:
     """Text of the combined posteriors; of one sense if the other has read nothing, or other places."""
     touch, vision = evidence.senses
     felt, seen = (_text_of_sense(sense, settings) for sense in (touch, vision))
@@ -323,7 +326,7 @@ def hull(boxes: Sequence[Box]) -> Box | None:
 
 
 def _other_lines(
-    sense: SenseEvidence, settings: ReaderSettings, *, least_serial_evidence: float = -12.0
+    sense: SenseEvidence, settings: DecisionSettings, *, least_serial_evidence: float = -12.0
 ) -> list[OtherLine]:
     """Lines beside the serial: requested ones under their formats, others without one.
 
@@ -413,7 +416,7 @@ def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
 
 
 def _scored(
-    choice: Choice, evidence: Evidence, settings: ReaderSettings, without: frozenset[Measure]
+    choice: Choice, evidence: Evidence, settings: DecisionSettings, without: frozenset[Measure]
 ) -> Choice:
     """The choice with its measures, its score, and places that are no less sure than the whole text."""
     odds, camera_odds = choice.odds, None

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from recognition.decide.choice import Choice, choose_text, hull
 from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, ReadingFlag, decision_of, flags_of
 from recognition.decide.depth_judges import depth_rules
-from recognition.decide.evidence import Evidence
+from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.format_judges import check_digit, format_not_met, no_characters, small_letter
 from recognition.decide.line_judges import layout, orientation, other_lines, unread_photograph
 from recognition.decide.reading import CharacterReading, Reading, ReadingTrace
@@ -39,10 +39,7 @@ from recognition.decide.stroke_judges import (
 )
 from recognition.decide.verify import Verdict, Verification, verify
 
-if TYPE_CHECKING:
-    from recognition.settings import ReaderSettings
-
-Judge: TypeAlias = "Callable[[Evidence, Choice, ReaderSettings], Iterator[Finding]]"
+Judge: TypeAlias = Callable[[Evidence, Choice, DecisionSettings], Iterator[Finding]]
 
 JUDGES: tuple[Judge, ...] = (
     no_characters, format_not_met, check_digit, small_letter,
@@ -58,9 +55,10 @@ JUDGES_OF_SURE: tuple[Judge, ...] = (other_texts, too_few_lines, certificate)
 
 def decide(
     evidence: Evidence,
-    settings: ReaderSettings,
+    settings: DecisionSettings,
     *,
     without: ReadingFlag | frozenset[Measure] = ReadingFlag.NONE,
+    certify: bool = True,
 ) -> Reading:
     """Decide on the evidence of a part.
 
@@ -68,6 +66,7 @@ def decide(
         evidence: evidence of one sense or both.
         settings: settings of the reader.
         without: flags that do not count, or measures that count as unknown, to see what each is worth.
+        certify: whether the certificate of the settings must cover the reading.
 
     Raises:
         VerifyError: the expected text cannot be verified.
@@ -82,7 +81,7 @@ def decide(
         findings += judge(evidence, choice, settings)
     findings += low_confidence(choice, findings)
     findings = [finding for finding in findings if not finding.flag & left_out]
-    for judge in JUDGES_OF_SURE:
+    for judge in (judge for judge in JUDGES_OF_SURE if certify or judge is not certificate):
         # rules for the mark and the orientation do not matter here
         beside = [finding for finding in findings if not finding.flag & BESIDE_SERIAL]
         if _decision(choice, beside) is Decision.ACCEPT:
@@ -98,13 +97,12 @@ def decide(
     return _reading(evidence, choice, findings, verification, MappingProxyType(seconds))
 
 
-def _alone(evidence: Evidence, settings: ReaderSettings) -> Mapping[str, Reading]:
+def _alone(evidence: Evidence, settings: DecisionSettings) -> Mapping[str, Reading]:
     """Readings of each sense alone; empty if there is only one."""
     if len(evidence.senses) == 1:
         return MappingProxyType({})
-    by_itself = replace(settings, certified=None)
     return MappingProxyType(
-        {sense.source: decide(Evidence.of(sense), by_itself) for sense in evidence.senses}
+        {sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in evidence.senses}
     )
 
 
@@ -117,7 +115,7 @@ def _verified(
     evidence: Evidence,
     choice: Choice,
     findings: list[Finding],
-    settings: ReaderSettings,
+    settings: DecisionSettings,
     *,
     accepted: float,
 ) -> Verification:

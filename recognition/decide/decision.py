@@ -163,6 +163,19 @@ EXPLANATIONS = ReadingFlag.of(Kind.EXPLANATION)
 
 
 @dataclass(frozen=True)
+class CertifiedAcceptance:
+    """Limits of a certificate for acceptance, in addition to the settings.
+
+    Attributes:
+        confidence: least confidence, 0 to 1.
+        sources: sources of the certified readings: "tactile", "vision", "fused"; others are not accepted.
+    """
+
+    confidence: float
+    sources: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Finding:
     """A flag on one part.
 

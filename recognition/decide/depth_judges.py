@@ -8,13 +8,12 @@ from collections.abc import Iterator, Sequence
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.depth_rules import DepthRule
-from recognition.decide.evidence import Evidence
+from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.reading import CharacterReading, mean_depth_mm
 from recognition.marks.no_depth import NoDepth
-from recognition.settings import ReaderSettings
 
 
-def depth_rules(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def depth_rules(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report every depth rule that the felt mark breaks."""
     if choice.characters and choice.sense is evidence.touch:
         for rule in settings.depth_rules:

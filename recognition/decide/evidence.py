@@ -8,25 +8,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from glyphs.surface.display import one_line
-from recognition.decide.decision import Finding
+from recognition.decide.decision import CertifiedAcceptance, Finding
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import HeightMap
+    from recognition.decide.depth_rules import DepthRule
     from recognition.find.other_ways import OtherWay
+    from recognition.language.grammar import Grammar
+    from recognition.language.orientation import Orientation
     from recognition.marks.measure import Marks
-    from recognition.search.part_lines import PartLines
+    from recognition.search.part_lines import LineFormat, PartLines
     from recognition.views.codes import Code
     from recognition.views.view import View
     from whisker_array.scan.scan import Scan
 
+EVEN = 0.5
+"""Score above which the text of another look is more likely right than wrong, so that it counts."""
 Source = Literal["tactile", "vision"]
+
+
+class DecisionSettings(Protocol):
+    """What a decision needs of the settings."""
+
+    @property
+    def fonts(self) -> Sequence[object]:
+        """The named fonts; empty if they are unknown."""
+
+    @property
+    def grammar(self) -> Grammar | None:
+        """Format of the serial; None without one."""
+
+    @property
+    def asked(self) -> Mapping[str, LineFormat]:
+        """Further lines that the part should have, by name."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """Possible orientations of the parts."""
+
+    @property
+    def depth_rules(self) -> Sequence[DepthRule]:
+        """Rules for the depth of the mark."""
+
+    @property
+    def certified(self) -> CertifiedAcceptance | None:
+        """Limits of a certificate; None without one."""
+
+    def least_score(self, source: str) -> float:
+        """Least score of an accepted reading of a source."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from recognition.combine.read_line import ReadLine, greatest_between
 from recognition.decide.choice import Choice
 from recognition.decide.decision import CHECK_FORMAT, Finding, ReadingFlag, flags_of
-from recognition.decide.evidence import Evidence, SenseEvidence
+from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
 from recognition.experts.steps import Steps
 from recognition.language.constrained_decoding import blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
-from recognition.settings import ReaderSettings
 
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""
@@ -40,7 +39,7 @@ LEAST_READ = 0.52
 """Least probability of the most certain character of a text outside the format. Pictures of other things reach 0.51."""
 
 
-def no_characters(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def no_characters(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report that nothing was read, and what can be read that breaks the format."""
     if choice.characters:
         return
@@ -58,7 +57,7 @@ def no_characters(evidence: Evidence, choice: Choice, settings: ReaderSettings) 
         yield Finding.of(flag)
 
 
-def format_not_met(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def format_not_met(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report that the line may hold another text than the format allows; of two senses only if both say so."""
     if not choice.characters or choice.decoding is None:
         return
@@ -73,7 +72,7 @@ def format_not_met(evidence: Evidence, choice: Choice, settings: ReaderSettings)
         yield Finding.of(ReadingFlag.FORMAT_OVERRULED)
 
 
-def check_digit(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def check_digit(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report a check digit that cannot tell likely serials apart, or could not be tested on all."""
     if not choice.characters or choice.decoding is None:
         return
@@ -84,13 +83,13 @@ def check_digit(evidence: Evidence, choice: Choice, settings: ReaderSettings) ->
             yield Finding(ReadingFlag.CHECK_BLIND, text, (k,))
 
 
-def small_letter(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def small_letter(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report a capital that may be a small letter; without a format small letters count as capitals."""
     if choice.characters and choice.line is not None and settings.grammar is None:
         yield from small_letters(choice.line.looks, choice.line.columns, choice.text)
 
 
-def _format_findings(sense: SenseEvidence, settings: ReaderSettings) -> tuple[Finding, ...]:
+def _format_findings(sense: SenseEvidence, settings: DecisionSettings) -> tuple[Finding, ...]:
     line, grammar = None if sense.lines is None else sense.lines.main, settings.grammar
     if line is None:
         return ()

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 
 from recognition.decide.choice import LEAST_PLACES, Choice
 from recognition.decide.decision import Finding, ReadingFlag
-from recognition.decide.evidence import Evidence
+from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.find.other_ways import ways_possible
 from recognition.language.orientation import Way, other_text
-from recognition.settings import ReaderSettings
 from recognition.views.photo_sizes import shrunk
 
 _SET = {
@@ -20,7 +19,7 @@ _SET = {
 DARK = "the photograph has hardly any contrast (uncover the lens, light the part, expose longer)"
 
 
-def other_lines(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def other_lines(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report requested lines that were not read for sure, and others that may be a serial."""
     if not choice.characters:
         return
@@ -36,7 +35,7 @@ def other_lines(evidence: Evidence, choice: Choice, settings: ReaderSettings) ->
             yield Finding(ReadingFlag.LINE_MISSING, f"low confidence: {line.name} {line.text}?")
 
 
-def orientation(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report other orientations in which the marks can be read, unless a code shows which way up the part lies.
 
     If both senses read this text, only if both report one. Otherwise all that either reports, and those in which the
@@ -70,7 +69,7 @@ def _also_readable(way: Way, text: str) -> Finding:
     return Finding(ReadingFlag.ORIENTATION_UNKNOWN, f"also readable {way}: {text} ({_SET[way]})")
 
 
-def layout(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def layout(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report another layout in which the marks read well; a sure short text may be a piece of a column."""
     if choice.layout:
         yield Finding(ReadingFlag.LAYOUT, choice.layout)
@@ -81,7 +80,7 @@ def layout(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iter
 def unread_photograph(
     evidence: Evidence,
     choice: Choice,
-    settings: ReaderSettings,
+    settings: DecisionSettings,
     *,
     pixels: int = 4_000,
     least_contrast: float = 0.01,

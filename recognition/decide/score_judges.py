@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, Kind, ReadingFlag, flags_of
-from recognition.decide.evidence import Evidence
+from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.score import DIGITS, Measure, log_odds, score_of, share
 from recognition.decide.words import ranges_text
 from recognition.language.confusions import CharacterState
 from recognition.marks.lines_felt import places_lacking_lines
-from recognition.settings import ReaderSettings
 
 ABOUT_TEXT = ReadingFlag.of(Kind.CONTRACT, Kind.EXPLANATION, Kind.MARK)
 """Flags that explain a low score."""
@@ -88,7 +87,7 @@ def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> d
     return {k: text for _, text, k in sorted(places)[:most_places]}
 
 
-def other_texts(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def other_texts(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Raise the threshold for a text that was chosen among several.
 
     Reading the same text again costs nothing. Each other text that a look has read is one more chance to be wrong:
@@ -100,7 +99,7 @@ def other_texts(evidence: Evidence, choice: Choice, settings: ReaderSettings) ->
         yield Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: an earlier look read another text")
 
 
-def too_few_lines(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def too_few_lines(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report places where the passes of active touch do not distinguish the text from its rivals."""
     log = choice.sense.log
     if not log.chosen_passes or log.scan is None or not choice.strokes:
@@ -117,7 +116,7 @@ def too_few_lines(evidence: Evidence, choice: Choice, settings: ReaderSettings) 
         yield Finding(ReadingFlag.TOO_FEW_LINES, what, (k + 1,))
 
 
-def certificate(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def certificate(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report a text that the certificate does not cover."""
     allowed = settings.certified
     if allowed is None:

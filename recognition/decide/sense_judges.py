@@ -8,19 +8,18 @@ from collections.abc import Iterator
 from recognition.combine.fuse_lattices import contradict, lead_nats
 from recognition.decide.choice import Choice
 from recognition.decide.decision import USUAL_THRESHOLD, Finding, ReadingFlag
-from recognition.decide.evidence import Evidence
+from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.reading import Reading
 from recognition.decide.score import log_odds
-from recognition.settings import ReaderSettings
 
 
-def log_of_sense(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def log_of_sense(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report faults of the scan, the bench and the stage."""
     for sense in choice.senses:
         yield from sense.log.findings
 
 
-def senses_together(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def senses_together(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Note that one sense alone has read the part, though both have looked."""
     if not choice.alone or choice.is_fused:
         return
@@ -35,7 +34,7 @@ def senses_together(evidence: Evidence, choice: Choice, settings: ReaderSettings
     yield Finding(ReadingFlag.NONE, note)
 
 
-def lines_disagree(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def lines_disagree(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report requested lines that touch and camera read differently."""
     if not choice.is_fused:
         return
@@ -50,7 +49,7 @@ def lines_disagree(evidence: Evidence, choice: Choice, settings: ReaderSettings)
 def senses_disagree(
     evidence: Evidence,
     choice: Choice,
-    settings: ReaderSettings,
+    settings: DecisionSettings,
     *,
     sure: float = USUAL_THRESHOLD,
     ratio: float = 1000.0,
@@ -111,7 +110,7 @@ def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tup
     return trace.open_lattice.text, log_odds(probability)
 
 
-def code_disagrees(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def code_disagrees(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report codes that hold another serial, unless one holds this serial."""
     held = [choice.is_held_by(code.text) for code in choice.codes]
     if not choice.characters or True in held:

@@ -13,11 +13,10 @@ from statistics import mode
 
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
-from recognition.decide.evidence import Evidence
+from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.words import places_text
 from recognition.marks.grade import Action
 from recognition.marks.strokes import LIVE, PlaceStrokes, RivalStrokes
-from recognition.settings import ReaderSettings
 
 _REMEDIES = {
     Action.NONE: "look at the part",
@@ -31,7 +30,7 @@ HIDDEN_MARGIN = 2.5
 """Margin, nats, from which covered strokes of a rival are no reason for doubt."""
 
 
-def cut_characters(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def cut_characters(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report characters that cross the edge of the area that was felt."""
     places = tuple(k for k, place in enumerate(choice.strokes, start=1) if not place.whole)
     if places and choice.characters:
@@ -42,7 +41,7 @@ def cut_characters(evidence: Evidence, choice: Choice, settings: ReaderSettings)
 def missing_strokes(
     evidence: Evidence,
     choice: Choice,
-    settings: ReaderSettings,
+    settings: DecisionSettings,
     *,
     least_edges: float = 0.5,
     least_felt: float = 0.4,
@@ -86,7 +85,7 @@ def missing_strokes(
         yield Finding(ReadingFlag.FOREIGN_SHAPES, what, tuple(foreign))
 
 
-def undecided_strokes(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def undecided_strokes(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report strokes that do not exclude a rival, if the score is low."""
     if not choice.may_be_explained:
         return
@@ -126,18 +125,18 @@ def _why_undecided(
     return "the strokes that tell them apart may be filled (clean it and scan it again)"
 
 
-def named_font(evidence: Evidence, choice: Choice, settings: ReaderSettings) -> Iterator[Finding]:
+def named_font(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report a named font that does not fit the marks."""
     marks = choice.marks
-    if not choice.characters or marks is None or marks.measured is None or marks.font_fits:
+    if not choice.characters or marks is None or marks.along is None or marks.font_fits:
         return
     if settings.fonts:
-        what = f"the font {marks.measured.font.name} does not fit the marks (name the right font, or none)"
+        what = f"the font {marks.along.font.name} does not fit the marks (name the right font, or none)"
         yield Finding(ReadingFlag.FOREIGN_SHAPES, what)
 
 
 def guessed_characters(
-    evidence: Evidence, choice: Choice, settings: ReaderSettings, *, near_fit: float = 0.05
+    evidence: Evidence, choice: Choice, settings: DecisionSettings, *, near_fit: float = 0.05
 ) -> Iterator[Finding]:
     """Report characters that may be missing from their learned font, if templates alone have read them.
 
@@ -150,14 +149,8 @@ def guessed_characters(
         near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
             over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
     """
-    line, laid = choice.line, None if choice.marks is None else choice.marks.measured
-    if (
-        not choice.characters
-        or not choice.font
-        or laid is None
-        or line is None
-        or "network" in line.by_expert
-    ):
+    line, laid = choice.line, choice.in_own_font
+    if not choice.characters or laid is None or line is None or "network" in line.by_expert:
         return
     guessed = {c for c, glyph in laid.font.glyphs.items() if glyph.guessed}
     places = None if settings.grammar is None else settings.grammar.fixed_places

@@ -24,7 +24,7 @@ from recognition.marks.grade import OWN_FIT, MarkGrade, edge_fit, edges_of, grad
 from recognition.marks.laid_text import LaidText, laid_text
 from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import PlaceStrokes, strokes_of
-from recognition.marks.unknown_font import LineDepths, line_depths
+from recognition.marks.unknown_font import line_depths
 from recognition.views.view import View
 from whisker_array.estimation.relief import Relief
 
@@ -71,14 +71,14 @@ class Marks:
     fonts: MarkFonts
     clipped_mm: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     samples: int = 0
-    _known: dict[object, object] = field(default_factory=dict, init=False, repr=False)
+    _texts: dict[tuple[str, ...], TextMarks] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = one_line
 
     def of_text(
         self, text: Sequence[str], lattice: Lattice, boxes: Sequence[Box], *, slope: float
     ) -> TextMarks:
-        """Measure the marks of a text.
+        """Measure the marks of a text; depths and grades of the same text are measured once.
 
         Args:
             text: one character per place.
@@ -86,10 +86,13 @@ class Marks:
             boxes: position of each character.
             slope: calibration slope of the posteriors, in log odds (`recognition.decide.score`).
         """
-        key = (tuple(text), lattice, slope)
-        if key not in self._known:
-            self._known[key] = _text_marks(self, tuple(text), lattice, boxes, slope)
-        return self._known[key]  # type: ignore[return-value]
+        key = tuple(text)
+        if key not in self._texts:
+            self._texts[key] = _depths_of(self, key, boxes)
+        marks = self._texts[key]
+        if marks.laid is None:
+            return marks
+        return replace(marks, strokes=strokes_of(marks.laid, lattice, slope=slope))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,22 +100,22 @@ class TextMarks:
     """The marks of a text.
 
     Attributes:
-        laid: the text, fitted to the line in a font; None if no font fits.
-        strokes: felt strokes, place by place, of the text and its rivals; empty if unknown.
         depths: depth of each character, or why it has none; None where no depth was tried.
         grades: grade of each character; None where it was not graded.
-        measured: the text along the strokes of the named fonts, if its depths were measured.
-        font_fits: whether the fonts fit the marks.
-        is_graded: whether the font of `measured` is the part's, so that height and rotation are its own.
+        laid: the text, fitted to the line in a font; None if no font fits.
+        along: the text along whose strokes the depths were measured, in a named font if any is named.
+        in_own_font: `along` if its font is the part's; None otherwise.
+        font_fits: whether the font of `along` fits the marks.
+        strokes: felt strokes, place by place, of the text and its rivals; empty if unknown.
     """
 
-    laid: LaidText | None
-    strokes: tuple[PlaceStrokes, ...]
     depths: tuple[MarkDepth | NoDepth | None, ...]
     grades: tuple[MarkGrade | None, ...]
-    measured: LaidText | None = None
+    laid: LaidText | None = None
+    along: LaidText | None = None
+    in_own_font: LaidText | None = None
     font_fits: bool = True
-    is_graded: bool = False
+    strokes: tuple[PlaceStrokes, ...] = ()
 
     __repr__ = one_line
 
@@ -135,57 +138,41 @@ def measure(
     return Marks(felt, view.relief, fonts, clipped, int(view.edges.valid.sum()))
 
 
-def _text_marks(
-    marks: Marks, text: tuple[str, ...], lattice: Lattice, boxes: Sequence[Box], slope: float
-) -> TextMarks:
-    fonts, count = marks.fonts, len(text)
-    laid = laid_text(marks.felt, text, fonts.fonts, stand_ins=fonts.stand_ins)
-    strokes = () if laid is None else strokes_of(laid, lattice, slope=slope)
-    measured = laid
-    if laid is not None and laid.font not in fonts.fonts:
-        measured = laid_text(marks.felt, text, fonts.fonts)
-    nothing = (None,) * count
-    found = TextMarks(laid, strokes, nothing, nothing)
-    if laid is not None and measured is not None:
-        others = [
-            laid if font is laid.font else measured.in_font(font)
-            for font in fonts.every
-            if font is not measured.font
-        ]
-        line = line_depths(marks.relief, measured, others, named=fonts.named)
-        found = replace(
-            found,
-            depths=line.depths,
-            measured=measured,
-            font_fits=line.font_fits,
-            **_graded(marks, measured, line),
-        )
-    cut = {k for k, place in enumerate(strokes) if not place.whole}
-    clipped = _clipped_places(marks, boxes)
+def _depths_of(marks: Marks, text: tuple[str, ...], boxes: Sequence[Box]) -> TextMarks:
+    """Depths and grades of a text, without its strokes."""
+    clipped, found = _clipped_places(marks, boxes), _depths_along(marks, text)
+    whole = marks.felt.whole if found.laid is not None else [True] * len(text)
     return replace(
         found,
-        grades=tuple(None if k in cut else grade for k, grade in enumerate(found.grades)),
+        grades=tuple(grade if whole[k] else None for k, grade in enumerate(found.grades)),
         depths=tuple(
-            NoDepth.SATURATED if k in clipped else NoDepth.NOT_FELT if k in cut else depth
+            NoDepth.SATURATED if k in clipped else depth if whole[k] else NoDepth.NOT_FELT
             for k, depth in enumerate(found.depths)
         ),
     )
 
 
-def _graded(marks: Marks, measured: LaidText, line: LineDepths) -> dict[str, object]:
-    """Grades of the characters in the part's font; empty if that is not known."""
+def _depths_along(marks: Marks, text: tuple[str, ...]) -> TextMarks:
+    fonts, nothing = marks.fonts, (None,) * len(text)
+    laid = laid_text(marks.felt, text, fonts.fonts, stand_ins=fonts.stand_ins)
+    along = laid
+    if laid is not None and laid.font not in fonts.fonts:
+        along = laid_text(marks.felt, text, fonts.fonts)
+    if laid is None or along is None:
+        return TextMarks(nothing, nothing, laid)
+    others = [
+        laid if font is laid.font else along.in_font(font) for font in fonts.every if font is not along.font
+    ]
+    line = line_depths(marks.relief, along, others, named=fonts.named)
+    found = TextMarks(line.depths, nothing, laid, along, font_fits=line.font_fits)
     if not line.font_fits:
-        return {}
-    templates = marks.fonts.predict(
-        measured.font, measured.felt.view, measured.height_mm, raised=measured.felt.raised, face=measured.face
-    )
-    edges = edges_of(measured, templates)
-    if not marks.fonts.named and edge_fit(edges) < OWN_FIT:
-        return {}
-    grades = (
-        grade if same else None for grade, same in zip(grades_of(edges), line.same_strokes, strict=True)
-    )
-    return {"grades": tuple(grades), "is_graded": True}
+        return found
+    view, raised = along.felt.view, along.felt.raised
+    edges = edges_of(along, fonts.predict(along.font, view, along.height_mm, raised=raised, face=along.face))
+    if not fonts.named and edge_fit(edges) < OWN_FIT:
+        return found
+    grades = zip(grades_of(edges), line.same_strokes, strict=True)
+    return replace(found, in_own_font=along, grades=tuple(grade if same else None for grade, same in grades))
 
 
 def _clipped_places(

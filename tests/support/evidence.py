@@ -101,9 +101,9 @@ def text_of(
         more: further fields.
     """
     places = reading_of(characters).characters if isinstance(characters, str) else tuple(characters)
-    laid, measured = (SimpleNamespace(font=SimpleNamespace(name=name)) for name in (laid_in or font, font))
+    laid, own = (SimpleNamespace(font=SimpleNamespace(name=name)) for name in (laid_in or font, font))
     nothing = (None,) * len(places)
-    marks = TextMarks(laid, strokes, nothing, nothing, measured, is_graded=bool(font))  # type: ignore[arg-type]
+    marks = TextMarks(nothing, nothing, laid, own, own if font else None, strokes=strokes)  # type: ignore[arg-type]
     sense = SenseEvidence(source)
     choice = Choice(
         (sense,), characters=places, marks=marks, score=score, threshold=threshold, scored_as=source

@@ -12,7 +12,7 @@ from glyphs.camera.photo import Photo
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import Face
 from recognition.decide.decide import decide
-from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.decision import CertifiedAcceptance, Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
 from recognition.decide.reading import Reading
 from recognition.decide.score_judges import certificate, other_texts
@@ -22,7 +22,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.search.part_lines import PartLines
-from recognition.settings import CertifiedAcceptance, ReaderSettings
+from recognition.settings import ReaderSettings
 from recognition.views.codes import Code
 from tests.support.codes import ENVELOPE, stamped_photo, with_code
 from tests.support.evidence import believed_line, judged, sense_of, text_of
@@ -157,7 +157,7 @@ def doubted(text, scores, *, guessed, places=None):
     line = replace(believed_line(READ), by_expert={"templates": READ})
     sense = SenseEvidence("tactile", lines=PartLines(line))
     choice = text_of(text, font="press-7", senses=(sense,))
-    choice = replace(choice, marks=replace(choice.marks, measured=laid))
+    choice = replace(choice, marks=replace(choice.marks, in_own_font=laid))
     assert choice.font == laid.font.name
     settings = replace(SETTINGS, format=None if places is None else Grammar(sets=places))
     return [finding.text for finding in judged(choice, guessed_characters, settings=settings)]
