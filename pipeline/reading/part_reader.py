@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import Limits, ReadSettings
+from pipeline.common.texts import without_blanks
 from pipeline.errors import naming, problem_of
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import read_part_map, read_scan
@@ -146,7 +147,8 @@ class PartReader:
         if touches and touch is None:
             with naming(part.scan or part.height_map):
                 touch = self._touch(part, top, again, region_mm)
-        return Evidence(touch, vision, notes=tuple(notes))
+        texts = frozenset({without_blanks(part.other_text)} - {""})
+        return Evidence(touch, vision, notes=tuple(notes), other_texts=texts)
 
     def _photo(self, part: PartFiles, *, touches: bool) -> tuple[Photo | None, list[str]]:
         """The photograph, and notes on unusable ones."""

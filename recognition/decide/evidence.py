@@ -139,6 +139,7 @@ class Evidence:
         vision: evidence by camera.
         expected: text that the part should read; empty if unknown.
         notes: notes on the part's files.
+        other_texts: texts that earlier readings of the part gave and that were more likely right than wrong.
 
     Raises:
         ValueError: no sense.
@@ -148,6 +149,7 @@ class Evidence:
     vision: SenseEvidence | None = None
     expected: str = ""
     notes: tuple[str, ...] = ()
+    other_texts: frozenset[str] = frozenset()
 
     __repr__ = one_line
 
@@ -174,5 +176,5 @@ class Evidence:
         """This evidence with the senses that only the other one has."""
         return Evidence(
             self.touch or other.touch, self.vision or other.vision, self.expected or other.expected,
-            (*self.notes, *other.notes),
+            (*self.notes, *other.notes), self.other_texts | other.other_texts,
         )  # fmt: skip

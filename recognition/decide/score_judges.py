@@ -92,9 +92,10 @@ def other_texts(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
 
     Reading the same text again costs nothing. Each other text that a look has read is one more chance to be wrong:
     after k texts, 1/k of the error is allowed (Bonferroni). Looks are those of touch at another height, in another
-    order of the rows and after further passes, and of the camera without stains.
+    order of the rows and after further passes, of the camera without stains, and of an earlier pass over the lot.
     """
-    texts = {choice.text}.union(*(sense.log.other_texts for sense in choice.senses))
+    looks = (sense.log.other_texts for sense in choice.senses)
+    texts = {choice.text}.union(evidence.other_texts, *looks)
     if choice.score < 1.0 - (1.0 - choice.threshold) / len(texts):
         yield Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: an earlier look read another text")
 
