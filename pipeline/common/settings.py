@@ -251,13 +251,13 @@ def _check_digits(value: tuple[str, ...]) -> None:
 
 
 def _experts(value: tuple[str, ...]) -> None:
-    from recognition.senses.settings import ReaderSettings
+    from recognition.settings import ReaderSettings
 
     ReaderSettings(experts=value)
 
 
 def _rules(value: tuple[str, ...]) -> None:
-    from recognition.decision.depth_rules import depth_rule
+    from recognition.decide.depth_rules import depth_rule
 
     for text in value:
         depth_rule(text)

@@ -10,7 +10,7 @@ from textwrap import shorten
 from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
-from recognition.decision.decide import CHECK_FORMAT, ReadingFlag
+from recognition.decide.decision import CHECK_FORMAT, ReadingFlag
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 GLOSSARY = "docs/pages/reference/glossary.md"

@@ -29,8 +29,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.synth import SynthSpec, make_part
-from recognition.decision.reading import Reading
-from recognition.decision.score import measures_of
+from recognition.decide.reading import Reading
 from recognition.learning.sketches import photograph
 from recognition.reader import Reader
 from recognition.views.view import GREY
@@ -198,12 +197,11 @@ def kept_of(reading: Reading) -> dict[str, Any]:
         "flags": [flag.name for flag in reading.flags],
         "findings": [finding.text for finding in reading.findings],
         "odds": trace.odds,
-        "camera_odds": trace.camera_odds,
         "evidence": trace.evidence,
         "valid_mass": None if trace.choice is None else trace.choice.valid_mass,
         "probability": None if trace.choice is None else trace.choice.probability,
         "places": [[(c.char, c.probability) for c in one.candidates] for one in reading.characters],
-        "measures": {m.name: v for m, v in measures_of(reading).items()},
+        "measures": {m.name: v for m, v in reading.measures.items()},
         "lattices": {
             name: ("".join(one.chars), one.log_belief.astype(np.float32))
             for name, one in lattices.items()
@@ -272,9 +270,9 @@ def main(
         is_free = (number // len(GENERATORS)) % FREE == 0
         reader = free if is_free else readers[part.format]
         try:
-            touch = reader.touch.read_height_map(part.height_map, soil=part.soil_layer)
+            touch = reader.read(part.height_map, soil=part.soil_layer)
             felt = time.process_time()
-            vision = reader.vision.read_photo(part.photo)
+            vision = reader.read(part.photo)
             seen = time.process_time()
             readings = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
         except MarksError as error:

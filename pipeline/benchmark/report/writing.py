@@ -45,7 +45,7 @@ from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
-from recognition.decision.score import Measure
+from recognition.decide.score import Measure
 
 WRONG_LIMIT = 0.001
 """Greatest allowed share of wrong readings among those accepted, against which the page tests every reader."""
