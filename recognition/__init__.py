@@ -14,8 +14,9 @@ The rooms in the order in which a part walks through them::
     marks        poses, strokes, depths and grades of the characters
     decide       evidence --> text, score and findings --> a Reading: accept, review or reject
 
-`touch`, `surface` and `camera` make the evidence of a part, and `reader` decides on it. `language` has the formats, `settings` the settings,
-`active` touch that chooses its passes, `enrol` the shapes of a die that parts teach, and `learning` the training of the networks.
+`touch`, `surface` and `camera` make the evidence of a part, and `reader` decides on it. `language` has the formats,
+`settings` the settings, `active` touch that chooses its passes, `enrol` the shapes of a die that parts teach, and
+`learning` the training of the networks.
 """
 
 import lazy_loader

@@ -75,15 +75,18 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
         MapError: the map cannot be scanned, or the soil is on another grid.
     """
     evidence = _felt(touch, surface)
+    if surface.rows_known:
+        return evidence
+    evidence = touch.with_unknown_rows(evidence)
     # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
-    if surface.rows_known or (surface.feel is not None and surface.soil is not None):
+    if surface.feel is not None and surface.soil is not None:
         return evidence
     looks = _Looks(touch)
     looks.add(evidence)
     upright = looks.reading
     if upright.serial_is_sure or not touch.may_be_mirrored(evidence, upright):
         return evidence
-    mirrored = _felt(touch, surface.mirrored)
+    mirrored = touch.with_unknown_rows(_felt(touch, surface.mirrored))
     if not upright.flags & ReadingFlag.LAYOUT or touch.reading_of(mirrored).serial_is_sure:
         looks.add(mirrored.logged(notes=(*mirrored.log.notes, MIRRORED_NOTE)))
     return looks.surest
@@ -142,7 +145,7 @@ def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
     for height_mm in heights:
         with times.step("scan"):
             scan = feel(levelled, height_mm)
-        evidence = touch.of_scan(scan, times=times, rows_known=surface.rows_known)
+        evidence = touch.of_scan(scan, times=times)
         notes = (*filled_note(squared, levelled), *evidence.log.notes)
         looks.add(evidence.logged(notes=notes, surface=levelled))
         if looks.reading.serial_is_sure:
@@ -158,7 +161,10 @@ def _felt_actively(touch: TactileReader, surface: Surface, stage: OpenStage) -> 
     """
     squared, soil = square_to_plate(surface.height_map, surface.soil)
     levelled, spent_s, looks = level(squared), 0.0, _Looks(touch)
-    heights = felt_heights_mm(touch.lines.search, levelled, fidelity=touch.settings.fidelity, soil=soil)
+    try:
+        heights = felt_heights_mm(touch.lines.search, levelled, fidelity=touch.settings.fidelity, soil=soil)
+    except NothingFeltError:
+        return None
     for height_mm in heights:
         if spent_s >= surface.budget_s:
             break

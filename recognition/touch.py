@@ -79,7 +79,6 @@ class TactileReader:
         scan: Scan,
         *,
         times: StepTimes | None = None,
-        rows_known: bool = True,
         about: TextLine | None = None,
         edges: EdgeMap | None = None,
     ) -> SenseEvidence:
@@ -88,7 +87,6 @@ class TactileReader:
         Args:
             scan: the scan.
             times: records the time of each step.
-            rows_known: whether the order of its rows is known.
             about: position of the line, if known; no other line is searched for.
             edges: its edge map, if it is known already.
         """
@@ -111,7 +109,7 @@ class TactileReader:
                     part = reject_false_lines(part, felt, self.fonts.every)
                 part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
         with times.step("orientation"):
-            ways = other_ways(part, view, self.lines, rows_known=rows_known)
+            ways = other_ways(part, view, self.lines)
         with times.step("layout"):
             doubtful = is_doubtful(part, self.lines.grammar, "tactile")
             layout = other_layout(part, view, self.lines) if doubtful else ""
@@ -121,6 +119,13 @@ class TactileReader:
     def reading_of(self, evidence: SenseEvidence) -> Reading:
         """What touch alone reads, to choose the surest of several looks."""
         return decide(Evidence.of(evidence), self.settings)
+
+    def with_unknown_rows(self, evidence: SenseEvidence) -> SenseEvidence:
+        """The evidence of a scan whose rows may be in reverse order: its text must not read differently then."""
+        if evidence.lines is None or not evidence.views:
+            return evidence
+        ways = other_ways(evidence.lines, evidence.views[0], self.lines, rows_known=False)
+        return replace(evidence, other_ways=ways)
 
     def may_be_mirrored(self, evidence: SenseEvidence, reading: Reading) -> bool:
         """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from glyphs.stamping.faces import Face
 from recognition.decide.decision import Decision, Finding, ReadingFlag
 from recognition.decide.depth_judges import depth_rules, print_size_mm, violations
 from recognition.decide.depth_rules import (
@@ -19,7 +20,7 @@ from recognition.decide.depth_rules import (
     least_depth,
 )
 from recognition.decide.reading import Box, Candidate, CharacterReading, Reading
-from recognition.marks.depth import MarkDepth
+from recognition.marks.depth import MarkDepth, depth_bias_mm
 from recognition.marks.no_depth import NoDepth
 from recognition.settings import ReaderSettings
 from tests.support.evidence import judged, text_of
@@ -150,6 +151,52 @@ def test_the_note_names_rule_place_and_depth() -> None:
     assert set(marked.messages()) == {ReadingFlag.DROPOUTS.text, *said(marked)}
     # the text is as sure as before, but the part is not as it should be
     assert (marked.decision, marked.confidence) == (Decision.REVIEW, 0.97)
+
+
+@pytest.mark.parametrize(
+    ("least_mm", "bias_mm", "sd_mm", "words"),
+    [
+        (0.090, 0.006, 0.005, ("too shallow for MIL-STD-792: K at place 1 0.084 mm (at least 0.1)",)),
+        (0.105, 0.0, 0.004, ()),
+        (
+            0.105,
+            0.006,
+            0.004,
+            ("may be too shallow for MIL-STD-792: K at place 1 0.099 +- 0.004 mm (at least 0.1)",),
+        ),
+        (
+            0.105,
+            0.0,
+            0.012,
+            ("may be too shallow for MIL-STD-792: K at place 1 0.105 +- 0.012 mm (at least 0.1)",),
+        ),
+        (
+            0.225,
+            0.0,
+            0.008,
+            ("may be too deep for MIL-STD-792: K at place 1 0.255 +- 0.008 mm (at most 0.25)",),
+        ),
+        (0.225, 0.006, 0.0, ()),
+        (0.235, 0.006, 0.008, ("too deep for MIL-STD-792: K at place 1 0.259 mm (at most 0.25)",)),
+    ],
+)
+def test_a_depth_is_compared_without_its_known_error_and_with_its_uncertainty(
+    least_mm: float, bias_mm: float, sd_mm: float, words: tuple[str, ...]
+) -> None:
+    plain = reading(("K", least_mm))
+    depth = replace(plain.characters[0].depth, bias_mm=bias_mm, sd_mm=sd_mm)  # type: ignore[type-var]
+    marked = replace(plain, characters=(replace(plain.characters[0], depth=depth),))
+    rule = depth_rule("MIL-STD-792")
+    judged_mark = judged_by(marked, (rule,))
+    assert said(judged_mark) == words
+    assert (judged_mark.decision is Decision.ACCEPT) == (words == ())
+
+
+def test_the_known_error_is_that_of_face_and_height() -> None:
+    assert depth_bias_mm(Face.FLAT, 5.0) == pytest.approx(0.006)
+    assert depth_bias_mm(Face.FLAT, 6.0) == pytest.approx(0.00665)
+    assert depth_bias_mm(Face.FLAT, 30.0) == pytest.approx(0.0122)
+    assert depth_bias_mm(Face.SHARP, 5.0) == depth_bias_mm(Face.DOTTED, 5.0) == 0.0
 
 
 def test_a_mark_may_be_too_deep() -> None:
