@@ -10,11 +10,13 @@ The rooms in the order in which a part walks through them::
     glyph_match  templates of named fonts, compared with a line
     combine      looks, experts and senses --> one lattice of posteriors
     search       lines are found, read and moved until one is convincing: `lines`, `experts` and `combine` in turns
+    find         the same marks in other orientations and layouts
     marks        poses, strokes, depths and grades of the characters
-    decision     format, contracts and score --> a Reading: accept, review or reject
+    decide       evidence --> text, score and findings --> a Reading: accept, review or reject
 
-`language` has the formats, `senses` the readers by touch and by camera, `active` touch that chooses its passes, `enrol`
-the shapes of a die that parts teach, and `learning` the training of the networks.
+`touch`, `surface` and `camera` make the evidence of a part, and `reader` decides on it. `language` has the formats,
+`settings` the settings, `active` touch that chooses its passes, `enrol` the shapes of a die that parts teach, and
+`learning` the training of the networks.
 """
 
 import lazy_loader

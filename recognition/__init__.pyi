@@ -1,14 +1,15 @@
 from .active.active_reader import ActiveReader, ActiveSettings
 from .active.active_reading import ActiveReading, StopReason
-from .decision.decide import Decision, Finding, ReadingFlag
-from .decision.depth_rules import DepthRule, depth_rule, least_depth
-from .decision.reading import (
+from .camera import VisionReader
+from .decide.decision import Decision, Finding, ReadingFlag
+from .decide.depth_rules import DepthRule, depth_rule, least_depth
+from .decide.reading import (
     Candidate,
     CharacterReading,
     Reading,
     ReadingTrace,
 )
-from .decision.verify import Verdict, Verification, VerifyError
+from .decide.verify import Verdict, Verification, VerifyError
 from .language.box import Box
 from .language.check_digits import CheckDigit
 from .language.confusions import CharacterState, PlaceState
@@ -18,9 +19,8 @@ from .language.orientation import Orientation
 from .marks.depth import MarkDepth
 from .marks.grade import MarkGrade
 from .reader import Reader
-from .senses.camera import VisionReader
-from .senses.settings import ReaderSettings
-from .senses.touch import TactileReader
+from .settings import ReaderSettings
+from .touch import TactileReader
 from .views.codes import Code
 from .views.text_line import TextLine
 from .views.view import View

@@ -1,13 +1,13 @@
 """The reader: from the data of a part to its reading.
 
-height map --scan--> Scan --TactileReader--> Reading --+
-                                                       +--fuse--> Reading --verify--> Reading
-photograph ----------------VisionReader----> Reading --+
+    scan, surface --touch--> evidence --\\
+                                         Evidence --decide--> Reading: accept, review or reject
+    photographs ----camera-> evidence --/
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
@@ -16,18 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.signatures import lists_options
-from recognition.decision.contracts import as_certified
-from recognition.decision.reading import Reading
 from recognition.language.grammar import Grammar
-from recognition.senses.settings import ReaderOptions, ReaderSettings, Repertoire
+from recognition.settings import ReaderOptions, ReaderSettings, Repertoire
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.part import Part
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from recognition.senses.camera import VisionReader
-    from recognition.senses.touch import TactileReader
+    from recognition.camera import VisionReader
+    from recognition.decide.evidence import Evidence, SenseEvidence
+    from recognition.decide.reading import Reading
+    from recognition.surface import Surface
+    from recognition.touch import TactileReader
     from whisker_array.scan.scan import Scan
 
     Readable: TypeAlias = HeightMap | Scan | Photo | Part | NDArray[Any]
@@ -70,14 +71,14 @@ class Reader:
     @cached_property
     def touch(self) -> TactileReader:
         """Reads height maps and scans."""
-        from recognition.senses.touch import TactileReader
+        from recognition.touch import TactileReader
 
         return TactileReader(self._touch_settings)
 
     @cached_property
     def vision(self) -> VisionReader:
         """Reads photographs."""
-        from recognition.senses.camera import VisionReader
+        from recognition.camera import VisionReader
 
         return VisionReader(self.settings)
 
@@ -116,58 +117,102 @@ class Reader:
             TypeError: something else, such as a file name.
             ValueError: two height maps or scans, or heights without a pitch.
         """
-        from glyphs.camera.photo import Photo
-        from glyphs.part import Part
-        from glyphs.surface.maps import HeightMap
-        from whisker_array.scan.scan import Scan
+        from recognition.decide.evidence import Evidence
+        from recognition.surface import Surface
 
-        data = [_typed(item, pitch_mm) for item in (part, *more)]
-        soil = next((item.soil for item in (part, *more) if isinstance(item, Part)), soil)
-        surfaces = [item for item in data if isinstance(item, HeightMap)]
-        scans = [item for item in data if isinstance(item, Scan)]
-        photos = [item for item in data if isinstance(item, Photo)]
-        for kind in (surfaces, scans):
-            if len(kind) > 1:
-                raise ValueError(f"two of {type(kind[0]).__name__} are given; read one part at a time")
-        made = []
-        if scans:
-            made.append(self.touch.read_scan(scans[0]))
-        elif surfaces:
-            made.append(self.touch.read_height_map(surfaces[0], soil=soil, part_id=part_id))
-        if photos:
-            photo = replace(photos[0], others=(*photos[0].others, *photos[1:]))
-            made.append(self.vision.read_photo(centre_on(photo, surfaces[0]) if surfaces else photo))
-        return self.apply_certificate(self.fuse(*made) if len(made) == 2 else made[0])
+        data = _data_of((part, *more), pitch_mm)
+        touch, vision = None, None
+        if data.scan is not None:
+            touch = self.feel_scan(data.scan)
+        elif data.surface is not None:
+            touch = self.feel(Surface(data.surface, data.soil or soil, part_id=part_id))
+        if data.photo is not None:
+            vision = self.look_at(data.photo)
+        return self.decide(Evidence(touch, vision))
 
-    def apply_certificate(self, reading: Reading) -> Reading:
-        """Send a reading to review if the certificate of the settings does not cover it."""
-        return as_certified(reading, self.settings.certified)
+    def feel(self, surface: Surface) -> SenseEvidence:
+        """Evidence by touch of a surface that the virtual array scans.
+
+        Raises:
+            MapError: a map that cannot be scanned, a soil on another grid.
+        """
+        from recognition.surface import evidence_of_surface
+
+        return evidence_of_surface(self.touch, surface)
+
+    def feel_scan(self, scan: Scan) -> SenseEvidence:
+        """Evidence by touch of a recorded scan; one with a log of passes is replayed pass by pass."""
+        from recognition.active.replay import replay
+
+        return self.touch.of_recording(scan) if scan.log is None else replay(self.touch, scan).evidence
+
+    def look_at(self, photo: Photo) -> SenseEvidence:
+        """Evidence by camera of a photograph with its others."""
+        return self.vision.of_photo(photo)
+
+    def decide(self, evidence: Evidence) -> Reading:
+        """Decide on the evidence of a part.
+
+        Raises:
+            VerifyError: the expected text cannot be verified.
+        """
+        from recognition.decide.decide import decide
+
+        return decide(evidence, self.settings)
 
     def fuse(self, touch: Reading, vision: Reading) -> Reading:
-        """Combine the readings of both senses; the trace has both."""
-        from recognition.decision.fuse import fuse
+        """Decide on the evidence of two readings of one part together.
 
-        return fuse(touch, vision, self.settings)
+        Raises:
+            ValueError: a reading without evidence.
+        """
+        if touch.evidence is None or vision.evidence is None:
+            raise ValueError("only readings of this reader can be fused: others have no evidence")
+        return self.decide(touch.evidence.joined(vision.evidence))
 
     def verify(self, reading: Reading, expected: str) -> Reading:
-        """Add the verdict on an expected text to a reading: `reading.trace.verification`.
+        """Decide again on a part that should read a text; the verdict is `reading.trace.verification`.
 
         Args:
             reading: the reading.
             expected: text that the part should read.
 
         Raises:
+            ValueError: a reading without evidence.
             VerifyError: a text that cannot be looked for.
         """
-        from recognition.decision.fuse import fused_lattice
-        from recognition.decision.verify import with_verification
+        if reading.evidence is None:
+            raise ValueError("only readings of this reader can be verified: others have no evidence")
+        return self.decide(replace(reading.evidence, expected=expected))
 
-        touch, vision = reading.touch, reading.vision
-        lattices = [one.trace.open_lattice for one in (touch, vision) if one is not None]
-        lattice = next((own for own in lattices if own is not None), None)
-        if touch is not None and vision is not None:
-            lattice = fused_lattice(touch, vision, before_format=True) or lattice
-        return with_verification(reading, lattice, expected, grammar=self.grammar)
+
+@dataclass(frozen=True)
+class _PartData:
+    scan: Scan | None
+    surface: HeightMap | None
+    soil: Soil | None
+    photo: Photo | None
+
+
+def _data_of(items: tuple[Readable, ...], pitch_mm: float | None) -> _PartData:
+    """The data of a part by kind; photographs as one, over the middle of the height map."""
+    from glyphs.camera.photo import Photo
+    from glyphs.part import Part
+    from glyphs.surface.maps import HeightMap
+    from whisker_array.scan.scan import Scan
+
+    data = [_typed(item, pitch_mm) for item in items]
+    surfaces = [item for item in data if isinstance(item, HeightMap)]
+    scans = [item for item in data if isinstance(item, Scan)]
+    photos = [item for item in data if isinstance(item, Photo)]
+    for kind in (surfaces, scans):
+        if len(kind) > 1:
+            raise ValueError(f"two of {type(kind[0]).__name__} are given; read one part at a time")
+    soil = next((item.soil for item in items if isinstance(item, Part)), None)
+    photo = replace(photos[0], others=(*photos[0].others, *photos[1:])) if photos else None
+    if photo is not None and surfaces:
+        photo = centre_on(photo, surfaces[0])
+    return _PartData(scans[0] if scans else None, surfaces[0] if surfaces else None, soil, photo)
 
 
 def _typed(item: Readable, pitch_mm: float | None) -> HeightMap | Scan | Photo:

@@ -75,8 +75,8 @@ def _read(out: Path) -> int:
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
         save_calibration(recording, calibrate_scan(scan).calibration)
-        reading = reader.read(load_scan(recording)).with_trace(height_map=level(made.height_map))
-        part = SheetPart(name, stamping["text"], reading)
+        reading = reader.read(load_scan(recording))
+        part = SheetPart(name, stamping["text"], reading, level(made.height_map))
         parts.append(part)
         print(
             f"{name:<13} {part.truth:<9} {reading.text or 'nothing':<9} {'right' if part.right else 'WRONG':<6} "

@@ -121,9 +121,9 @@ def run(
     from pipeline.cli.shared import print_document
     from pipeline.reading.certificate import valid_certificate
     from pipeline.reading.perturbation import PERTURBATIONS
-    from recognition.decision.risk_text import parse_risk
+    from recognition.decide.risk_text import parse_risk
     from recognition.language.orientation import Orientation
-    from recognition.senses.settings import ReaderSettings
+    from recognition.settings import ReaderSettings
     from whisker_array.simulation.traces import Fidelity
 
     source = _parts(
@@ -184,7 +184,7 @@ def gate(
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.workers.options import WorkerSettings
     from recognition.language.orientation import Orientation
-    from recognition.senses.settings import ReaderSettings
+    from recognition.settings import ReaderSettings
 
     worse: list[str] = []
     parts = sum(floor.EDITIONS.values())
@@ -308,7 +308,7 @@ def score(
     from pipeline.benchmark.trials.answers import designed_items, load_answers
     from pipeline.benchmark.trials.run import Benchmark
     from pipeline.cli.shared import print_document
-    from recognition.senses.settings import ReaderSettings
+    from recognition.settings import ReaderSettings
 
     source: ListedParts | DesignedParts
     if truth is not None:

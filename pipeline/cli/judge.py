@@ -57,7 +57,7 @@ def certify(
         raise UsageError("certify: name the parts, as for read")
     if not 0.0 < confidence < 1.0:
         raise UsageError(f"certify: confidence is {confidence:g}", "it lies between 0 and 1")
-    from recognition.decision.risk_text import parse_risk, risk_in_words
+    from recognition.decide.risk_text import parse_risk, risk_in_words
 
     try:
         greatest_risk = parse_risk(risk)
@@ -112,7 +112,7 @@ def _print_tests(found: Certification, confidence: float) -> None:
 
 def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
     from pipeline.common.accepted_risk import parts_needed
-    from recognition.decision.risk_text import risk_in_words
+    from recognition.decide.risk_text import risk_in_words
 
     needed = parts_needed(risk, confidence=confidence)
     more = (

@@ -80,7 +80,7 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import open_reader
     from pipeline.runs.production import parts_for
-    from recognition.decision.picture import reading_figure
+    from recognition.decide.picture import reading_figure
 
     parts = parts_for([str(file)], settings)
     if len(parts) > 1:

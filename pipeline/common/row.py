@@ -29,7 +29,7 @@ WORTH_SHOWING = 0.01
 """Least probability of an alternative in a row."""
 _UNGRADED = "?"
 _ACTIONS = ("clean", "clean first", "re-strike")
-"""Actions in the order of a row; those of `recognition.decision.grade.Action`."""
+"""Actions in the order of a row; those of `recognition.decide.grade.Action`."""
 
 
 def row_of(record: ReadingRecord) -> dict[str, Any]:

@@ -227,7 +227,7 @@ MOST_RULES, MOST_RULE_CHARS = 16, 2_000
 def _risk(value: Any) -> Any:
     if not isinstance(value, str):
         return value
-    from recognition.decision.risk_text import parse_risk
+    from recognition.decide.risk_text import parse_risk
 
     return parse_risk(value)
 
@@ -260,13 +260,13 @@ def _check_digits(value: tuple[str, ...]) -> None:
 
 
 def _experts(value: tuple[str, ...]) -> None:
-    from recognition.senses.settings import ReaderSettings
+    from recognition.settings import ReaderSettings
 
     ReaderSettings(experts=value)
 
 
 def _rules(value: tuple[str, ...]) -> None:
-    from recognition.decision.depth_rules import depth_rule
+    from recognition.decide.depth_rules import depth_rule
 
     for text in value:
         depth_rule(text)
@@ -405,7 +405,7 @@ class ReadSettings(MapSettings):
             MarksError: none does, so that nothing would be accepted.
         """
         if "accept_risk" in self.model_fields_set:
-            from recognition.decision.risk import require_kept  # slow
+            from recognition.decide.risk import require_kept  # slow
 
             require_kept(self.accept_risk, self.sources)
 

@@ -153,6 +153,7 @@ class PartFiles:
         expected: text that it should read; empty if none is known.
         format: format of its serial; empty for that of the run.
         font: font of its mark; empty for those of the run.
+        other_text: text that an earlier reading gave with a confidence above 0.5; empty without one.
         problem: why it cannot be read, found before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.
 
@@ -167,6 +168,7 @@ class PartFiles:
     expected: str = ""
     format: str = ""
     font: str = ""
+    other_text: str = ""
     problem: FileError | None = None
     photo_problem: FileError | None = None
 

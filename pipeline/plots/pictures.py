@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 from glyphs.atomic import replacing
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.common.texts import same_text
-from recognition.decision.picture import edge_panel, height_panel
+from recognition.decide.picture import edge_panel, height_panel
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
+    from glyphs.surface.maps import HeightMap
+    from recognition.decide.reading import Reading
 
 # colours of Okabe and Ito: distinct for colour-blind readers, and in grey
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -57,9 +58,9 @@ def save_figure(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, format=path.suffix[1:].lower())
 
 
-def reading_panels(left: Axes, right: Axes, reading: Reading) -> None:
-    """Draw the height map and the edge map of a reading with its characters."""
-    heights, edges = reading.trace.height_map, reading.trace.edge_map
+def reading_panels(left: Axes, right: Axes, reading: Reading, surface: HeightMap | None = None) -> None:
+    """Draw the height map (default: that which was scanned) and the edge map of a reading with its characters."""
+    heights, edges = surface or reading.trace.height_map, reading.trace.edge_map
     if heights is not None:
         height_panel(left, height_map=heights, reading=reading, colour_bar=False)
     if edges is not None:
@@ -70,11 +71,12 @@ def reading_panels(left: Axes, right: Axes, reading: Reading) -> None:
 
 @dataclass(frozen=True, eq=False)
 class SheetPart:
-    """One part of the overview: its name, the text stamped on it and its reading."""
+    """One part of the overview: its name, the text stamped on it, its reading, and its surface if known."""
 
     name: str
     truth: str
     reading: Reading
+    surface: HeightMap | None = None
 
     @property
     def right(self) -> bool:
@@ -88,7 +90,7 @@ def overview_figure(parts: Sequence[SheetPart]) -> Figure:
     figure = Figure(figsize=(12.0, 0.4 + 2.3 * len(parts)))
     for (left, right), part in zip(figure.subplots(len(parts), 2, squeeze=False), parts, strict=True):
         reading = part.reading
-        reading_panels(left, right, reading)
+        reading_panels(left, right, reading, part.surface)
         left.set_title(f"{part.name}: “{part.truth}” stamped")
         verdict = "right" if part.right else "WRONG"
         confidence = f"{reading.confidence:.3f}{reading.font and f', {reading.font}'}"

@@ -13,7 +13,7 @@ from pipeline.formats.find_parts import kind_of_named, with_file
 from pipeline.formats.part_files import PartFiles, key_and_kind
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
 
 
 @lists_options(ReadSettings, {*ReadSettings.model_fields} - {"font"})

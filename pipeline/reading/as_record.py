@@ -24,7 +24,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import key_of, program_version
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import CharacterReading, OtherLine, Reading
+    from recognition.decide.reading import CharacterReading, OtherLine, Reading
     from recognition.language.box import Box as Hull
     from recognition.language.grammar import Grammar
     from recognition.language.lattice import Lattice
@@ -47,8 +47,8 @@ def reading_record(
         part: name of the part.
         seconds: time taken to read it.
     """
-    from recognition.decision.decide import bench_faults
-    from recognition.decision.reasons import reasons_of
+    from recognition.decide.decision import bench_faults
+    from recognition.decide.reasons import reasons_of
 
     verification, scaled = reading.trace.verification, reading.scaled
     scan = None if reading.touch is None else reading.touch.trace.scan

@@ -1,7 +1,7 @@
 """Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for.
 
     parts, truth --certify--> Certificate --> JSON, page
-    JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decision.contracts)
+    JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decide.decision)
 
 A certificate is valid for the program, networks and settings that it was made with. It is refused by another
 version or with other networks. A part that is read with other settings (its own format, another database) is not
@@ -26,8 +26,8 @@ from pipeline.common.shares import share_bounds
 from pipeline.common.version import differences, file_sha256, reader_versions
 from pipeline.errors import require_file
 from pipeline.reading.certificate_statistics import KindOfParts
-from recognition.decision.contracts import CertifiedAcceptance
-from recognition.decision.risk_text import risk_in_words
+from recognition.decide.decision import CertifiedAcceptance
+from recognition.decide.risk_text import risk_in_words
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000

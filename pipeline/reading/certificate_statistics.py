@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.decision.score import Measure
+from recognition.decide.score import Measure
 
 P_VALUE = 1e-4
 """Chance of a false alarm on parts of the same kind, for one test of all measures."""

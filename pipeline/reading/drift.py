@@ -15,7 +15,7 @@ from pipeline.reading.certificate_statistics import Unlike, unlike
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from recognition.decision.score import Measure
+    from recognition.decide.score import Measure
 
 EVERY = 20
 """Number of parts between two comparisons."""

@@ -85,7 +85,6 @@ def read_order(
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.scan_plan import plan_of
-    from recognition.decision.score import measures_of
 
     part, tactile = order.part, order.part.felt
     if not tactile and (order.earlier or not part.photo):
@@ -97,11 +96,13 @@ def read_order(
     with sender_names(order.folder, order.shown):
         mode = "fused" if tactile and part.photo else "auto"
         parts = PartReader(reader, settings.model_copy(update={"mode": mode}), limits=limits)
-        found = parts.unverified(part, expected=expected, felt=felt)
-        readings = [parts.verified(found, expected)]
+        found = parts.read(part, expected=expected, felt=felt)
+        readings = [found]
         new_photo = bool(part.photo) and not order.earlier
         if new_photo and found.trace.vision is not None:
-            readings.insert(0, parts.verified(reader.apply_certificate(found.trace.vision), expected))
+            evidence = found.trace.vision.evidence
+            assert evidence is not None
+            readings.insert(0, reader.decide(replace(evidence, expected=expected)))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
             reading_record(r, settings, reader.grammar, part=part.name, seconds=s)
@@ -110,7 +111,7 @@ def read_order(
         done = ReadPart(
             records,
             pictures_of(readings[-1], photo=new_photo),
-            measures=measures_of(readings[-1]) if settings.certificate is not None else {},
+            measures=found.measures if settings.certificate is not None else {},
         )
         taken = found.trace.photo
         if tactile or taken is None or done.state is not PartState.TOUCH_NEEDED:
@@ -200,7 +201,7 @@ def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
         OwnFileError: a problem with this machine, or with any other file.
         FaultError: a fault of this program.
     """
-    from recognition.decision.verify import VerifyError
+    from recognition.decide.verify import VerifyError
 
     def without_folders(message: str) -> str:
         for one in (*(Path(path).parent for path in names), folder):

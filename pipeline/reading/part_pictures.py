@@ -19,7 +19,7 @@ from pipeline.common.records import EvidenceKind
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
 
 MOST_PIXELS_A_SIDE = 1600
 LEAST_EDGE_PIXELS = 900

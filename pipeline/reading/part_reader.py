@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import Limits, ReadSettings
+from pipeline.common.texts import without_blanks
 from pipeline.errors import naming, problem_of
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import read_part_map, read_scan
@@ -34,12 +35,13 @@ if TYPE_CHECKING:
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
-    from recognition.decision.reading import Reading
+    from recognition.decide.evidence import Evidence, SenseEvidence
+    from recognition.decide.reading import Reading
     from recognition.reader import Reader
     from recognition.search.first_pass import Feel
-
-
-MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
+    from recognition.surface import OpenStage, Surface
+    from whisker_array.scan.session import StageSession
+    from whisker_array.simulation.traces import Fidelity
 
 
 def senses_of(part: PartFiles, mode: str) -> tuple[bool, bool]:
@@ -83,41 +85,36 @@ class PartReader:
         self.reader, self.mode, self.limits = reader, self.settings.mode, limits
         self.budget_s = self.settings.touch_budget_s
 
-    def read(self, part: PartFiles, *, expected: str = "") -> Reading:
-        """Load a part, read it, and verify its expected text, if any.
-
-        Raises:
-            FileError: a file of the part cannot be used.
-            VerifyError: the expected text cannot be verified.
-        """
-        return self.verified(self.unverified(part, expected=expected), expected)
-
-    def unverified(
+    def read(
         self,
         part: PartFiles,
         *,
         expected: str = "",
         again: Retake | None = None,
         felt: ActiveReading | None = None,
+        notes: tuple[str, ...] = (),
     ) -> Reading:
-        """Read a part without the verdict.
+        """Load a part, read it, and verify its expected text, if any.
 
         Args:
             part: its files.
-            expected: text that `verified` will check.
+            expected: text that the part should read.
             again: simulated second measurement, in place of the files' content.
             felt: reading of its scan, if it was read during active touch.
+            notes: notes on the part.
 
         Raises:
             FileError: a file of the part cannot be used.
-            VerifyError: the expected text does not fit the format.
+            VerifyError: the expected text cannot be verified.
         """
-        return _reviewed_if_cut_short(self.reader.apply_certificate(self._read(part, expected, again, felt)))
+        evidence = self._evidence(part, expected, again, felt)
+        return self.reader.decide(replace(evidence, expected=expected, notes=(*evidence.notes, *notes)))
 
-    def _read(
+    def _evidence(
         self, part: PartFiles, expected: str, again: Retake | None, felt: ActiveReading | None
-    ) -> Reading:
+    ) -> Evidence:
         from pipeline.reading.scan_plan import seen_region
+        from recognition.decide.evidence import Evidence
         from recognition.reader import centre_on
 
         if part.problem is not None:
@@ -141,17 +138,17 @@ class PartReader:
         if photo is not None:
             photo = photo if top is None else centre_on(photo, top.height_map)
             with naming(part.photo):
-                vision = self.reader.vision.read_photo(photo)
+                vision = self.reader.look_at(photo)
             if self.budget_s is not None and top is not None:
                 # touch scans where the camera sees the line
-                region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
-        touch = felt.reading if touches and felt is not None else None
+                seen = self.reader.decide(Evidence(vision=vision))
+                region_mm = seen_region(seen, photo, height_mm=self.reader.settings.height_mm)
+        touch = felt.evidence if touches and felt is not None else None
         if touches and touch is None:
             with naming(part.scan or part.height_map):
                 touch = self._touch(part, top, again, region_mm)
-        reading = self.reader.fuse(touch, vision) if touch and vision else touch or vision
-        assert reading is not None
-        return replace(reading, notes=(*reading.notes, *notes))
+        texts = frozenset({without_blanks(part.other_text)} - {""})
+        return Evidence(touch, vision, notes=tuple(notes), other_texts=texts)
 
     def _photo(self, part: PartFiles, *, touches: bool) -> tuple[Photo | None, list[str]]:
         """The photograph, and notes on unusable ones."""
@@ -163,40 +160,26 @@ class PartReader:
                 raise
             return None, [f"read by touch alone: {problem}"]
 
-    def verified(self, reading: Reading, expected: str) -> Reading:
-        """Add the verdict on the expected text, if any, to a reading.
-
-        Raises:
-            VerifyError: the text cannot be verified.
-        """
-        return self.reader.verify(reading, expected) if expected else reading
-
     def _touch(
         self, part: PartFiles, top: PartMap | None, again: Retake | None, region_mm: Region | None
-    ) -> Reading:
-        """Read the height map; without one the recorded scan."""
+    ) -> SenseEvidence:
+        """Evidence of the height map; without one, of the recorded scan."""
         if top is None:
-            return self._scan(part, again)
-        feel = None
+            scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
+            return self.reader.feel_scan(scan if again is None else again.recorded(scan))
+        surface = surface_of(top, part.name)
         if again is not None:
             feel = again.feel(fidelity=self.reader.settings.fidelity, soil=top.soil, part_id=part.name)
-        return read_surface(
-            self.reader, top, part.name, feel=feel, budget_s=self.budget_s, region_mm=region_mm
-        )
-
-    def _scan(self, part: PartFiles, again: Retake | None) -> Reading:
-        """Read a recorded scan, which is preferred to a height map."""
-        from recognition.active.replay import replay
-
-        scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
-        if scan.log is not None and again is None:
-            return replay(self.reader.touch, scan).reading
-        return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
+            surface = replace(surface, feel=feel)
+        elif self.budget_s is not None:
+            stage = simulated_stage(self.reader.settings.fidelity, part.name)
+            surface = replace(surface, stage=stage, budget_s=self.budget_s, region_mm=region_mm)
+        return self.reader.feel(surface)
 
     def _check_expected(self, part: PartFiles, expected: str) -> None:
         grammar = self.reader.grammar
         if expected and grammar is not None and (broken := grammar.objections(expected)):
-            from recognition.decision.verify import VerifyError
+            from recognition.decide.verify import VerifyError
 
             where = f"text expected of {part.name}"
             raise VerifyError(
@@ -204,67 +187,29 @@ class PartReader:
             )
 
 
-def _reviewed_if_cut_short(reading: Reading) -> Reading:
-    """Send a reading to review if the stage failed before it had scanned all that was needed."""
-    scan = None if reading.touch is None else reading.touch.trace.scan
-    if scan is None or scan.log is None or not scan.log.problem:
-        return reading
-    from recognition.decision.decide import Finding, ReadingFlag
+def surface_of(top: PartMap, part_id: str = "", *, feel: Feel | None = None) -> Surface:
+    """The surface of a part's map, to be felt by the default plan or by a given function."""
+    from recognition.surface import Surface
 
-    n = len(scan.log.passes)
-    note = f"the stage failed after {n} {'pass' if n == 1 else 'passes'}: {scan.log.problem}"
-    return reading.with_findings(Finding(ReadingFlag.STAGE_FAILED, note))
+    return Surface(top.height_map, top.soil, top.rows_known, part_id, feel)
 
 
-def read_surface(
-    reader: Reader,
-    top: PartMap,
-    part_id: str = "",
-    *,
-    feel: Feel | None = None,
-    budget_s: float | None = None,
-    region_mm: Region | None = None,
-) -> Reading:
-    """Read a height map by touch.
+def simulated_stage(fidelity: Fidelity, part_id: str) -> OpenStage:
+    """A function that mounts a surface on the simulated stage."""
+    from pipeline.reading.framed_session import FramedSession
+    from pipeline.reading.simulated_scan import VirtualBench
 
-    Args:
-        reader: reader of both senses.
-        top: the part and its soil. If the order of its rows is unknown, a serial that reads differently mirrored goes
-            to review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
-        part_id: name of the part.
-        feel: scan function used in place of the default plan.
-        budget_s: most stage seconds; if given, the part is scanned pass by pass instead.
-        region_mm: region of the line on the map, if known; used pass by pass only.
-    """
+    def open_stage(
+        surface: HeightMap, soil: Soil | None, height_mm: float, region_mm: Region | None
+    ) -> StageSession:
+        bench = VirtualBench(surface, height_mm, fidelity, noise=False, part_id=part_id, soil=soil)
+        session: StageSession = bench.open_session()
+        if region_mm is None:
+            return session
+        # the field limits the passes, and the recording stores it
+        return FramedSession(session, x_mm=0.0, y_mm=0.0, field_mm=region_mm)
 
-    def read(one: HeightMap, soil: Soil | None, region_mm: Region | None = None) -> Reading:
-        if budget_s is None or feel is not None:
-            return reader.touch.read_height_map(one, soil=soil, part_id=part_id, feel=feel)
-        from pipeline.reading.active_touch import read_actively
-
-        return read_actively(
-            reader.touch, one, budget_s=budget_s, soil=soil, part_id=part_id, region_mm=region_mm
-        )
-
-    soil = top.soil
-    found = read(top.height_map, soil, region_mm)
-    if top.rows_known:
-        return found
-    from recognition.decision.decide import ReadingFlag
-    from recognition.decision.score import serial_is_sure
-
-    found = reader.touch.weigh_orientation(found, rows_known=False)
-    # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
-    if serial_is_sure(found) or (feel is not None and soil is not None):
-        return found
-    if not reader.touch.may_be_mirrored(found):
-        return found
-    other = read(top.height_map.mirrored, None if soil is None else soil.mirrored)
-    named = found.flags & ReadingFlag.LAYOUT and not serial_is_sure(other)
-    if named or other.nats_read <= found.nats_read:
-        return found
-    other = reader.touch.weigh_orientation(other, rows_known=False)
-    return replace(other, notes=(*other.notes, MIRRORED_NOTE))
+    return open_stage
 
 
 def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:

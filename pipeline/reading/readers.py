@@ -10,7 +10,7 @@ from glyphs.fonts.glyph import Font
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
-from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
+from recognition.decide.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader

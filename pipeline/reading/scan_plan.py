@@ -23,7 +23,7 @@ from pipeline.common.reading_records import ScanPlanRecord
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from pipeline.common.settings import ReadSettings
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
 """Land scanned around the line, in character heights: dirt may have hidden a character at an end."""

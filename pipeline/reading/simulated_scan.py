@@ -10,7 +10,7 @@ import numpy as np
 from glyphs.errors import MarksError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from recognition.decision.decide import Decision
+from recognition.decide.decision import Decision
 from recognition.reader import Reader
 from recognition.views.levelling import level, square_to_plate
 from whisker_array.scan.scan import Scan, trace_scan

@@ -20,7 +20,7 @@ from pipeline.common.texts import same_text
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import Picture
-    from recognition.decision.score import Measure
+    from recognition.decide.score import Measure
 else:  # slow to import; a journal reads them in the form in which they are written
     Measure, Picture = str, dict
 

@@ -39,7 +39,7 @@ from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
-from recognition.decision.risk import least_score, require_kept
+from recognition.decide.risk import least_score, require_kept
 
 
 class CertificationJournal(Journal[ReadPart]):

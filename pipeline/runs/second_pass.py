@@ -92,11 +92,19 @@ class SecondPass:
             executor: executor that cuts out characters.
             say: called with a message: what was learned, or why nothing was.
         """
-        unsure = {first.part for first, again in journal.entries() if again is None and needs_another(first)}
-        waiting = [p for p in parts if p.name in unsure and _learns_or_teaches(p)]
+        from recognition.decide.evidence import EVEN  # slow to import
+
+        firsts = [first for first, again in journal.entries() if again is None and needs_another(first)]
+        # the better of two readings counts, so the second must be surer if it has another text
+        texts_before = {first.part: first.text if first.confidence > EVEN else "" for first in firsts}
+        waiting = [
+            replace(part, other_text=texts_before[part.name])
+            for part in parts
+            if part.name in texts_before and _learns_or_teaches(part)
+        ]
         if not (waiting or self.always):
             return (), order
-        from pipeline.reading.enrolment import enrol  # slow to import
+        from pipeline.reading.enrolment import enrol
 
         name = _font_name(parts)
         able = {p.name: p for p in parts if _learns_or_teaches(p) and not is_url(p.scan or p.height_map)}

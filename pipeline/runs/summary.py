@@ -11,8 +11,8 @@ from textwrap import shorten
 from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
-from recognition.decision.decide import CHECK_FORMAT, ReadingFlag
-from recognition.decision.risk_text import CANNOT_PROMISE
+from recognition.decide.decision import CHECK_FORMAT, ReadingFlag
+from recognition.decide.risk_text import CANNOT_PROMISE
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 GLOSSARY = "docs/pages/reference/glossary.md"

@@ -88,18 +88,16 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import PartReader
-    from recognition.decision.score import measures_of
 
     settings, digest = order.settings, ""
     reader = _reader_for(order, listed)
     with local_copies(listed, photos=settings.mode != "tactile") as part:
-        reading = PartReader(reader, settings).read(part, expected=listed.expected)
+        unverified = order.verify and not listed.expected
+        notes = ("not verified: the table of expected texts has no such part",) if unverified else ()
+        reading = PartReader(reader, settings).read(part, expected=listed.expected, notes=notes)
         if order.digests:
             texts = [*(file_sha256(Path(path)) for path in part.files), listed.format, listed.font]
             digest = sha256("\n".join((*texts, listed.expected)).encode("utf-8", "surrogatepass")).hexdigest()
-    if order.verify and not listed.expected:
-        note = "not verified: the table of expected texts has no such part"
-        reading = replace(reading, notes=(*reading.notes, note))
     record = reading_record(
         reading,
         settings_of(settings, listed),
@@ -107,7 +105,7 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
         part=listed.name,
         seconds=time.perf_counter() - started,
     )
-    measures = measures_of(reading) if order.measures else {}
+    measures = reading.measures if order.measures else {}
     read = ReadPart((record,), measures=measures, sha256=digest)
     shown = order.pictures and read.state is not PartState.ACCEPTED
     return replace(read, pictures=pictures_of(reading)) if shown else read

@@ -15,17 +15,16 @@ from dataclasses import dataclass, field, replace
 
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
-from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
-from recognition.active.lacking_lines import LackingLines, places_lacking_lines, review_lacking_lines
+from recognition.active.active_reading import ActiveReading, PassFelt, StopReason, stage_failure
 from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
-from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
-from recognition.decision.decide import Decision, Finding, ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.senses.touch import TactileReader, bench_findings
+from recognition.decide.decision import BESIDE_SERIAL, Finding, ReadingFlag
+from recognition.decide.evidence import EVEN, Log, SenseEvidence
+from recognition.decide.reading import Reading
+from recognition.marks.lines_felt import LackingLines, places_lacking_lines
+from recognition.touch import TactileReader, bench_findings, nothing_felt, see_scan
 from recognition.views.text_line import TextLine
-from recognition.views.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults, flag_faults
 from whisker_array.scan.scan import Scan
@@ -52,6 +51,7 @@ TOUCHABLE = (
     | ReadingFlag.STROKES_UNDECIDED
     | ReadingFlag.NOT_WHOLE
     | ReadingFlag.TOO_FEW_LINES
+    | ReadingFlag.BELIEVED_OTHERWISE
 )
 """Flags that further passes may clear."""
 
@@ -120,7 +120,7 @@ class _Part:
     line: TextLine | None
     sweeps: list[Sweep] = field(default_factory=list)
     passes: list[PassFelt] = field(default_factory=list)
-    reading: Reading | None = None
+    evidence: SenseEvidence | None = None
     problem: str = ""
 
     def __post_init__(self) -> None:
@@ -133,9 +133,10 @@ class _Part:
         self.may_shrink = self.requested_mm is None and lines.search.region is None and not lines.lines
         # a full reading follows the first look, because it finds the line best
         self.looks_since = LOOKS_PER_READING
-        self.sure = self.active.reader.settings.least_score("tactile")
-        self.trust = Trust(self.sure)
+        self.accept = self.active.reader.settings.least_score("tactile")
+        self.texts: set[str] = set()
         self.edges: EdgeMap | None = None
+        self.unseen: MapError | None = None
         self.scan: Scan | None = None
         self.faults: tuple[Fault, ...] = ()
         self.missing: tuple[LackingLines, ...] = ()
@@ -143,29 +144,23 @@ class _Part:
     def read(self) -> ActiveReading:
         stop = self._make_steps()
         sure_at_look = stop is StopReason.SURE
-        if self.reading is None or self.looks_since:
+        if self.evidence is None or self.looks_since:
             self._look()
-            self.reading = self._full_reading()
-        reading = self.reading.with_findings(*bench_findings(self.faults))
-        if not sure_at_look:
-            sure = (
-                self.active.settings.until_sure
-                and stop is not StopReason.STAGE_FAILED
-                and self.trust.accepts(reading)
-            )
-            if sure and not self._places_lacking_lines(reading):
-                stop = StopReason.SURE
-            reading = self.trust.apply_trust(reading)
-            if self.scan is not None and reading.decision is Decision.ACCEPT:
-                reading = review_lacking_lines(reading, self.scan)
+            self.evidence = self._full_evidence()
+        findings = list(bench_findings(self.faults))
+        if stop is StopReason.STAGE_FAILED:
+            note = stage_failure(self.problem, passes=len(self.passes))
+            findings.append(Finding(ReadingFlag.STAGE_FAILED, note))
+        evidence = self.evidence.logged(findings=(*findings, *self.evidence.log.findings))
+        reading = self._reading_of(evidence)
+        until_sure = self.active.settings.until_sure and stop is not StopReason.STAGE_FAILED
+        if until_sure and reading.serial_is_sure:
+            stop = StopReason.SURE
         if not reading.characters and stop is StopReason.NO_GAIN:
             stop = StopReason.NOTHING_FOUND
-        if stop is StopReason.STAGE_FAILED:
-            note = f"the stage failed between passes: {self.problem}"
-            reading = reading.with_findings(Finding(ReadingFlag.STAGE_FAILED, note))
         return ActiveReading(
-            reading, tuple(self.passes), stop, steps=self.progress.history, sure_at_look=sure_at_look,
-            problem=self.problem, scan=self.scan,
+            evidence, reading, tuple(self.passes), stop, steps=self.progress.history,
+            sure_at_look=sure_at_look, problem=self.problem,
         )  # fmt: skip
 
     def _make_steps(self) -> StopReason:
@@ -201,15 +196,14 @@ class _Part:
         """Choose the cheapest step that adds lines missing to exclude rivals of a sure text, or else ask the policy."""
         # the lines of a dead whisker stay missing whatever is felt, so a way gets at most FIRST lines here
         ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
-        wanted = [way for way in ways if any(way in one.ways for one in self.missing)]
+        wanted = [
+            way for way in ways if any(way.direction.along_x is place.along_x for place in self.missing)
+        ]
         steps = self.progress.candidates(self.region, wanted)
         if not steps:
             return self.active.settings.policy.choose(self.progress, self.region, left_s=left_s)
         cheapest = min(steps, key=lambda step: step.stage_s)
         return cheapest if cheapest.stage_s <= left_s else StopReason.BUDGET
-
-    def _places_lacking_lines(self, reading: Reading) -> tuple[LackingLines, ...]:
-        return () if self.scan is None else places_lacking_lines(reading, self.scan)
 
     def _feel(self, step: Step) -> bool:
         """Feel and keep the passes of a step; return whether all succeeded."""
@@ -232,10 +226,10 @@ class _Part:
         self.scan = flag_faults(raw, self.faults)
         try:
             self.edges = edge_map(self.scan, within_mm=self.region)
-        except MapError:
-            self.edges = None
+        except MapError as error:
+            self.edges, self.unseen = None, error
             return None
-        look = self.watch.look(felt_view(self.edges, relief_of(self.scan, self.edges)))
+        look = self.watch.look(see_scan(self.scan, self.edges)[0])
         if look is not None and self.may_shrink and self.watch.is_sure and not look.others:
             self.region = region_around(look.read.line, self.fitting.field_mm)
         return look
@@ -248,31 +242,45 @@ class _Part:
             return True
         if self.missing:
             return True
-        if look is None or look.confidence < self.sure:
+        if look is None or look.confidence < self.accept:
             return False
-        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - self.sure)
+        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - self.accept)
 
     def _stop_reason(self) -> StopReason | None:
         """Make a full reading; return a reason to stop (sure, or touch cannot resolve its doubts), or None."""
-        reading = self.reading = self._full_reading()
-        self.looks_since = 0
+        self.evidence, self.looks_since = self._full_evidence(), 0
+        reading = self._reading_of(self.evidence)
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.with_confidence(reading.confidence)
-        sure = self.trust.accepts(reading)
+        sure = reading.is_sure_but_for(BESIDE_SERIAL | ReadingFlag.TOO_FEW_LINES)
         self.missing = self._places_lacking_lines(reading) if sure else ()
         if sure:
             return None if self.missing else StopReason.SURE
         doubts = reading.flags & ~TOUCHABLE
         return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
 
-    def _full_reading(self) -> Reading:
-        if self.edges is None or self.scan is None:
-            return Reading((), 0.0, ReadingFlag.NO_CHARACTERS)
-        relief = relief_of(self.scan, self.edges)
-        reading = self.active.reader.read_edge_map(
-            self.edges, self.scan.touch, relief=relief, about=self.line
-        )
-        return reading.with_trace(scan=self.scan)
+    def _reading_of(self, evidence: SenseEvidence) -> Reading:
+        """What touch alone reads, after the texts of earlier full readings."""
+        reading = self.active.reader.reading_of(evidence)
+        if reading.confidence > EVEN:
+            self.texts.add(reading.plain_text)
+        return reading
+
+    def _places_lacking_lines(self, reading: Reading) -> tuple[LackingLines, ...]:
+        if self.scan is None:
+            return ()
+        boxes = [place.box for place in reading.characters]
+        return places_lacking_lines(self.scan, boxes, reading.trace.strokes, height_mm=reading.height_mm)
+
+    def _full_evidence(self) -> SenseEvidence:
+        others = frozenset(self.texts)
+        if self.scan is None:
+            return SenseEvidence("tactile")
+        if self.edges is None:
+            assert self.unseen is not None
+            return nothing_felt(self.unseen, Log(scan=self.scan, chosen_passes=True, other_texts=others))
+        evidence = self.active.reader.of_scan(self.scan, about=self.line, edges=self.edges)
+        return evidence.logged(chosen_passes=True, other_texts=others)
 
 
 def region_around(line: TextLine, field_mm: Region) -> Region:

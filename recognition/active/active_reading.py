@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from glyphs.surface.display import WordedEnum, one_line
-from recognition.decision.decide import Decision
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision
+from recognition.decide.reading import Reading
 
 if TYPE_CHECKING:  # the service's pages need only the messages
     from recognition.active.moves import Way
+    from recognition.decide.evidence import SenseEvidence
     from whisker_array.scan.scan import Scan
     from whisker_array.whisker.passes import Pass
 
@@ -50,24 +51,29 @@ class ActiveReading:
     """The reading of a part, and the steps that led to it.
 
     Attributes:
-        reading: reading of all passes together; sent to review if the stage failed.
+        evidence: evidence of all passes together.
+        reading: what touch alone reads in it; sent to review if the stage failed.
         passes: the passes in the order in which they were felt.
         stop: reason for stopping.
         steps: for each step its direction, its lines per half character height, and the confidence after it.
         sure_at_look: whether a full reading between two steps was sure and ended touch.
         problem: message of the stage if it failed; otherwise empty.
-        scan: all passes as one scan; None if there was no pass.
     """
 
+    evidence: SenseEvidence
     reading: Reading
     passes: tuple[PassFelt, ...]
     stop: StopReason
     steps: tuple[tuple[Way, int, float], ...] = ()
     sure_at_look: bool = False
     problem: str = ""
-    scan: Scan | None = field(default=None, repr=False)
 
     __repr__ = one_line
+
+    @property
+    def scan(self) -> Scan | None:
+        """All passes as one scan; None if there was no pass."""
+        return self.evidence.log.scan
 
     @property
     def stage_s(self) -> float:
@@ -82,3 +88,8 @@ class ActiveReading:
             f"{self.reading.text or 'nothing'}, {'accepted' if sure else self.reading.decision.value}: "
             f"{len(self.passes)} passes, {self.stage_s:.1f} s of stage time; {self.stop.message}{problem}"
         )
+
+
+def stage_failure(problem: str, *, passes: int) -> str:
+    """Words for a stage that failed before it had felt all that was needed."""
+    return f"the stage failed after {passes} {'pass' if passes == 1 else 'passes'}: {problem}"

@@ -13,10 +13,11 @@ from glyphs.surface.display import one_line
 from recognition.active.active_reading import StopReason
 from recognition.active.gain import LOOKS_AHEAD, Gain, fitted_gain
 from recognition.active.moves import Region, Step, Way, next_step
-from recognition.active.trust import EVEN
 from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
+EVEN = 0.5
+"""Confidence above which a text is a candidate."""
 WORTH_S = 100.0
 """Stage time that one more accepted serial is worth, s: half the time of the whole plan."""
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from recognition.active.active_reader import ActiveReader, ActiveSettings
-from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
-from recognition.active.lacking_lines import review_lacking_lines
-from recognition.senses.touch import TactileReader
+from recognition.active.active_reading import ActiveReading, PassFelt, StopReason, stage_failure
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.touch import TactileReader
 from whisker_array.scan.pass_log import LoggedPass, PassLog
 from whisker_array.scan.recorded_session import KeptSession, RecordedSession
 from whisker_array.scan.scan import Scan
@@ -42,7 +42,7 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
         problem=found.problem,
         budget_s=budget_s,
     )
-    return _with_scan(found, replace(found.scan, log=log))
+    return replace(found, evidence=found.evidence.logged(scan=replace(found.scan, log=log)))
 
 
 def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
@@ -64,20 +64,20 @@ def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
     settings = ActiveSettings() if log.budget_s is None else ActiveSettings(budget_s=log.budget_s)
     found = ActiveReader(reader, settings).read(session)
     if session.ended and found.problem == log.problem and log.stopped in ("", found.stop.value):
-        return _with_scan(found, scan)
+        return replace(found, evidence=found.evidence.logged(scan=scan))
     passes, spent = [], 0.0
     for one in log.passes:
         spent += one.order.stage_s
         passes.append(PassFelt(one.order, spent, why=one.why, text=one.text, confidence=one.confidence))
     known = log.stopped in set(StopReason)
+    evidence = reader.of_recording(scan).logged(chosen_passes=True)
+    if log.problem:
+        failed = Finding(ReadingFlag.STAGE_FAILED, stage_failure(log.problem, passes=len(log.passes)))
+        evidence = evidence.logged(findings=(*evidence.log.findings, failed))
     return ActiveReading(
-        review_lacking_lines(reader.read_scan(scan), scan),
+        evidence,
+        reader.reading_of(evidence),
         tuple(passes),
         StopReason(log.stopped) if known else StopReason.ALL_FELT,
         problem=log.problem,
-        scan=scan,
     )
-
-
-def _with_scan(found: ActiveReading, scan: Scan) -> ActiveReading:
-    return replace(found, reading=found.reading.with_trace(scan=scan), scan=scan)

@@ -16,7 +16,8 @@ stamped parts with the default whisker and ball, gothic, 32 characters each; mic
     SHARP       -16.1 +- 2.1   -29.1 +- 4.4   -40.8 +- 4.2   -88.2 +- 11.1
     FLAT, under dirt of 0.3, 0.6 and 0.9 at 5.0 mm: +8.9 +- 6.8, +6.4 +- 17.5, -28.1 +- 42.5
 
-These errors are not corrected. Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of
+Depths are shown with these errors. A depth rule removes those of flat and round faces (`depth_bias_mm`) and allows for
+the standard deviation. Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of
 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom: 13, 21, 29 and 54 micrometres at these
 heights. The true depth is that of the deepest point, where strokes of a V meet. So a SHARP mark is measured too
 shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.
@@ -34,12 +35,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from glyphs.stamping.faces import Face
 from recognition.glyph_match.pose import Floats
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.laid_text import LaidText
@@ -51,6 +53,10 @@ LEAST_KNOWN = 0.5
 """Minimum share of the centre line, or of the rim, that must be felt."""
 SMOOTH_POINTS = 5
 """Neighbouring points along a stroke that share one middle, so that a single bad sample does not move it."""
+BIAS_HEIGHTS_MM = (3.2, 5.0, 7.0, 12.7)
+"""Character heights of the table above."""
+BIAS_UM = {Face.FLAT: (4.3, 6.0, 7.3, 12.2), Face.ROUND: (1.8, 1.5, 1.5, 1.2)}
+"""Its mean errors, in micrometres (`python tests/benchmarks/depth_accuracy.py`)."""
 DEEP_PERCENT = 90.0
 """Percentile along a centre line that counts as the maximum."""
 
@@ -69,6 +75,7 @@ class MarkDepth:
         burr_mm: height of the rim beside the strokes above the land ("high metal"), 90th percentile; for a raised mark
             the depth of the rim below the land. None if unknown.
         sd_mm: standard deviation of the mean depth from that of the clean mark; None if unknown.
+        bias_mm: usual error of the depths of a clean mark of this face and height; positive if measured too deep.
     """
 
     mean_mm: float
@@ -76,6 +83,7 @@ class MarkDepth:
     max_mm: float
     burr_mm: float | None = None
     sd_mm: float | None = None
+    bias_mm: float = 0.0
 
 
 def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
@@ -91,7 +99,17 @@ def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
     height = laid.height_mm / relief.pitch_mm
     marks = [None if one is None else _mark(relief, laid, k) for k, one in enumerate(laid.laid)]
     land = _land([mark for mark in marks if mark is not None], depth, height)
-    return tuple(None if mark is None else _depth(mark, depth, land, height) for mark in marks)
+    found = (None if mark is None else _depth(mark, depth, land, height) for mark in marks)
+    bias_mm = depth_bias_mm(laid.face, laid.height_mm)
+    return tuple(None if mark is None else replace(mark, bias_mm=bias_mm) for mark in found)
+
+
+def depth_bias_mm(face: Face, height_mm: float) -> float:
+    """Usual error of the depths of a clean mark, interpolated in the table of this module.
+
+    0 for sharp and dotted faces: the error of a V depends on the tip of its die, and never makes it deeper.
+    """
+    return float(1e-3 * np.interp(height_mm, BIAS_HEIGHTS_MM, BIAS_UM[face])) if face in BIAS_UM else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,14 +81,12 @@ class PlaceStrokes:
         score: correlation of the depths about the place with those of the character, at most 1.
         rivals: characters that the format allows and that are probable, or easily confused with this one.
         whole: whether the surface was felt from edge to edge of the character.
-        too_few_lines: why the scan lines cannot distinguish the character from its rivals; empty if they can.
     """
 
     felt: float | None
     score: float = 0.0
     rivals: tuple[RivalStrokes, ...] = ()
     whole: bool = True
-    too_few_lines: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +185,7 @@ def strokes_of(
     Args:
         laid: the text.
         lattice: probabilities of all characters that may stand at each place.
-        slope: calibration slope of the probabilities, in log odds (`recognition.decision.score`).
+        slope: calibration slope of the probabilities, in log odds (`recognition.decide.score`).
         filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
         filled_of_missing: increase of that probability with the missing share of the line's strokes.
         most_filled: greatest such probability.

@@ -32,6 +32,10 @@ LEAST_HEIGHT_MM = 0.8
 """Least height of characters that the first pass finds, mm."""
 
 
+class NothingFeltError(MapError):
+    """A scan in which nothing was felt."""
+
+
 def virtual_feel(
     *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = "", **plan: Any
 ) -> Feel:
@@ -76,6 +80,7 @@ def felt_heights_mm(
 
     Raises:
         MapError: a map that cannot be scanned or is too small for characters, a soil on another grid.
+        NothingFeltError: the first pass has felt nothing.
     """
     if search.height_mm:
         return [search.height_mm]
@@ -94,6 +99,6 @@ def felt_heights_mm(
     scan = feel(surface, FIRST_HEIGHT_MM)
     try:
         edges = edge_map(scan)
-    except MapError:  # nothing was felt
-        return []
+    except MapError as error:
+        raise NothingFeltError(error.what, hint=error.hint) from error
     return search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))[:most]

@@ -68,6 +68,8 @@ class View:
         pitch_mm: pitch of the grid; 1 for a photograph of unknown scale, whose millimetres are pixels.
         origin_mm: x, y of the first pixel.
         touch: touch with which it was felt, if known.
+        edges: edge map that it shows, of the whole part; None for a photograph.
+        relief: heights and slopes by touch, of the whole part; None if there are none.
 
     Raises:
         ValueError: another number of layers, values not finite, a pitch that is not positive.
@@ -78,6 +80,8 @@ class View:
     pitch_mm: float
     origin_mm: tuple[float, float] = (0.0, 0.0)
     touch: Touch | None = None
+    edges: EdgeMap | None = None
+    relief: Relief | None = None
 
     __repr__ = one_line
 
@@ -211,15 +215,24 @@ def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None)
         layers[HEIGHTS] = np.nan_to_num(relief.height_mm)
     layers *= known
     layers[KNOWN] = known
-    return View(ViewKind.FELT, layers, edges.pitch_mm, edges.origin_mm, touch)
+    return View(ViewKind.FELT, layers, edges.pitch_mm, edges.origin_mm, touch, edges, relief)
+
+
+def felt_relief(scan: Scan, edges: EdgeMap) -> Relief:
+    """The felt surface.
+
+    Raises:
+        MarksError: heights cannot be computed for this friction, whisker or raster.
+    """
+    if scan.others or any(s.plan.pushed for s in scan.sweeps):
+        return estimate_relief(scan, edges)
+    return relief_from_edges(edges, scan.touch)
 
 
 def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
-    """The felt surface; None if heights cannot be computed for this friction or whisker."""
+    """The felt surface; None if heights cannot be computed."""
     try:
-        if scan.others or any(s.plan.pushed for s in scan.sweeps):
-            return estimate_relief(scan, edges)
-        return relief_from_edges(edges, scan.touch)
+        return felt_relief(scan, edges)
     except MarksError:
         return None
 

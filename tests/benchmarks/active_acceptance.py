@@ -16,8 +16,11 @@ import numpy as np
 from scipy.stats import binomtest
 
 from glyphs import stamp
-from pipeline.reading.active_touch import read_actively
+from pipeline.reading.part_reader import simulated_stage
 from recognition import Reader
+from recognition.decide.evidence import Evidence
+from recognition.surface import Surface
+from whisker_array.simulation.traces import Fidelity
 
 FORMAT = "AA999999"
 FONTS = ("gothic", "futural", "timesrb")
@@ -54,20 +57,19 @@ def main(
         each: print a line for each part.
     """
     warnings.simplefilter("error", RuntimeWarning)
-    reader = Reader(format=FORMAT).touch
+    reader, stage = Reader(format=FORMAT), simulated_stage(Fidelity.CONTACT, "")
     rows = []
     for font in FONTS:
         for severity in SEVERITIES:
             drawn = texts(np.random.default_rng((seed, len(rows))))
-            for number in range(parts):
+            for _ in range(parts):
                 text, own_seed = next(drawn), (seed, len(rows))
                 part = stamp(text, fonts=font, dirt=severity, seed=own_seed)
-                one = read_actively(
-                    reader, part.height_map, budget_s=budget_s, soil=part.soil, part_id=f"{number}"
-                )
+                surface = Surface(part.height_map, part.soil, stage=stage, budget_s=budget_s)
+                one = reader.decide(Evidence.of(reader.feel(surface)))
                 log = one.trace.scan.log if one.trace.scan is not None else None
                 stage_s = sum(p.order.stage_s for p in log.passes) if log is not None else 0.0
-                whole = reader.read_height_map(part.height_map, soil=part.soil) if plan else None
+                whole = reader.read(part.height_map, soil=part.soil) if plan else None
                 rows.append((severity, font, text, one, stage_s, whole))
                 if each:
                     worn = "worn " if any("worn tip" in m for m in one.messages()) else ""

@@ -15,9 +15,7 @@ import numpy as np
 from pipeline.benchmark.exam.design import design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.common.shares import share
-from recognition.senses.settings import ReaderSettings
-from recognition.senses.step_timer import StepTimer
-from recognition.senses.touch import TactileReader
+from recognition.reader import Reader
 from recognition.views.levelling import level
 from tests.support.bench_faults import recorded, with_whisker_of, worn
 from tests.support.felt import felt
@@ -72,12 +70,12 @@ def main(
                 )
         if n_read < read and item.condition.severity <= 0.3:
             n_read += 1
-            reader = TactileReader(ReaderSettings(format=item.condition.format))
+            reader = Reader(format=item.condition.format)
             dead = recorded(sound, rng=np.random.default_rng(i), fault=FaultKind.DEAD, whisker=whisker)
             whole = recorded(sound, rng=np.random.default_rng(i))
-            right["sound"] += reader.read_scan(whole).text == part.truth
-            right["dead, left out"] += reader.read_scan(dead).text == part.truth
-            right["dead, as felt"] += reader._read(dead, StepTimer()).text == part.truth
+            right["sound"] += reader.read(whole).text == part.truth
+            right["dead, left out"] += reader.read(dead).text == part.truth
+            right["dead, as felt"] += reader.touch.reading_of(reader.touch.of_scan(dead)).text == part.truth
     print(f"sound recordings with an alarm: {_said(alarms['any'], len(items))} {dict(alarms)}")
     for (size, kind), n in named.items():
         print(

@@ -16,8 +16,8 @@ import numpy as np
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.part import Part, stamp
-from recognition.decision.decide import ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import ReadingFlag
+from recognition.decide.reading import Reading
 from recognition.glyph_match.felt_line import felt_line
 from recognition.marks.depth import MarkDepth, mark_depths
 from recognition.marks.laid_text import LaidText

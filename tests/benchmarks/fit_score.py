@@ -42,9 +42,9 @@ from recognition.combine.fuse_lattices import (
     possible_characters,
     relative_likelihood,
 )
-from recognition.decision import score as scoring
-from recognition.decision.risk_text import risk_in_words
-from recognition.decision.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
+from recognition.decide import score as scoring
+from recognition.decide.risk_text import risk_in_words
+from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
 from recognition.language.lattice import Lattice
 from tests.benchmarks.kept_readings import KEPT, KeptPart, load
 
@@ -169,7 +169,7 @@ def _text_measures(
 def disagree(
     part: KeptPart, text: str, scores: Mapping[str, Score], *, sure: float = 0.97, ratio: float = 1000.0
 ) -> bool:
-    """Whether a sense is sure of another text than the one read (`recognition.decision.fuse.disagreement`)."""
+    """Whether a sense is sure of another text than the one read (`recognition.decide.sense_judges.senses_disagree`)."""
     senses = [reading for sense in ("tactile", "vision") if (reading := _by_sense(part, sense)) is not None]
     if len({reading.text for reading in senses}) < 2:
         return False

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.combine.read_line import combine_experts
-from recognition.decision.decide import BROKEN, ReadingFlag
-from recognition.decision.score import Measure
+from recognition.decide.decision import BROKEN, ReadingFlag
+from recognition.decide.score import Measure
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice

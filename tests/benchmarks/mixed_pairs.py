@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +21,9 @@ from scipy.stats import binomtest
 from glyphs import stamp
 from glyphs.fonts.serials import random_text
 from recognition import Reader
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.evidence import Evidence
+from recognition.decide.reading import Reading
 
 FORMAT = "AA999999"
 FONTS = ("gothic", "futural", "timesrb")
@@ -42,10 +44,19 @@ def read_parts(reader: Reader, *, parts: int, seed: int) -> Iterator[ReadPart]:
         dirt, font = SEVERITIES[number % 3], FONTS[number // 3 % 3]
         text = random_text(FORMAT, rng=np.random.default_rng((seed, number)))
         part = stamp(text, fonts=font, dirt=dirt, seed=(seed, number))
-        touch = reader.touch.read_height_map(part.height_map, soil=part.soil)
-        vision = reader.vision.read_photo(part.photograph())
+        touch = reader.read(part.height_map, soil=part.soil)
+        vision = reader.read(part.photograph())
         # fusion needs neither scan nor map, which are large
-        yield ReadPart(text, dirt, touch.with_trace(scan=None, height_map=None, edge_map=None), vision)
+        yield ReadPart(text, dirt, lighter(touch), vision)
+
+
+def lighter(reading: Reading) -> Reading:
+    """The reading without scan and map."""
+    assert reading.evidence is not None
+    assert reading.evidence.touch is not None
+    touch = reading.evidence.touch.logged(scan=None, surface=None)
+    trace = replace(reading.trace, scan=None, height_map=None, edge_map=None)
+    return replace(reading, trace=trace, evidence=Evidence.of(touch))
 
 
 def share(count: int, n: int) -> str:
@@ -63,10 +74,10 @@ def print_table(reader: Reader, rows: Sequence[ReadPart]) -> None:
             other = "mixed" if following.vision.characters else "mixed, nothing seen"
             for kind, vision in (("true", part.vision), (other, following.vision)):
                 fused = reader.fuse(part.touch, vision)
-                loose = fused.without_flags(ReadingFlag.SENSES_DISAGREE)
+                loose = fused.is_sure_but_for(ReadingFlag.SENSES_DISAGREE)
                 for key in (dirt, "all"):
                     accepted[key, kind, True].append(fused.decision is Decision.ACCEPT)
-                    accepted[key, kind, False].append(loose.decision is Decision.ACCEPT)
+                    accepted[key, kind, False].append(loose)
     columns = [
         ("mixed", True),
         ("mixed", False),

@@ -25,9 +25,9 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.formats.touch_file import read_height_map
 from pipeline.reading.simulated_scan import VirtualBench
-from recognition.decision.reading import Reading
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan
 

@@ -23,14 +23,14 @@ from glyphs.camera.photo import Photo
 from glyphs.fonts.serials import random_text
 from glyphs.part import Part, stamp
 from glyphs.surface.maps import HeightMap
-from pipeline.formats.grid import PartMap
-from pipeline.reading.part_reader import read_surface
-from recognition.decision.reading import Reading
+from recognition.decide.evidence import Evidence
+from recognition.decide.reading import Reading
 from recognition.experts.recogniser import steps_of
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.lines.find import find_lines
 from recognition.reader import Reader
+from recognition.surface import Surface
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view, photo_view
 
@@ -68,10 +68,11 @@ def readings(
         mirrored = way in (Way.ROWS_REVERSED, Way.LEFT_RIGHT)
         if "touch" in senses and not (mirrored and rows_known):
             shown = HeightMap(np.ascontiguousarray(turned(surface.z_mm)), surface.pitch_mm)
-            yield "touch", way, read_surface(reader, PartMap(shown, rows_known=rows_known))
+            felt = reader.feel(Surface(shown, rows_known=rows_known))
+            yield "touch", way, reader.decide(Evidence.of(felt))
         if "photograph" in senses and not mirrored and rows_known:
             seen = replace(photo, pixels=np.ascontiguousarray(turned(photo.pixels)))
-            yield "photograph", way, reader.vision.read_photo(seen)
+            yield "photograph", way, reader.read(seen)
 
 
 @app.command

@@ -26,7 +26,7 @@ from pipeline.benchmark.exam.design import Design, design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.reading.simulated_scan import VirtualBench
 from recognition import Orientation, Reader
-from recognition.decision.decide import Decision
+from recognition.decide.decision import Decision
 from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, describe_directions
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
@@ -64,7 +64,7 @@ def reader_of(mask: str) -> Reader:
 def read_right(scan: Scan, truth: str, mask: str) -> tuple[int, bool]:
     """Characters that touch reads right, blanks aside, and whether it accepts the serial."""
     try:
-        reading = reader_of(mask).touch.read_scan(scan)
+        reading = reader_of(mask).read(scan)
     except MarksError as error:
         _log.info("%s: %s", truth, error)
         return 0, False

@@ -29,8 +29,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.synth import SynthSpec, make_part
-from recognition.decision.reading import Reading
-from recognition.decision.score import measures_of
+from recognition.decide.reading import Reading
 from recognition.learning.sketches import photograph
 from recognition.reader import Reader
 from recognition.views.view import GREY
@@ -188,42 +187,18 @@ def _rusted(
 
 
 def kept_of(reading: Reading) -> dict[str, Any]:
-    """What is kept of a reading: text, measures, posteriors of its places, flags."""
+    """What is kept of a reading: text, flags, measures, and the posteriors of its places."""
     trace = reading.trace
-    lattices = {"allowed": trace.lattice, "open": trace.open_lattice, **dict(trace.by_expert)}
     return {
         "text": "".join(reading.text.split()),
-        "confidence": reading.confidence,
-        "decision": reading.decision.value,
         "flags": [flag.name for flag in reading.flags],
-        "findings": [finding.text for finding in reading.findings],
         "odds": trace.odds,
-        "camera_odds": trace.camera_odds,
-        "evidence": trace.evidence,
-        "valid_mass": None if trace.choice is None else trace.choice.valid_mass,
         "probability": None if trace.choice is None else trace.choice.probability,
-        "places": [[(c.char, c.probability) for c in one.candidates] for one in reading.characters],
-        "measures": {m.name: v for m, v in measures_of(reading).items()},
+        "measures": {measure.name: value for measure, value in reading.measures.items()},
         "lattices": {
-            name: ("".join(one.chars), one.log_belief.astype(np.float32))
-            for name, one in lattices.items()
-            if one is not None
+            name: ("".join(lattice.chars), lattice.log_belief.astype(np.float32))
+            for name, lattice in trace.by_expert.items()
         },
-        "strokes": [
-            {
-                "felt": place.felt,
-                "score": place.score,
-                "whole": place.whole,
-                "too_few_lines": place.too_few_lines,
-                "rivals": [
-                    (r.char, r.belief, r.margin, r.apart_heights, r.more_heights, r.hidden)
-                    for r in place.rivals
-                ],
-            }
-            for place in trace.strokes
-        ],
-        "height_mm": reading.height_mm,
-        "seconds": dict(reading.seconds),
     }
 
 
@@ -272,9 +247,9 @@ def main(
         is_free = (number // len(GENERATORS)) % FREE == 0
         reader = free if is_free else readers[part.format]
         try:
-            touch = reader.touch.read_height_map(part.height_map, soil=part.soil_layer)
+            touch = reader.read(part.height_map, soil=part.soil_layer)
             felt = time.process_time()
-            vision = reader.vision.read_photo(part.photo)
+            vision = reader.read(part.photo)
             seen = time.process_time()
             readings = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
         except MarksError as error:

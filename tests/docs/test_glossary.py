@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.runs.summary import GLOSSARY
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.verify import Verdict
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.verify import Verdict
 from recognition.language.confusions import CharacterState
 from recognition.marks.grade import LIMITS, Action
 

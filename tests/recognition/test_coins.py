@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from recognition.decision.decide import Decision
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
 
 ROOT = Path(__file__).parents[2]

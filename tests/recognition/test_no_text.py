@@ -18,8 +18,8 @@ from glyphs.stamping.plate import plate_texture
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan
@@ -58,7 +58,7 @@ def bare_plate(soil: str, severity: float) -> Scan:
 def test_a_dirty_plate_without_a_mark_has_no_text(
     reader: Readers, soil: str, severity: float, format: str | None
 ) -> None:
-    assert is_nothing(reader(format=format).touch.read_scan(bare_plate(soil, severity)))
+    assert is_nothing(reader(format=format).read(bare_plate(soil, severity)))
 
 
 def pictures() -> dict[str, NDArray[np.float64]]:
@@ -79,7 +79,7 @@ def test_a_picture_of_something_else_has_no_text(reader: Readers, name: str) -> 
     grey = pictures()[name]
     grey = (grey - grey.min()) / max(float(np.ptp(grey)), 1e-9)
     photo = Photo((255 * grey).astype(np.uint8))
-    assert is_nothing(reader(format="AA999999").vision.read_photo(photo))
+    assert is_nothing(reader(format="AA999999").read(photo))
 
 
 @pytest.mark.parametrize(("text", "accepted"), [("KX40", True), ("K%40", False)])
@@ -87,7 +87,7 @@ def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters
     reader: Readers, text: str, accepted: bool
 ) -> None:
     part = stamp(text, fonts=DEJAVU, height_mm=HEIGHT_MM, seed=3)
-    found = reader(format="AA99", height_mm=HEIGHT_MM).touch.read_height_map(part.height_map)
+    found = reader(format="AA99", height_mm=HEIGHT_MM).read(part.height_map)
     assert (found.decision is Decision.ACCEPT) == accepted
     place = 1 + next((k for k, char in enumerate(text) if not char.isalnum()), -1)
     assert accepted or any(f"at place {place}" in message for message in found.messages())

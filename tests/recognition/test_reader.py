@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,12 +12,12 @@ import pytest
 
 from glyphs.fonts.glyph import FontError
 from glyphs.stamping.stamp import StampedPart
-from glyphs.surface.maps import HeightMap, TraceDirection
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.depth_rules import depth_rule
-from recognition.decision.reading import Reading
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.depth_rules import depth_rule
+from recognition.decide.reading import Reading
 from recognition.reader import Reader
-from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire
+from recognition.settings import STAND_INS, ReaderSettings, Repertoire
 from tests.support.felt import felt, shallower
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
@@ -71,7 +72,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         ReadingFlag.NONE,
     )
     assert found.rotation_deg == pytest.approx(0.0, abs=1.5)
-    steps = "mount, scan, edge map, relief, read, measure, strokes, first pass, orientation, layout"
+    steps = "mount, first pass, scan, see, find, measure, orientation, layout, decide"
     assert set(found.seconds) == set(steps.split(", "))
     assert all(t >= 0.0 for t in found.seconds.values())
     boxes = [c.box for c in found.characters]
@@ -283,12 +284,29 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     assert met.flags is ReadingFlag.NONE
 
 
-def test_an_edge_map_alone_tells_no_depth(
-    plain: tuple[StampedPart, Reading], reader: Readers, touch: Touch
+def test_without_heights_there_is_no_depth_and_the_reason_is_noted(
+    plain: tuple[StampedPart, Reading], reader: Readers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    edges = plain[1].trace.edge_map
-    assert edges is not None
-    reading = reader().touch.read_edge_map(edges, touch)
+    def jammed(*_: object) -> None:
+        raise MapError("at a friction of 1.2 the whisker jams on the land", hint="check the friction")
+
+    monkeypatch.setattr("recognition.touch.felt_relief", jammed)
+    scan = plain[1].trace.scan
+    assert scan is not None
+    reading = reader().read(scan)
     assert reading.text == plain[0].text
-    assert reading.depth_min_mm is None
-    assert all(c.depth is None for c in reading.characters)
+    assert (reading.trace.relief, reading.depth_min_mm) == (None, None)
+    assert reading.notes == (
+        "no depth was measured: at a friction of 1.2 the whisker jams on the land; check the friction",
+    )
+
+
+def test_a_scan_that_shows_nothing_says_why(plain: tuple[StampedPart, Reading], reader: Readers) -> None:
+    scan = plain[1].trace.scan
+    assert scan is not None
+    still = replace(
+        scan, sweeps=tuple(replace(s, moment_n_mm=np.zeros_like(s.moment_n_mm)) for s in scan.sweeps)
+    )
+    reading = reader().read(still)
+    assert (reading.text, reading.decision) == ("", Decision.REJECT)
+    assert reading.messages()[0].startswith("no characters found: the 0° sweep shows no land")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 
 import matplotlib
 import numpy as np
@@ -32,8 +32,9 @@ from recognition import (
     TextLine,
     Verification,
 )
-from recognition.decision.depth_rules import depth_rule
-from recognition.decision.verify import verify
+from recognition.decide.depth_rules import depth_rule
+from recognition.decide.evidence import SenseEvidence
+from recognition.decide.verify import verify
 from recognition.language.check_digits import CheckDigit
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import choose
@@ -78,7 +79,7 @@ def reading() -> Reading:
     return Reading(
         characters,
         0.6,
-        ReadingFlag.LOW_CONFIDENCE | ReadingFlag.UNREAD_MARKS,
+        (Finding.of(ReadingFlag.LOW_CONFIDENCE), Finding.of(ReadingFlag.UNREAD_MARKS)),
         "gothic",
         5.0,
         box=Box(0.0, 0.0, 10.0, 5.0),
@@ -110,7 +111,7 @@ def values() -> list[object]:
         TextLine.straight(4.0, 5.0, length_mm=7.0, height_mm=5.0, turned_deg=1.5),
         heights_view(HeightMap(np.zeros((40, 80), np.float32), 0.1)),
         Box(0.1234567891234, 0.0, 1.0, 1.0),
-        ActiveReading(read, (), StopReason.BUDGET),
+        ActiveReading(SenseEvidence("tactile"), read, (), StopReason.BUDGET),
         ActiveSettings(),
     ]
 
@@ -151,8 +152,7 @@ def test_a_reading_is_drawn_for_show() -> None:
 
 def test_a_reading_keeps_its_trace_but_is_not_compared_by_it() -> None:
     read = reading()
-    assert read == read.with_trace(height_map=None)
-    assert read.with_trace(height_map=None).trace.lattice is read.trace.lattice
+    assert read == replace(read, trace=replace(read.trace, lattice=None), evidence=None)
     assert "trace" not in repr(read)
 
 

@@ -13,7 +13,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import reader_versions
 from pipeline.reading.certificate import Certificate, settings_described, write_certificate
 from pipeline.reading.certificate_statistics import KindOfParts
-from recognition.decision.score import Measure
+from recognition.decide.score import Measure
 
 
 def measured(n: int, *, rough_um: float = 1.0, seed: int = 1) -> list[dict[Measure, float]]:

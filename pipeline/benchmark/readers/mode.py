@@ -25,7 +25,8 @@ from whisker_array.whisker.array import RasterPlan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from recognition.decision.reading import Reading
+    from recognition.decide.evidence import SenseEvidence
+    from recognition.decide.reading import Reading
     from recognition.reader import Reader
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
@@ -109,12 +110,11 @@ class PartReadings:
     @cached_property
     def touch(self) -> Reading:
         """Reading by touch."""
-        from pipeline.formats.grid import PartMap
-        from pipeline.reading.part_reader import read_surface
+        from recognition.surface import Surface
 
         part = self.specimen
-        top = PartMap(part.height_map, part.soil, part.rows_known)
-        return self._time("touch", lambda: read_surface(self._reader, top, part.part, feel=part.feel))
+        surface = Surface(part.height_map, part.soil, part.rows_known, part.part, part.feel)
+        return self._time("touch", lambda: self._decide(self._reader.feel(surface)))
 
     @cached_property
     def felt(self) -> FeltMaps:
@@ -156,7 +156,7 @@ class PartReadings:
     def vision(self) -> Reading:
         """Reading of the photograph."""
         photo = self.photo
-        return self._time("vision", lambda: self._reader.vision.read_photo(photo))
+        return self._time("vision", lambda: self._decide(self._reader.look_at(photo)))
 
     @cached_property
     def lights(self) -> Reading:
@@ -166,7 +166,12 @@ class PartReadings:
             MarksError: there is only one, or none.
         """
         photo = self._take_photo("photographs", self.specimen.take_lights)
-        return self._time("lights", lambda: self._reader.vision.read_photo(photo))
+        return self._time("lights", lambda: self._decide(self._reader.look_at(photo)))
+
+    def _decide(self, evidence: SenseEvidence) -> Reading:
+        from recognition.decide.evidence import Evidence
+
+        return self._reader.decide(Evidence.of(evidence))
 
     @staticmethod
     def _there(what: str, found: R | None) -> R:

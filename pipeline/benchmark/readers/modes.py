@@ -19,17 +19,17 @@ from pipeline.benchmark.readers.own_reader import own_mode
 from pipeline.benchmark.readers.peers import open_peer
 from pipeline.benchmark.readers.plans import PLANS, TouchPlan, plan_mode
 from pipeline.common.settings import SettingsError
-from recognition.decision.decide import BROKEN, MEASURE_FLAGS, ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.reading_of_line import characters_of, contracts_of_choice
-from recognition.decision.risk import risk_findings
-from recognition.decision.score import SOURCES, Measure, score_of, with_score
-from recognition.language.constrained_decoding import choose
+from recognition.decide.decide import decide
+from recognition.decide.decision import BROKEN, MEASURE_FLAGS, ReadingFlag
+from recognition.decide.evidence import Evidence, Log, SenseEvidence
+from recognition.decide.reading import Reading
+from recognition.decide.score import SOURCES, Measure, score_of
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.search.part_lines import PartLines
+from recognition.settings import ReaderSettings
 
 EXPERTS = ("tactile network", "tactile templates", "vision network")
-"""Sense and expert (`recognition.senses.settings.EXPERTS`): single experts of the built-in modes."""
+"""Sense and expert (`recognition.settings.EXPERTS`): single experts of the built-in modes."""
 PEERS = tuple(
     f"{engine} {picture}"
     for engine in ("rapidocr", "tesseract")
@@ -48,8 +48,12 @@ def rules() -> dict[str, ReadingFlag | Measure]:
     return {**named, "mark-rules": MEASURE_FLAGS}
 
 
-def leave_out(name: str) -> Callable[[Reading], Reading]:
-    """Make a function that decides on a reading without one rule; nothing is read again.
+def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Reading]:
+    """Make a function that decides on the evidence of a reading without one rule; nothing is read again.
+
+    Args:
+        name: name of the rule.
+        settings: settings of the reader.
 
     Raises:
         SettingsError: there is no such rule; the hint lists all.
@@ -59,36 +63,29 @@ def leave_out(name: str) -> Callable[[Reading], Reading]:
         what = f"there is no rule {name!r} to leave out"
         raise SettingsError(what, hint=f"the rules are {', '.join(known)}")
     rule = known[name]
-    if isinstance(rule, ReadingFlag):
-        return lambda reading: reading.without_flags(rule)
-    return lambda reading: with_score(reading, without=frozenset({rule}))
+    without = rule if isinstance(rule, ReadingFlag) else frozenset({rule})
+    return lambda reading: decide(_evidence_of(reading), settings, without=without)
 
 
 def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
     """The reading of one expert alone.
 
     Args:
-        whole: reading by all experts together.
+        whole: reading of one sense by all experts together.
         expert: name of the expert.
-        settings: accepted risk and format.
+        settings: settings of the reader.
     """
-    source, risk = whole.source, settings.accept_risk
-    reading = Reading(
-        (),
-        0.0,
-        source=source,
-        seconds=whole.seconds,
-        accept_risk=risk,
-        threshold=settings.least_score(source),
-    )
-    lattice = whole.trace.by_expert.get(expert)
-    if lattice is None:
-        return replace(reading, flags=ReadingFlag.NO_CHARACTERS)
-    choice = choose(lattice, settings.grammar)
-    reading = replace(reading, characters=tuple(characters_of(choice, lattice)))
-    reading = reading.with_confidence(score_of(source).of_belief(choice.probability))
-    reading = reading.with_findings(*risk_findings(source, risk))
-    return contracts_of_choice(reading, choice, settings.grammar)
+    (sense,) = _evidence_of(whole).senses
+    main = None if sense.lines is None else sense.lines.main
+    lattice = None if main is None else main.by_expert.get(expert)
+    lines = None if main is None or lattice is None else PartLines(replace(main, lattice=lattice))
+    alone = SenseEvidence(sense.source, lines=lines, log=Log(seconds=sense.log.seconds))
+    return decide(Evidence.of(alone), replace(settings, lines=()))
+
+
+def _evidence_of(reading: Reading) -> Evidence:
+    assert reading.evidence is not None  # a reading of our own has it
+    return reading.evidence
 
 
 def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:
@@ -155,7 +152,7 @@ def open_mode(name: str, reader: Reader) -> Mode:
         return own_mode(name, reader.settings)
     whole, _, rule = name.partition(WITHOUT)
     if rule and whole in MODES:
-        return _change_reading(whole, leave_out(rule), reader)
+        return _change_reading(whole, leave_out(rule, reader.settings), reader)
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
     if name in EXPERTS:

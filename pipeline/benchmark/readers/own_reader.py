@@ -23,8 +23,8 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.texts import without_blanks
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
-    from recognition.senses.settings import ReaderSettings
+    from recognition.decide.reading import Reading
+    from recognition.settings import ReaderSettings
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from recognition.experts.steps import Steps
 from recognition.lines.networks import open_network
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
 
 
 ACCEPTED_FROM = 0.9
@@ -203,16 +203,22 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
     def read(senses: PartReadings) -> Reading:
         drawn = PICTURES[picture](senses)
         line = read_line(drawn, places) if min(drawn.shape[:2]) >= _LEAST_PX else []
-        reading = peer_reading(line, places=places)
-        return replace(reading, seconds={"scan": senses.felt.simulated_s}) if felt else reading
+        seconds = {"scan": senses.felt.simulated_s} if felt else {}
+        return peer_reading(line, places=places, seconds=seconds)
 
     return Mode.of(("felt",) if felt else (), read)
 
 
-def peer_reading(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
+def peer_reading(
+    line: Line,
+    *,
+    places: tuple[str, ...] = (),
+    accepted: bool | None = None,
+    seconds: Mapping[str, float] = MappingProxyType({}),
+) -> Reading:
     """Make a reading from a peer's line: accepted if it fits the format and the peer is sure."""
-    from recognition.decision.decide import ReadingFlag
-    from recognition.decision.reading import Candidate, CharacterReading, Reading
+    from recognition.decide.decision import Finding, ReadingFlag
+    from recognition.decide.reading import Candidate, CharacterReading, Reading
     from recognition.language.box import Box as PlateBox
 
     line = [(char, min(1.0, max(0.0, sure))) for char, sure in line if not char.isspace()]
@@ -223,11 +229,12 @@ def peer_reading(line: Line, *, places: tuple[str, ...] = (), accepted: bool | N
         or (len(line) == len(places) and all(c in p for (c, _), p in zip(line, places, strict=True)))
     )
     threshold = ACCEPTED_FROM if accepted is None else 0.0 if accepted else math.inf
-    flags = ReadingFlag.NONE if line else ReadingFlag.NO_CHARACTERS
+    flag = ReadingFlag.FORMAT_NOT_MET if line else ReadingFlag.NO_CHARACTERS
     return Reading(
         characters=tuple(CharacterReading((Candidate(c, s, s),), nowhere) for c, s in line),
         confidence=sure,
-        flags=flags if fits or not line else ReadingFlag.FORMAT_NOT_MET,
+        findings=() if fits else (Finding.of(flag),),
+        seconds=seconds,
         source="peer",
         threshold=threshold,
     )

@@ -22,7 +22,7 @@ from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder
 from whisker_array.whisker.array import LINES_PER_HEIGHT
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
     from recognition.reader import Reader
 
 WORTHS_S = (30.0, WORTH_S, 1000.0)
@@ -89,7 +89,7 @@ def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
             part.height_map, height_mm, sensor_seed=BENCH_SEED, part_id=part.part, soil=part.soil
         )
         if plan.name == "whole":
-            return touch.read_scan(bench.scan()), {"scan_s": round(bench.whole.scan_time_s, 3)}
+            return reader.read(bench.scan()), {"scan_s": round(bench.whole.scan_time_s, 3)}
         session = bench.open_session()
         found = ActiveReader(touch, plan.settings(part.number)).read(session)
         session.close()

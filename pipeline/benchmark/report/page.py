@@ -22,7 +22,7 @@ from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.certificate_statistics import LEAST_PARTS, P_VALUE, KindOfParts
-from recognition.decision.risk_text import risk_in_words
+from recognition.decide.risk_text import risk_in_words
 
 PROGRAM = "tactile-marks"
 

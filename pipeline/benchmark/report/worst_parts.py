@@ -19,7 +19,7 @@ from pipeline.benchmark.report.charts import data_uri
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
 from pipeline.plots.pictures import reading_panels
-from recognition.decision.picture import photo_panel
+from recognition.decide.picture import photo_panel
 
 SHOWN = 12
 _OWN_MODES = ("fused", "tactile", "vision")

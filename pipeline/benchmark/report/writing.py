@@ -45,7 +45,7 @@ from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
-from recognition.decision.score import Measure
+from recognition.decide.score import Measure
 
 PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 

@@ -29,7 +29,7 @@ from pipeline.runs.journal import resumable
 
 if TYPE_CHECKING:
     from pipeline.workers.executors import Executor
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
 
 RECORDED = "recorded"
 """Factor that distinguishes a real recording from a perturbed one."""
@@ -166,6 +166,4 @@ def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Re
 
     reader = reader_of(settings_of(settings, listed))
     with local_copies(listed, photos=settings.mode != "tactile") as files:
-        return PartReader(reader, settings.model_copy(update={"active": False})).unverified(
-            files, again=again
-        )
+        return PartReader(reader, settings.model_copy(update={"active": False})).read(files, again=again)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
 from pipeline.common.texts import without_blanks
 from pipeline.runs.journal import Journal
-from recognition.decision.decide import BROKEN, ReadingFlag
+from recognition.decide.decision import BROKEN, ReadingFlag
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading
+    from recognition.decide.reading import Reading
 
 _SIMULATION = ("mount", "scan")  # timed steps of a reading that a real array does not need
 
@@ -52,7 +52,7 @@ class Trial:
         compute_s: time that the program took, without making the part and its photograph.
         scan_s: time that the real array would take for the scan; 0 without touch.
         simulated_s: part of compute_s that replaces the array: mounting the map and simulating the scan.
-        measures: measures of the part by our own modes (`recognition.decision.score`).
+        measures: measures of the part by our own modes (`recognition.decide.score`).
     """
 
     part: str

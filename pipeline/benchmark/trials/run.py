@@ -31,10 +31,10 @@ from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
 from pipeline.runs.progress import Progress
 from pipeline.workers.executors import Executor
-from recognition.decision.score import FITTED, measures_of
+from recognition.decide.score import FITTED
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
 KEPT_READERS = 12
@@ -187,8 +187,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     try:
         mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
         reading, more = mode.read(senses)
-        reading = reader.apply_certificate(reading) if own_mode else reading
-        measures = measures_of(reading) if own_mode else {}
+        measures = reading.measures if own_mode else {}
     except Exception as error:
         return replace(blank, error=_describe(error))
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)

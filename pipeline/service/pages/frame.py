@@ -27,7 +27,7 @@ from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.web.access import Caller
 from pipeline.service.web.problem import Problem, relative, to_root
 from recognition.active.active_reading import StopReason
-from recognition.decision.risk_text import risk_in_words
+from recognition.decide.risk_text import risk_in_words
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service

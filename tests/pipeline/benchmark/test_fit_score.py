@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.special import expit
 
 from recognition.combine.fuse_lattices import FusionWeights
-from recognition.decision.score import SOURCES, Measure, Score, Term
+from recognition.decide.score import SOURCES, Measure, Score, Term
 from recognition.language.lattice import Lattice
 from tests.benchmarks import fit_score, kept_readings
 from tests.benchmarks.fit_score import (

@@ -26,7 +26,7 @@ from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
 pytestmark = pytest.mark.usefixtures("inline")

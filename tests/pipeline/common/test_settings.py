@@ -11,10 +11,11 @@ from pydantic import ValidationError
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
-from recognition.decision import risk as room
-from recognition.decision.risk_text import USUAL_RISK
+from recognition.decide import risk as room
+from recognition.decide.risk_text import USUAL_RISK
+from recognition.decide.score import score_of
 from recognition.experts.steps import EXPERTS
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,10 +54,11 @@ def test_the_reader_is_given_the_rules() -> None:
 
 
 def test_the_readers_are_told_grammar_and_thresholds() -> None:
-    made = open_reader(ReadSettings(format=("AA99",), accept_risk=0.005)).settings
+    risk = score_of("tactile").thresholds[0].risk
+    made = open_reader(ReadSettings(format=("AA99",), accept_risk=risk)).settings
     assert made.grammar is not None
     assert made.grammar.format == "AA99"
-    assert made.accept_risk == 0.005
+    assert made.accept_risk == risk
     assert open_reader(ReadSettings()).settings.grammar is None
 
 

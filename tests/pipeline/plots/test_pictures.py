@@ -15,17 +15,18 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.common.texts import same_text
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
-from recognition.decision.decide import Finding, ReadingFlag
-from recognition.decision.picture import moment_image, reading_figure
-from recognition.decision.reading import Box, Candidate, CharacterReading, Reading, ReadingTrace
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.picture import moment_image, reading_figure
+from recognition.decide.reading import Box, Candidate, CharacterReading, Reading, ReadingTrace
 from recognition.marks.depth import MarkDepth
+from tests.support.readings import traced
 from whisker_array.estimation.relief import Route, relief_from_edges
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
-EMPTY = Reading((), 0.0, flags=ReadingFlag.NO_CHARACTERS)
+EMPTY = Reading((), 0.0, (Finding.of(ReadingFlag.NO_CHARACTERS),))
 
 
 def tilted() -> HeightMap:
@@ -54,7 +55,6 @@ def part() -> Reading:
     return Reading(
         characters,
         0.7,
-        flags=ReadingFlag.LOW_CONFIDENCE | ReadingFlag.TOO_SHALLOW,
         findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for $x$: A 0.123 mm (at least 0.2)"),),
         font="gothic",
         height_mm=3.0,
@@ -87,7 +87,7 @@ def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
 
 
 def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
-    figure = reading_figure(part().with_trace(height_map=None), title="scan")
+    figure = reading_figure(traced(part(), height_map=None), title="scan")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert not any(t.startswith("height map") for t in titles)
     (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
@@ -99,7 +99,7 @@ def test_what_there_is_not_has_no_panel(tmp_path: Path) -> None:
     found = part()
     assert found.trace.relief is not None
     one_way = replace(found.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
-    figure = reading_figure(found.with_trace(relief=one_way), title="one way")
+    figure = reading_figure(traced(found, relief=one_way), title="one way")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert any(t.startswith("height by touch") for t in titles)
     assert not any(t.startswith("steepness") for t in titles)

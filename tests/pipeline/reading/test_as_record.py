@@ -6,12 +6,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord, from_json, to_json
 from pipeline.common.row import row_of
@@ -22,13 +20,15 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.as_record import reading_record, rivals_of
 from pipeline.runs.task import RunOrder, read_listed
-from recognition.decision.decide import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.evidence import Evidence, Log, SenseEvidence
+from recognition.decide.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.marks.depth import MarkDepth
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
+from recognition.surface import Surface
 from recognition.views.codes import Code
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
@@ -44,8 +44,10 @@ def reading(text: str) -> Reading:
     return Reading(
         characters,
         0.97,
-        flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
-        findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for x: 1 0.212 mm (at least 0.3)"),),
+        (
+            Finding.of(ReadingFlag.DROPOUTS),
+            Finding(ReadingFlag.TOO_SHALLOW, "too shallow for x: 1 0.212 mm (at least 0.3)"),
+        ),
         font="gothic",
         height_mm=5.0,
         raised=True,
@@ -55,24 +57,25 @@ def reading(text: str) -> Reading:
 class FakeReader:
     """Reads the number of columns."""
 
-    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, **_: object) -> Any:
-        value = height_map.shape[1]
+    settings, grammar = ReaderSettings(), None
+
+    def feel(self, surface: Surface) -> SenseEvidence:
+        value = surface.height_map.shape[1]
         if value == 13:
             raise RuntimeError("a fault\nin the reader")
         if value == 14:
             raise MapError("no such thing")
-        return reading(str(value))
+        return SenseEvidence("tactile", log=Log(surface=surface.height_map))
 
-    def read_scan(self, scan: object) -> Any:
-        raise AssertionError("no scan in these tests")
+    def decide(self, evidence: Evidence) -> Reading:
+        assert evidence.touch is not None
+        assert evidence.touch.log.surface is not None
+        return reading(str(evidence.touch.log.surface.shape[1]))
 
 
 @pytest.fixture(autouse=True)
 def _fake_readers(monkeypatch: pytest.MonkeyPatch) -> None:
-    reader: Any = SimpleNamespace(
-        touch=FakeReader(), settings=ReaderSettings(), grammar=None, apply_certificate=lambda found: found
-    )
-    monkeypatch.setattr("pipeline.reading.readers.reader_of", lambda _: reader)
+    monkeypatch.setattr("pipeline.reading.readers.reader_of", lambda _: FakeReader())
 
 
 def record_of(part: PartFiles) -> ReadingRecord:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.reading.certificate_statistics import LEAST_PARTS, KindOfParts, unlike
-from recognition.decision.score import Measure, roughness
+from recognition.decide.score import Measure, roughness
 
 
 def parts(n: int, seed: int, *, rough_um: float = 1.0) -> list[dict[Measure, float]]:

@@ -194,7 +194,7 @@ def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
         with report_damage(parts.photo, kind="picture"):
             raise raised
 
-    monkeypatch.setattr("pipeline.reading.part_reader.PartReader.unverified", failing)
+    monkeypatch.setattr("pipeline.reading.part_reader.PartReader.read", failing)
     with pytest.raises(FileError) as caught:
         read(folder, photo=parts.photo)
     assert isinstance(caught.value, OwnFileError) == own

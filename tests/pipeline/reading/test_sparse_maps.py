@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from glyphs import stamp
 from glyphs.errors import MarksError
 from pipeline.formats.touch_file import read_part_map
-from pipeline.reading.part_reader import read_surface
+from pipeline.reading.part_reader import surface_of
 from recognition import Reader
+from recognition.decide.evidence import Evidence
 
 PART = stamp("K4", fonts="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
@@ -64,7 +65,8 @@ def npz(known: Known, path: Path, *, flat: bool = False) -> Path:
 @given(known=known_samples(), flat=st.booleans())
 def test_a_map_of_any_gaps_is_read_or_refused_in_words(known: Known, flat: bool, tmp_path: Path) -> None:
     with contextlib.suppress(MarksError):
-        reading = read_surface(READER, read_part_map(npz(known, tmp_path / "a.npz", flat=flat)))
+        top = read_part_map(npz(known, tmp_path / "a.npz", flat=flat))
+        reading = READER.decide(Evidence.of(READER.feel(surface_of(top))))
         assert 0.0 <= reading.confidence <= 1.0
 
 
@@ -85,4 +87,4 @@ FOUR[[0, 9, 50, -1], [0, 9, 20, -1]] = True
 )
 def test_heights_that_show_no_surface_are_refused(known: Known, why: str, tmp_path: Path) -> None:
     with pytest.raises(MarksError, match=why):
-        read_surface(READER, read_part_map(npz(known, tmp_path / "a.npz")))
+        READER.feel(surface_of(read_part_map(npz(known, tmp_path / "a.npz"))))

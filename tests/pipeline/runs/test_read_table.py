@@ -21,9 +21,11 @@ from pipeline.common.reading_records import (
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import notes, print_table, table_lines
-from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.language.box import Box
+from recognition.decide.evidence import SenseEvidence
 from recognition.language.lattice import Lattice
+from recognition.reader import Reader
+from recognition.surface import Surface
+from tests.support.evidence import sense_of
 
 
 def place(char: str, state: str = "read", chars: str = "", **more: Any) -> CharacterRecord:
@@ -146,27 +148,18 @@ def test_verdicts_are_shown() -> None:
 CHARS = tuple("AB18")
 
 
-class FakeReader:
+def feel(_: Reader, surface: Surface) -> SenseEvidence:
     """Reads A1, surely, in whatever is felt; nothing below zero."""
-
-    def __init__(self, *_: object, **__: object) -> None:
-        pass
-
-    def read_height_map(self, height_map: HeightMap, **_: object) -> Reading:
-        if height_map.z_mm.mean() < 0.0:
-            raise RuntimeError("a fault")
-        with np.errstate(divide="ignore"):
-            lattice = Lattice(CHARS, np.log([[float(c == t) * 0.999 for c in CHARS] for t in "A1"]))
-        box = Box(0.0, 0.0, 1.0, 1.0)
-        characters = tuple(CharacterReading((Candidate(t, 0.9, 0.999),), box) for t in "A1")
-        found = Reading(characters, 0.998)
-        return found.with_trace(lattice=lattice, open_lattice=lattice, height_map=height_map)
+    if surface.height_map.z_mm.mean() < 0.0:
+        raise RuntimeError("a fault")
+    with np.errstate(divide="ignore"):
+        return sense_of(Lattice(CHARS, np.log([[float(c == t) * 0.999 for c in CHARS] for t in "A1"])))
 
 
 @pytest.fixture
 def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("recognition.senses.touch.TactileReader", FakeReader)
+    monkeypatch.setattr("recognition.reader.Reader.feel", feel)
     folder = tmp_path / "parts"
     folder.mkdir()
     for name, height in (("a", 0.0), ("b", 1.0)):

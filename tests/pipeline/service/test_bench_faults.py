@@ -9,7 +9,7 @@ import pytest
 
 from glyphs import stamp
 from pipeline.cli.main import main
-from recognition.decision.decide import Decision
+from recognition.decide.decision import Decision
 from tests.support.bench_faults import recorded
 from tests.support.service_fixtures import inline_service
 from whisker_array.estimation.faults import FaultKind

@@ -13,11 +13,10 @@ from recognition.active.active_reader import ActiveReader, ActiveSettings, regio
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.moves import Way
 from recognition.active.policy import Ladder
-from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch
-from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decide.decision import Decision, ReadingFlag
 from recognition.reader import Reader
-from recognition.senses.touch import TactileReader
+from recognition.touch import TactileReader
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from tests.support.jamming import Jamming
@@ -129,21 +128,6 @@ def test_what_no_look_sees_is_read_all_the_same(monkeypatch: pytest.MonkeyPatch)
     found = ActiveReader(reader()).read(mounted(part()))
     assert (found.reading.text, found.stop) == (TEXT, StopReason.SURE)
     assert found.reading.decision is Decision.ACCEPT
-
-
-def test_a_text_after_others_must_be_surer() -> None:
-    trust, sure = Trust(0.98), replace(read().reading, confidence=0.985, threshold=0.98)
-    assert trust.accepts(sure)
-    assert not trust.accepts(replace(sure, confidence=0.97))
-    other = replace(sure, confidence=0.6, characters=sure.characters[::-1])
-    assert other.text != sure.text
-    trust.accepts(other)
-    assert not trust.accepts(sure)
-    doubted = trust.apply_trust(sure)
-    assert doubted.decision is Decision.REVIEW
-    assert any("an earlier look read another text" in message for message in doubted.messages())
-    surer = replace(sure, confidence=0.995)
-    assert trust.apply_trust(surer) is surer
 
 
 class WithDeadWhisker(SimulatedSession):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +11,10 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.decide import Decision, Finding, ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, add_stroke_findings
+from recognition.decide.choice import is_dirt
+from recognition.decide.decision import Finding, ReadingFlag, flags_of
+from recognition.decide.reading import CharacterReading
+from recognition.decide.stroke_judges import HIDDEN_MARGIN, LEFT, missing_strokes, undecided_strokes
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
@@ -22,8 +22,8 @@ from recognition.marks.grade import Action, MarkGrade, Parameter
 from recognition.marks.laid_text import LaidText, laid_text
 from recognition.marks.strokes import LIVE, MOST_ABSENT, PlaceStrokes, RivalStrokes, strokes_of
 from recognition.views.text_line import ROWS
+from tests.support.evidence import judged, text_of
 from tests.support.felt import stamped_line, view_of
-from tests.support.readings import reading_of
 from whisker_array.estimation.relief import Relief, Route
 
 TEXT = "RJ3E8"
@@ -136,9 +136,9 @@ def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
     found = strokes(part, surface, "RI3E8", lattice("RI3E8", p1=("J", 0.01)))
     assert found[1].felt is not None
     assert found[1].felt < 0.1
-    made = add_stroke_findings(reading("RI3E8", found))
-    assert ReadingFlag.STROKES_MISSING in made.flags
-    assert "I at place 2" in made.messages()[0]
+    (finding,) = judged(text_of("RI3E8", strokes=found), missing_strokes)
+    assert finding.flag is ReadingFlag.STROKES_MISSING
+    assert "I at place 2" in finding.text
 
 
 def test_raised_marks_are_sunk_ones_upside_down(part: StampedPart) -> None:
@@ -164,10 +164,6 @@ def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
     assert strokes(part, relief_of(part), TEXT, lattice(TEXT[:-1])) == ()
 
 
-def reading(text: str, strokes: tuple[PlaceStrokes, ...]) -> Reading:
-    return reading_of(text, 0.98).with_trace(strokes=strokes)
-
-
 def stands(**changed: float) -> RivalStrokes:
     """A live rival that strokes do not exclude."""
     return replace(
@@ -190,11 +186,17 @@ def stands(**changed: float) -> RivalStrokes:
     ],
 )
 def test_two_characters_stay_undecided_where_strokes_do_not_tell(one: RivalStrokes, why: str) -> None:
-    made = add_stroke_findings(reading("I", (PlaceStrokes(1.0, 0.9, (one,)),)))
-    assert (ReadingFlag.STROKES_UNDECIDED in made.flags) == bool(why)
-    if why:
-        assert made.messages()[0].startswith("I or J at place 1: ")
-        assert why in made.messages()[0]
+    findings = judged(text_of("I", strokes=(PlaceStrokes(1.0, 0.9, (one,)),)), undecided_strokes)
+    assert len(findings) == bool(why)
+    for finding in findings:
+        assert finding.flag is ReadingFlag.STROKES_UNDECIDED
+        assert finding.text.startswith("I or J at place 1: ")
+        assert why in finding.text
+
+
+def test_what_is_accepted_has_no_undecided_strokes() -> None:
+    sure = text_of("I", strokes=(PlaceStrokes(1.0, 0.9, (stands(),)),), score=0.99)
+    assert judged(sure, undecided_strokes) == ()
 
 
 @pytest.mark.parametrize("wrong", [0.9, 1.0, 1.52, 1.7])
@@ -219,48 +221,38 @@ def test_a_height_stays_where_strokes_say_nothing(part: StampedPart) -> None:
 def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     unread = PlaceState(CharacterState.NOT_READ, "K", 0.1)
     bare = tuple(PlaceStrokes(0.1, 0.1) for _ in range(4))
-    junk = reading("K7B2", bare)
-    junk = replace(junk, characters=tuple(replace(c, state=unread) for c in junk.characters))
-    made = add_stroke_findings(junk.with_findings(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
-    assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
-    # what is surely read there, and is no serial of the format, is named
-    short = "found 1 character (“8”), but the format has 4 (check the part and the format)"
-    refused = junk.with_findings(Finding(ReadingFlag.FORMAT_OVERRULED, short))
-    for belief, words in ((0.9, (short,)), (0.3, (ReadingFlag.NO_CHARACTERS.text,))):
-        openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
-        made = add_stroke_findings(refused.with_trace(open_lattice=openly))
-        assert (made.text, made.messages()) == ("", words)
+    junk = text_of("K7B2", strokes=bare)
+    first, *others = (replace(c, state=unread) for c in junk.characters)
+    assert is_dirt(replace(junk, characters=(first, *others)))
     # hardly felt, and yet some of it can be read: fill leaves traces
-    first, *rest = junk.characters
-    partly = replace(
-        junk, characters=(replace(first, state=PlaceState(CharacterState.READ, "K", 0.9)), *rest)
-    )
-    assert add_stroke_findings(partly).text == "K7B2"
+    partly = replace(first, state=PlaceState(CharacterState.READ, "K", 0.9))
+    assert not is_dirt(replace(junk, characters=(partly, *others)))
     # felt, and yet not read: a person may
-    felt = junk.with_trace(strokes=tuple(replace(p, felt=0.8) for p in bare))
-    assert add_stroke_findings(felt).text == "K7B2"
+    felt = text_of((first, *others), strokes=tuple(replace(p, felt=0.8) for p in bare))
+    assert not is_dirt(felt)
 
 
 def test_strokes_of_another_font_are_not_missing() -> None:
     worn = MarkGrade((Parameter("completeness", 0.3, 0),), Action.CLEAN_FIRST)
-    there = replace(reading("K7", (PlaceStrokes(0.9, 0.8),) * 2), font="gothic")
-    there = replace(there, characters=tuple(replace(c, grade=worn) for c in there.characters))
-    suits_timesr, suits_gothic = (
-        SimpleNamespace(font=SimpleNamespace(name=name)) for name in ("timesr", "gothic")
-    )
-    made = add_stroke_findings(there.with_trace(laid=suits_timesr))
-    assert made.flags == ReadingFlag.FOREIGN_SHAPES
-    assert made.messages() == (
-        "another font than gothic explains the marks better: K at place 1, 7 at place 2 (name the right font)",
+    graded = tuple(replace(c, grade=worn) for c in text_of("K7").characters)
+    there = (PlaceStrokes(0.9, 0.8),) * 2
+
+    def missing(
+        characters: tuple[CharacterReading, ...], laid_in: str, *felt: PlaceStrokes
+    ) -> tuple[Finding, ...]:
+        return judged(text_of(characters, strokes=felt, laid_in=laid_in, font="gothic"), missing_strokes)
+
+    (finding,) = missing(graded, "timesr", *there)
+    assert finding.flag is ReadingFlag.FOREIGN_SHAPES
+    assert finding.text == (
+        "another font than gothic explains the marks better: K at place 1, 7 at place 2 (name the right font)"
     )
     # the one that was named explains them as well as any
-    assert add_stroke_findings(there.with_trace(laid=suits_gothic)).flags == ReadingFlag.NONE
+    assert missing(graded, "gothic", *there) == ()
     # half filled, it is missing all the same
-    filled = there.with_trace(strokes=(PlaceStrokes(0.5, 0.5),) * 2)
-    assert add_stroke_findings(filled).flags == ReadingFlag.STROKES_MISSING
+    assert flags_of(missing(graded, "gothic", *(PlaceStrokes(0.5, 0.5),) * 2)) == ReadingFlag.STROKES_MISSING
     # one alone is a blow, or dots that fell otherwise: it is there
-    one = replace(there, characters=(there.characters[0], replace(there.characters[1], grade=None)))
-    assert add_stroke_findings(one.with_trace(laid=suits_timesr)).decision is Decision.ACCEPT
+    assert missing((graded[0], replace(graded[1], grade=None)), "timesr", *there) == ()
 
 
 def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:
@@ -272,11 +264,11 @@ def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:
 
 def test_strokes_are_there_by_their_edges_too() -> None:
     """Between dots nothing is deep, and the edges of the font that was named are felt all the same."""
-    dotted = reading("K", (PlaceStrokes(0.3, 0.3),))
+    dotted = text_of("K", strokes=(PlaceStrokes(0.3, 0.3),))
     for share, flags in ((0.65, ReadingFlag.NONE), (0.55, ReadingFlag.STROKES_MISSING)):
         grade = MarkGrade((Parameter("completeness", share, 1),), Action.CLEAN_FIRST)
         graded = replace(dotted, characters=(replace(dotted.characters[0], grade=grade),))
-        assert add_stroke_findings(graded).flags == flags
+        assert flags_of(judged(graded, missing_strokes)) == flags
 
 
 def test_beliefs_in_rivals_are_what_a_calibration_says_that_they_are_worth(part: StampedPart) -> None:

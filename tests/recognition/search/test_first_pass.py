@@ -8,7 +8,9 @@ import pytest
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap, MapError
 from recognition import Reader
+from recognition.decide.evidence import Evidence
 from recognition.search.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
+from recognition.surface import Surface
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan
 
@@ -28,7 +30,8 @@ class Recorder:
 
 def test_whiskers_are_chosen_by_what_a_pass_of_fixed_scale_has_felt() -> None:
     feel = Recorder()
-    read = Reader(format="A9A9").touch.read_height_map(PART.height_map, feel=feel)
+    reader = Reader(format="A9A9")
+    read = reader.decide(Evidence.of(reader.feel(Surface(PART.height_map, feel=feel))))
     assert read.text == "K7B2"
     assert feel.heights_mm[0] == FIRST_HEIGHT_MM
     assert feel.heights_mm[1] == pytest.approx(5.0, rel=0.15)
@@ -36,7 +39,7 @@ def test_whiskers_are_chosen_by_what_a_pass_of_fixed_scale_has_felt() -> None:
 
 def test_a_height_that_is_given_is_taken_as_it_is() -> None:
     feel = Recorder()
-    Reader(format="A9A9", height_mm=5.0).touch.read_height_map(PART.height_map, feel=feel)
+    Reader(format="A9A9", height_mm=5.0).feel(Surface(PART.height_map, feel=feel))
     assert feel.heights_mm == [5.0]
 
 
@@ -57,4 +60,4 @@ def test_small_and_large_characters_are_found_by_it(height_mm: float) -> None:
 def test_a_map_with_a_wrong_unit_is_refused_by_its_own_size(height_mm: float | None, said: str) -> None:
     tiny = HeightMap(np.zeros((1601, 651), dtype=np.float32), 0.000_128)
     with pytest.raises(MapError, match=said):
-        Reader(height_mm=height_mm).touch.read_height_map(tiny)
+        Reader(height_mm=height_mm).read(tiny)

@@ -16,11 +16,12 @@ from glyphs.camera.photo import Photo
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.decide import Decision
-from recognition.decision.reading import Reading
-from recognition.senses import camera
-from recognition.senses.camera import VisionReader
-from recognition.senses.settings import ReaderSettings
+from recognition import camera
+from recognition.decide.decision import Decision
+from recognition.decide.line_judges import DARK
+from recognition.decide.reading import Reading
+from recognition.reader import Reader
+from recognition.settings import ReaderSettings
 
 TEXT = "K7B29"
 SETTINGS = ReaderSettings(fonts=("gothic",), format="A9A99", height_mm=5.0)
@@ -43,8 +44,8 @@ def taken(grey: NDArray[np.float64], part: StampedPart) -> Photo:
 
 
 @pytest.fixture(scope="module")
-def reader() -> VisionReader:
-    return VisionReader(SETTINGS)
+def reader() -> Reader:
+    return Reader(SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -70,13 +71,11 @@ def check_places(found: Reading, part: StampedPart) -> None:
         assert b.y0_mm < 0.5 * (y0 + y1) < b.y1_mm
 
 
-def test_rust_is_told_from_relief_by_its_colour(
-    reader: VisionReader, photo: tuple[StampedPart, Photo]
-) -> None:
+def test_rust_is_told_from_relief_by_its_colour(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
     picture = rusty(photo[0])
     colourless = replace(picture, pixels=np.rint(255.0 * picture.grey()).astype(np.uint8))
-    assert reader.read_photo(colourless).decision is not Decision.ACCEPT
-    found = reader.read_photo(picture)
+    assert reader.read(colourless).decision is not Decision.ACCEPT
+    found = reader.read(picture)
     assert found.text == TEXT
     assert found.decision is Decision.ACCEPT
     check_places(found, photo[0])
@@ -89,15 +88,15 @@ def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
         raise AssertionError(f"{picture} was read again")
 
     monkeypatch.setattr(camera, "stainless_view", never)
-    found = VisionReader(replace(SETTINGS, lines={"lot": "A9"})).read_photo(photo[1])
+    found = Reader(replace(SETTINGS, lines={"lot": "A9"})).read(photo[1])
     assert found.confidence >= SETTINGS.least_score("vision")
     assert found.decision is Decision.REVIEW
-    assert found.seconds["read"] > 0.0
+    assert found.seconds["find"] > 0.0
 
 
-def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
+def test_a_photograph_becomes_a_reading(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
     part, picture = photo
-    found = reader.read_photo(picture)
+    found = reader.read(picture)
     assert found.text == TEXT
     assert found.decision is Decision.ACCEPT
     assert (found.source, found.unit) == ("vision", "mm")
@@ -106,22 +105,20 @@ def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[Stamp
     assert "network" in found.trace.by_expert
     # the height was given: the finder keeps it, and looks at moved lines a quarter off
     assert found.height_mm == pytest.approx(part.height_mm, rel=0.25)
-    assert found.seconds["read"] > 0.0
+    assert found.seconds["find"] > 0.0
     check_places(found, part)
 
 
 @pytest.mark.parametrize(("level", "noise"), [(0, 0.0), (128, 0.0), (20, 3.0)])
-def test_a_covered_lens_is_not_taken_for_several_lines(
-    reader: VisionReader, level: int, noise: float
-) -> None:
+def test_a_covered_lens_is_not_taken_for_several_lines(reader: Reader, level: int, noise: float) -> None:
     pixels = level + np.random.default_rng(1).normal(0.0, noise, (90, 160))
-    found = reader.read_photo(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
-    assert (found.text, found.notes) == ("", (camera.DARK,))
+    found = reader.read(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
+    assert (found.text, found.notes) == ("", (DARK,))
 
 
-def test_without_a_scale_lengths_are_pixels(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
+def test_without_a_scale_lengths_are_pixels(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
     part, picture = photo
-    found = reader.read_photo(Photo(picture.pixels))
+    found = reader.read(Photo(picture.pixels))
     assert (found.text, found.unit) == (TEXT, "px")
     # millimetres are of no account then; finder and moves are within a quarter
     assert found.height_mm == pytest.approx(part.height_mm / part.height_map.pitch_mm, rel=0.25)
@@ -129,10 +126,10 @@ def test_without_a_scale_lengths_are_pixels(reader: VisionReader, photo: tuple[S
 
 @pytest.mark.parametrize("turns", [1, 2])
 def test_a_picture_taken_from_another_side_is_read(
-    turns: int, reader: VisionReader, photo: tuple[StampedPart, Photo]
+    turns: int, reader: Reader, photo: tuple[StampedPart, Photo]
 ) -> None:
     _, picture = photo
-    found = reader.read_photo(Photo(np.rot90(picture.pixels, turns).copy(), pitch_mm=picture.pitch_mm))
+    found = reader.read(Photo(np.rot90(picture.pixels, turns).copy(), pitch_mm=picture.pitch_mm))
     assert found.text == TEXT
     # the picture was turned against the clock, so its line runs with -90 degrees a quarter
     off = (found.rotation_deg + 90.0 * turns + 180.0) % 360.0 - 180.0
@@ -141,17 +138,15 @@ def test_a_picture_taken_from_another_side_is_read(
 
 @pytest.mark.parametrize("turned_deg", [35.0, -125.0])
 def test_a_slanted_line_is_read(
-    turned_deg: float, reader: VisionReader, make_part: Callable[..., StampedPart]
+    turned_deg: float, reader: Reader, make_part: Callable[..., StampedPart]
 ) -> None:
     part = make_part(TEXT, line_rotation_deg=turned_deg)
-    found = reader.read_photo(taken(lit(part, rng=np.random.default_rng(2)), part))
+    found = reader.read(taken(lit(part, rng=np.random.default_rng(2)), part))
     assert found.text == TEXT
     assert found.rotation_deg == pytest.approx(turned_deg, abs=6.0)
 
 
-def test_a_turned_line_under_grime_is_read(
-    reader: VisionReader, make_part: Callable[..., StampedPart]
-) -> None:
+def test_a_turned_line_under_grime_is_read(reader: Reader, make_part: Callable[..., StampedPart]) -> None:
     part = make_part(TEXT, line_rotation_deg=8.0)
     rng = np.random.default_rng(1)
     grey = lit(part, rng=rng)
@@ -161,7 +156,7 @@ def test_a_turned_line_under_grime_is_read(
     for _ in range(60):
         r, c, size = rng.uniform(0, grey.shape[0]), rng.uniform(0, grey.shape[1]), rng.uniform(4, 14)
         grime = np.maximum(grime, ((x - c) ** 2 + (y - r) ** 2 < size**2) * rng.uniform(0.2, 0.5))
-    found = reader.read_photo(taken(grey * (1.0 - grime), part))
+    found = reader.read(taken(grey * (1.0 - grime), part))
     assert found.text == TEXT
     assert found.rotation_deg > 0.0
 
@@ -170,7 +165,7 @@ def test_a_real_serial_is_read_with_its_format() -> None:
     import cv2
 
     picture = Photo(np.ascontiguousarray(cv2.imread(str(REAL))[..., ::-1]))
-    found = VisionReader(ReaderSettings(format="9A9999A")).read_photo(picture)
+    found = Reader(ReaderSettings(format="9A9999A")).read(picture)
     assert found.text == "1X2100H"
     assert found.decision is not Decision.REJECT
     # boxes lie on the characters: the first on the left, the last on the right of 560 pixels
@@ -189,7 +184,7 @@ def hidden(picture: Photo, part: StampedPart, places: slice) -> Photo:
 
 
 def test_photographs_that_each_hide_other_characters_are_read_as_one(
-    reader: VisionReader, photo: tuple[StampedPart, Photo]
+    reader: Reader, photo: tuple[StampedPart, Photo]
 ) -> None:
     part, picture = photo
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
@@ -197,8 +192,8 @@ def test_photographs_that_each_hide_other_characters_are_read_as_one(
     painted = taken(picture.pixels + paint, part)
     first, second = hidden(painted, part, slice(0, 2)), hidden(painted, part, slice(3, 5))
     unlike = taken(np.random.default_rng(3).uniform(0.0, 255.0, painted.shape), part)
-    assert TEXT not in {reader.read_photo(one).text for one in (first, second)}
-    found = reader.read_photo(replace(first, others=(second, unlike)))
+    assert TEXT not in {reader.read(one).text for one in (first, second)}
+    found = reader.read(replace(first, others=(second, unlike)))
     assert (found.text, found.photos) == (TEXT, 2)
     assert found.notes == ("photograph 3 does not show what the first one shows; it was left out",)
     check_places(found, part)
@@ -207,9 +202,9 @@ def test_photographs_that_each_hide_other_characters_are_read_as_one(
 def test_neither_jpeg_quality_nor_the_last_digit_of_the_scale_changes_the_line() -> None:
     part = stamp("XTR 0740257", height_mm=4.0, layout=Layout(other_text="MRXS36", other_above=True), seed=4)
     picture = part.photograph(pixel_mm=0.09)
-    reader = VisionReader(ReaderSettings(format="AAA 9999999"))
+    reader = Reader(ReaderSettings(format="AAA 9999999"))
     for quality, scale in ((60, 1.0), (60, 1.0 + 1e-7), (80, 1.0), (98, 1.0 + 1e-7)):
         _, jpeg = cv2.imencode(".jpg", picture.pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
         pixels = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_UNCHANGED), dtype=np.uint8)
-        read = reader.read_photo(Photo(pixels, pitch_mm=0.09 * scale))
+        read = reader.read(Photo(pixels, pitch_mm=0.09 * scale))
         assert (read.text, read.decision) == ("XTR 0740257", Decision.ACCEPT), (quality, scale)

@@ -10,9 +10,9 @@ import pytest
 
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.depth_rules import least_depth
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.depth_rules import least_depth
+from recognition.decide.reading import Reading
 from recognition.marks.no_depth import NoDepth
 from recognition.reader import Reader
 from tests.support.bench_faults import recorded

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
-from recognition.decision.reading import Reading
-from recognition.senses.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
 from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm, photo_pitch_mm
-from recognition.views.text_line import TextLine
+from recognition.views.photo_sizes import ENOUGH_ROWS, SIZES, is_large_enough, shrunk, shrunk_versions
 
 
 def photo(pixels: int, *, pitch_mm: float | None = 0.01) -> Photo:
@@ -16,19 +14,12 @@ def photo(pixels: int, *, pitch_mm: float | None = 0.01) -> Photo:
 
 
 def looks(given: Photo, height_mm: float | None) -> list[int]:
-    """Pixels of the photographs that were read, of characters so high."""
+    """Pixels of the photographs that are looked at, of characters so high."""
     seen: list[int] = []
-
-    def read(small: Photo) -> Reading:
+    for small in shrunk_versions(given):
         seen.append(small.shape[0] * small.shape[1])
-        line = None
-        if height_mm is not None:
-            line = TextLine.straight(1.0, 1.0, length_mm=3.0 * height_mm, height_mm=height_mm)
-        return Reading((), 0.0).with_trace(line=line, photo=small)
-
-    last = read_at_sizes(given, read).trace.photo
-    assert last is not None
-    assert last.shape[0] * last.shape[1] == seen[-1]
+        if height_mm is not None and is_large_enough(small, height_mm):
+            break
     return seen
 
 

@@ -7,14 +7,14 @@ import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
-from recognition.decision.decide import Decision
+from recognition.decide.decision import Decision
 from recognition.lines import networks
-from recognition.senses.settings import ReaderSettings
-from recognition.senses.touch import TactileReader
+from recognition.reader import Reader
+from recognition.settings import ReaderSettings
 from recognition.views.levelling import level
 from tests.support.felt import felt
 
-READERS: dict[ReaderSettings, TactileReader] = {}
+READERS: dict[ReaderSettings, Reader] = {}
 
 
 @pytest.fixture(autouse=True)
@@ -27,15 +27,15 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(networks, "open_network", opened)
 
 
-def reader(**changed: object) -> TactileReader:
+def reader(**changed: object) -> Reader:
     given = {"fonts": ("gothic",), "format": "AA99", "orientation": "upright", **changed}
     settings = ReaderSettings(experts=("templates",), **given)  # type: ignore[arg-type]
-    return READERS.setdefault(settings, TactileReader(settings))
+    return READERS.setdefault(settings, Reader(settings))
 
 
 def test_a_clean_part_is_read_and_accepted_at_the_height_that_is_known() -> None:
     part = stamp("KX47", fonts="gothic", height_mm=4.0, seed=1)
-    reading = reader(height_mm=4.0).read_height_map(part.height_map)
+    reading = reader(height_mm=4.0).read(part.height_map)
     assert (reading.text, reading.decision) == ("KX47", Decision.ACCEPT)
     assert [*reading.trace.by_expert] == ["templates"]
     assert [c.depth is not None for c in reading.characters] == [True] * 4
@@ -43,47 +43,47 @@ def test_a_clean_part_is_read_and_accepted_at_the_height_that_is_known() -> None
 
 def test_the_height_is_found_where_nobody_knows_it() -> None:
     part = stamp("TB83", fonts="gothic", height_mm=6.0, seed=2)
-    reading = reader().read_height_map(part.height_map)
+    reading = reader().read(part.height_map)
     assert reading.text == "TB83"
     assert reading.height_mm == pytest.approx(6.0, rel=0.07)
 
 
 def test_a_line_that_is_turned_a_little_is_read() -> None:
     part = stamp("NR26", fonts="gothic", height_mm=4.0, line_rotation_deg=-4.0, practice="ideal")
-    reading = reader(height_mm=4.0).read_height_map(part.height_map)
+    reading = reader(height_mm=4.0).read(part.height_map)
     assert reading.text == "NR26"
     assert reading.rotation_deg == pytest.approx(-4.0, abs=1.0)
 
 
 def test_raised_marks_are_read() -> None:
     sunk = stamp("KX47", fonts="gothic", height_mm=4.0, seed=4).height_map
-    reading = reader(height_mm=4.0).read_height_map(HeightMap(-sunk.z_mm, sunk.pitch_mm))
+    reading = reader(height_mm=4.0).read(HeightMap(-sunk.z_mm, sunk.pitch_mm))
     assert (reading.text, reading.raised) == ("KX47", True)
 
 
 def test_a_part_that_lies_upside_down_is_read_where_that_may_be() -> None:
     part = stamp("KF47", fonts="gothic", height_mm=4.0, seed=5).height_map
     turned = HeightMap(np.ascontiguousarray(part.z_mm[::-1, ::-1]), part.pitch_mm)
-    assert reader(height_mm=4.0, orientation="any").read_height_map(turned).text == "KF47"
+    assert reader(height_mm=4.0, orientation="any").read(turned).text == "KF47"
 
 
 def test_a_scan_of_two_directions_is_read() -> None:
     surface = level(stamp("KX47", fonts="gothic", height_mm=4.0, seed=9).height_map)
     scan = felt(surface, 4.0, directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y))
-    assert reader(height_mm=4.0).read_scan(scan).text == "KX47"
+    assert reader(height_mm=4.0).read(scan).text == "KX47"
 
 
 def test_without_a_format_all_characters_are_read() -> None:
     part = stamp("7EH2M", fonts="gothic", height_mm=4.0, seed=6)
-    assert reader(format=None, height_mm=4.0).read_height_map(part.height_map).text == "7EH2M"
+    assert reader(format=None, height_mm=4.0).read(part.height_map).text == "7EH2M"
 
 
 def test_what_the_format_does_not_allow_is_not_accepted() -> None:
     part = stamp("KX4713", fonts="gothic", height_mm=4.0, seed=7)
-    assert reader(height_mm=4.0).read_height_map(part.height_map).decision is not Decision.ACCEPT
+    assert reader(height_mm=4.0).read(part.height_map).decision is not Decision.ACCEPT
 
 
 def test_a_bare_plate_is_no_serial() -> None:
     noise = np.random.default_rng(8).normal(scale=0.002, size=(60, 120)).astype(np.float32)
-    reading = reader(height_mm=4.0).read_height_map(HeightMap(noise, 0.1))
+    reading = reader(height_mm=4.0).read(HeightMap(noise, 0.1))
     assert (reading.text, reading.decision) == ("", Decision.REJECT)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.decision.decide import BROKEN, bench_faults
-from recognition.senses.touch import bench_findings
+from recognition.decide.decision import BROKEN, bench_faults
+from recognition.touch import bench_findings
 from whisker_array.estimation.faults import Fault, FaultKind
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from glyphs.fonts.outlines import load_font
 from glyphs.part import stamp
-from recognition.decision.decide import Decision, ReadingFlag
-from recognition.decision.depth_rules import depth_rule
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.depth_rules import depth_rule
 from recognition.marks.no_depth import NoDepth
 from recognition.reader import Reader
 from tests.benchmarks.depth_unnamed import true_depths

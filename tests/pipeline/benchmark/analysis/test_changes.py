@@ -14,7 +14,7 @@ from pipeline.benchmark.report.worst_parts import WorstPart
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark, remake
 from pipeline.cli.main import main
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.csv_table import csv_rows
 

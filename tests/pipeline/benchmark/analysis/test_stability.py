@@ -18,7 +18,7 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.cli.main import main
 from pipeline.reading.perturbation import PERTURBATIONS
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.csv_table import csv_rows
 from whisker_array.simulation.traces import Fidelity

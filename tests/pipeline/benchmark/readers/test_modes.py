@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from unittest.mock import Mock
 
 import numpy as np
@@ -23,19 +22,30 @@ from pipeline.benchmark.readers.modes import (
 )
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
-from pipeline.reading import part_reader
-from recognition.decision.decide import BROKEN, MEASURE_FLAGS, Decision, ReadingFlag
-from recognition.decision.reading import Reading
-from recognition.decision.score import SOURCES, Measure, score_of, with_score
+from recognition import surface
+from recognition.combine.read_line import ReadLine
+from recognition.decide.decide import decide
+from recognition.decide.decision import BROKEN, MEASURE_FLAGS, Decision, Finding, ReadingFlag
+from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
+from recognition.decide.reading import Reading
+from recognition.decide.score import SOURCES, Measure, score_of
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.search.part_lines import PartLines
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
-from tests.support.readings import reading_of
+from tests.support.evidence import believed_line, sense_of
 from whisker_array.simulation.traces import Fidelity
 
-SURE = reading_of("AB", source="tactile", threshold=0.97, beliefs=0.999999)
+SETTINGS = ReaderSettings(format="AA", orientation=Orientation.UPRIGHT)
+
+
+def decided(*flags: ReadingFlag) -> Reading:
+    """A sure reading by touch with these flags."""
+    sure = Lattice(tuple("AB"), np.log(np.array([[0.99999, 1e-6], [1e-6, 0.99999]])))
+    return decide(Evidence.of(sense_of(sure, findings=tuple(map(Finding.of, flags)))), SETTINGS)
 
 
 def test_every_contract_and_term_has_a_name() -> None:
@@ -47,20 +57,21 @@ def test_every_contract_and_term_has_a_name() -> None:
 def test_without_a_contract_a_reading_that_broke_it_alone_is_accepted() -> None:
     for name, rule in rules().items():
         if isinstance(rule, ReadingFlag):
-            broken = replace(SURE, flags=rule)
+            broken, other = decided(*rule), ReadingFlag.UNREAD_MARKS
+            if name == "unread-marks":
+                other = ReadingFlag.NOT_WHOLE
             assert broken.decision is Decision.REVIEW
-            assert leave_out(name)(broken).decision is Decision.ACCEPT
-            other = ReadingFlag.UNREAD_MARKS if name != "unread-marks" else ReadingFlag.NOT_WHOLE
-            assert leave_out(name)(replace(broken, flags=rule | other)).decision is Decision.REVIEW
+            assert leave_out(name, SETTINGS)(broken).decision is Decision.ACCEPT
+            assert leave_out(name, SETTINGS)(decided(*rule, other)).decision is Decision.REVIEW
 
 
 def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyPatch) -> None:
     term = next(one for one in score_of("tactile").terms if one is not Measure.ODDS)
     worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
     measures = {Measure.ODDS: 9.0, term: worst}
-    monkeypatch.setattr("recognition.decision.score.measures_of", lambda _: MappingProxyType(measures))
-    whole = with_score(SURE)
-    less = leave_out(term.name.lower().replace("_", "-"))(whole)
+    monkeypatch.setattr("recognition.decide.choice.measures_of", lambda *_, **__: measures)
+    whole = decided()
+    less = leave_out(term.name.lower().replace("_", "-"), SETTINGS)(whole)
     assert less.confidence > whole.confidence
     assert less.confidence == score_of("tactile").probability({Measure.ODDS: 9.0})
 
@@ -90,15 +101,18 @@ def lattice(**belief: tuple[float, float]) -> Lattice:
 def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
     doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
-    whole = Reading((), 0.9, source="tactile", seconds={"scan": 2.0}).with_trace(
-        by_expert=MappingProxyType({"network": own, "templates": doubting})
-    )
-    sure, unsure = expert_alone(whole, "network", FORMATTED), expert_alone(whole, "templates", FORMATTED)
+    line = replace(believed_line(own), by_expert={"network": own, "templates": doubting})
+
+    def whole(line: ReadLine, source: Source = "tactile") -> Reading:
+        log = Log(seconds={"scan": 2.0})
+        return decide(Evidence.of(SenseEvidence(source, lines=PartLines(line), log=log)), FORMATTED)
+
+    sure, unsure = (expert_alone(whole(line), name, FORMATTED) for name in ("network", "templates"))
     assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
     assert sure.seconds == {"scan": 2.0}
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
-    silent = expert_alone(replace(whole, source="vision").with_trace(by_expert={}), "network", FORMATTED)
+    silent = expert_alone(whole(replace(line, by_expert={}), "vision"), "network", FORMATTED)
     assert (silent.text, silent.decision) == ("", Decision.REJECT)
 
 
@@ -113,8 +127,8 @@ APART = ("tactile", "tactile network", "tactile templates")
 
 def test_a_part_is_read_once_for_all_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A clean part whose font, height and format are given."""
-    read = Mock(side_effect=part_reader.read_surface)
-    monkeypatch.setattr(part_reader, "read_surface", read)
+    read = Mock(side_effect=surface.evidence_of_surface)
+    monkeypatch.setattr(surface, "evidence_of_surface", read)
     reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
     trials = run_benchmark(Benchmark(designed_parts(severities=(0.0,)), APART, reading), tmp_path)
     assert read.call_count == 1

@@ -14,7 +14,7 @@ from pipeline.benchmark.readers.own_reader import Answer, ExamPart
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from whisker_array.simulation.traces import Fidelity
 

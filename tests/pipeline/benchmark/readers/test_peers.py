@@ -12,9 +12,9 @@ from pipeline.benchmark.exam.specimens import Specimen
 from pipeline.benchmark.readers import peers, pictures
 from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings, feel_part
 from pipeline.benchmark.readers.modes import open_mode
-from recognition.decision.decide import Decision, ReadingFlag
+from recognition.decide.decision import Decision, ReadingFlag
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 
 CLASSES = ("", "A", "B")

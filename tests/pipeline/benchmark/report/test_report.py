@@ -16,7 +16,7 @@ from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, rank_wo
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.certificates import a_certificate, measured
 from tests.support.csv_table import csv_rows

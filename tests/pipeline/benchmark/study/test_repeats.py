@@ -17,7 +17,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import Executor
-from recognition.decision.reading import Reading
+from recognition.decide.reading import Reading
 from tests.support.readings import reading_of
 
 MAP, RECORDED = PartFiles("m", height_map="m.npz"), PartFiles("r.1", scan="r.1.h5")

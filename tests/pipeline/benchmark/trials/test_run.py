@@ -22,10 +22,10 @@ from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.workers.pool import WorkPool
-from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decide.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.reader import Reader
-from recognition.senses.settings import ReaderSettings
+from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.counted import Counted
 from whisker_array.simulation.traces import Fidelity

@@ -9,8 +9,8 @@ from types import MappingProxyType
 import pytest
 
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
-from recognition.decision.decide import ReadingFlag
-from recognition.decision.reading import Reading
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.reading import Reading
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(
@@ -37,7 +37,7 @@ def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pyt
 
 def test_a_mode_is_charged_for_what_it_needs_and_the_scan_is_told_apart() -> None:
     steps = {"mount": 0.125, "scan": 0.5, "edge map": 0.25, "search": 1.0}
-    reading = Reading((), 0.0, ReadingFlag.NO_CHARACTERS, seconds=MappingProxyType(steps))
+    reading = Reading((), 0.0, (Finding.of(ReadingFlag.NO_CHARACTERS),), seconds=MappingProxyType(steps))
     trial = replace(Trial("p", 0, {}, "m", "A"), **answer_of(reading), compute_s=4.0)
     assert (trial.compute_s, trial.simulated_s, trial.reading_s) == (4.0, 0.625, 3.375)
 

@@ -42,7 +42,7 @@ from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import align_places, cells_of, expected_cells, places_of
 from pipeline.service.pages.routes import own_address
 from pipeline.store.errors import StoreError
-from recognition.decision.decide import ReadingFlag
+from recognition.decide.decision import ReadingFlag
 from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, reading
 
 

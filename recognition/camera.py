@@ -1,0 +1,131 @@
+"""Evidence by camera: from a photograph to the text in it.
+
+photograph --codes removed, shrunk--> view --find--> lines
+                                      \\-> the same without stains, used if clearly surer
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
+from recognition.combine.read_line import ReadLine
+from recognition.decide.choice import is_doubtful
+from recognition.decide.decide import decide
+from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
+from recognition.decide.score import log_odds
+from recognition.find.layouts import other_layout
+from recognition.find.other_ways import other_ways
+from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
+from recognition.language.lattice import Lattice
+from recognition.search.line_reader import LineReader, is_agreed
+from recognition.settings import ReaderSettings, Repertoire
+from recognition.step_times import StepTimes
+from recognition.views.codes import Code, codes_of, without_codes
+from recognition.views.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
+from recognition.views.registered import photo_views, stainless_view
+from recognition.views.view import View
+
+CLEARLY_NATS = 0.5
+"""Log odds by which a reading without stains must exceed that of the photograph itself, nats."""
+LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
+
+
+class VisionReader:
+    """Makes evidence of photographs; keeps prototypes of fonts between them."""
+
+    def __init__(self, settings: ReaderSettings | None = None) -> None:
+        """Load the fonts.
+
+        Args:
+            settings: settings of the reader; `fidelity` and `depth_rules` are ignored.
+
+        Raises:
+            FontError: a font cannot be loaded, or lacks characters that the format needs.
+            MarksError: `experts` lacks the network; only it reads photographs.
+        """
+        self.settings = settings if settings is not None else ReaderSettings()
+        if "network" not in self.settings.experts:
+            raise MarksError(
+                f"{', '.join(self.settings.experts)} cannot read photographs",
+                hint="add the expert network, or read by touch: --mode tactile",
+            )
+        repertoire = Repertoire(self.settings)
+        self.fonts, self._scaled = repertoire.fonts, LineReader(repertoire.search, self.settings.asked)
+        # a height in mm cannot be used on a photograph of unknown scale
+        self._unscaled = replace(self._scaled, search=replace(repertoire.search, height_mm=None))
+
+    def of_photo(self, photo: Photo) -> SenseEvidence:
+        """Evidence of a photograph, with no more pixels than its characters need."""
+        codes = codes_of(shrunk(photo, SIZES[-1]))
+        for small in shrunk_versions(photo):
+            evidence = self._of_size(small, codes)
+            main = None if evidence.lines is None else evidence.lines.main
+            if main is not None and is_large_enough(small, main.line.height_mm):
+                break
+        return evidence
+
+    def _of_size(self, photo: Photo, codes: Sequence[Code]) -> SenseEvidence:
+        """Look at the photograph; if it is not sure, also without stains, which must be clearly surer to count."""
+        times, bare = StepTimes(), without_codes(photo, codes)
+        with times.step("see"):
+            views, left_out = photo_views(bare)
+        log = Log(
+            notes=(*_file_notes(photo), *(LEFT_OUT.format(number) for number in left_out)),
+            photo=photo,
+            photos=1 + len(photo.others) - len(left_out),
+            codes=tuple(codes),
+        )
+        evidence = self._of_views(views, log, times)
+        if photo.others:
+            return evidence
+        reading = decide(Evidence.of(evidence), self.settings)
+        # a sure reading may be in review for a contract: another text must not bypass it
+        if reading.confidence >= self.settings.least_score("vision"):
+            return evidence
+        clean_view = stainless_view(bare)
+        if clean_view is None:
+            return evidence
+        clean = self._of_views([clean_view], log, times)
+        other = decide(Evidence.of(clean), self.settings)
+        surer = log_odds(other.confidence) > log_odds(reading.confidence) + CLEARLY_NATS
+        # the same text again is no further evidence: it is the same photograph
+        if not surer or other.plain_text == reading.plain_text:
+            return evidence.logged(seconds=times.seconds)
+        texts = frozenset({reading.plain_text} if reading.confidence > EVEN else ())
+        return clean.logged(other_texts=texts)
+
+    def _of_views(self, views: Sequence[View], log: Log, times: StepTimes) -> SenseEvidence:
+        assert log.photo is not None
+        lines = self._scaled if log.photo.pitch_mm is not None else self._unscaled
+        with times.step("find"):
+            part = lines.read(*views, twice=self.settings.templates_judge)
+            if part.main is not None:
+                part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
+        with times.step("orientation"):
+            ways = other_ways(part, views[0], lines)
+        with times.step("layout"):
+            doubtful = is_doubtful(part, lines.grammar, "vision")
+            layout = other_layout(part, views[0], lines) if doubtful else ""
+        log = replace(log, seconds=times.seconds)
+        return SenseEvidence("vision", tuple(views), part, None, log, ways, layout)
+
+    @cached_property
+    def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
+        """Prototypes of each named font, under several lights; made when a line first needs them."""
+        chars_of = self._scaled.search.chars_of
+        return tuple(lit_prototypes(font, chars) for font in self.fonts if (chars := chars_of(font)))
+
+    def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
+        """Match the named fonts to a line that the recogniser is not sure of."""
+        if not self.settings.templates_judge or is_agreed(main) or not self.prototypes:
+            return {}
+        return {"templates": match_fonts(views, main.line, main.columns, self.prototypes, main.lattice)[0]}
+
+
+def _file_notes(photo: Photo) -> tuple[str, ...]:
+    """Notes on the files of all photographs, each once."""
+    return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))

@@ -1,0 +1,184 @@
+"""Evidence of a part: what each sense has seen, found and measured; the decision rests on it alone.
+
+    see --> views   find --> lines   measure --> marks   log --\\
+                                                                SenseEvidence --\\
+                                                                                 Evidence --decide--> Reading
+                                                    (the other sense likewise) --/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from glyphs.surface.display import one_line
+from recognition.decide.decision import CertifiedAcceptance, Finding
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import HeightMap
+    from recognition.decide.depth_rules import DepthRule
+    from recognition.find.other_ways import OtherWay
+    from recognition.language.grammar import Grammar
+    from recognition.language.orientation import Orientation
+    from recognition.marks.measure import Marks
+    from recognition.search.part_lines import LineFormat, PartLines
+    from recognition.views.codes import Code
+    from recognition.views.view import View
+    from whisker_array.scan.scan import Scan
+
+EVEN = 0.5
+"""Score above which the text of another look is more likely right than wrong, so that it counts."""
+Source = Literal["tactile", "vision"]
+
+
+class DecisionSettings(Protocol):
+    """What a decision needs of the settings."""
+
+    @property
+    def fonts(self) -> Sequence[object]:
+        """The named fonts; empty if they are unknown."""
+
+    @property
+    def grammar(self) -> Grammar | None:
+        """Format of the serial; None without one."""
+
+    @property
+    def asked(self) -> Mapping[str, LineFormat]:
+        """Further lines that the part should have, by name."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """Possible orientations of the parts."""
+
+    @property
+    def depth_rules(self) -> Sequence[DepthRule]:
+        """Rules for the depth of the mark."""
+
+    @property
+    def certified(self) -> CertifiedAcceptance | None:
+        """Limits of a certificate; None without one."""
+
+    @property
+    def accept_risk(self) -> float:
+        """Greatest share of wrong readings among those accepted."""
+
+    def least_score(self, source: str) -> float:
+        """Least score from which a text of a source of readings is accepted, or counts as sure."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What a sense was given and what happened on the way.
+
+    Attributes:
+        findings: faults of scan, bench and stage.
+        notes: notes for people.
+        seconds: time of each step.
+        surface: levelled height map that was scanned.
+        scan: scan, with its log of passes if they were chosen one after the other.
+        chosen_passes: whether the passes of the scan were chosen one after the other.
+        photo: photograph, with others of the same part.
+        photos: number of photographs that were read.
+        codes: Data Matrix and QR codes in the photographs.
+        other_texts: texts of other looks that were more likely right than wrong; the surest look was chosen.
+    """
+
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    surface: HeightMap | None = None
+    scan: Scan | None = None
+    chosen_passes: bool = False
+    photo: Photo | None = None
+    photos: int = 0
+    codes: tuple[Code, ...] = ()
+    other_texts: frozenset[str] = frozenset()
+
+    __repr__ = one_line
+
+
+@dataclass(frozen=True, eq=False)
+class SenseEvidence:
+    """Evidence of one sense.
+
+    Attributes:
+        source: "tactile" or "vision".
+        views: what was looked at, the one that counts first; empty if there was nothing to see.
+        lines: lines that were found and read.
+        marks: the felt marks; None where they cannot be measured.
+        log: what happened on the way.
+        other_ways: other orientations in which the marks may be read.
+        layout: other layout in which a doubtful part reads well, in words; empty without one.
+    """
+
+    source: Source
+    views: tuple[View, ...] = ()
+    lines: PartLines | None = None
+    marks: Marks | None = None
+    log: Log = Log()
+    other_ways: tuple[OtherWay, ...] = ()
+    layout: str = ""
+
+    __repr__ = one_line
+
+    def logged(self, **fields: object) -> SenseEvidence:
+        """The same evidence with these fields of its log."""
+        return replace(self, log=replace(self.log, **fields))  # type: ignore[arg-type]
+
+    @property
+    def scaled(self) -> bool:
+        """Whether lengths are mm, not pixels of a photograph of unknown scale."""
+        return self.log.photo is None or self.log.photo.pitch_mm is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Evidence of a part from one sense or both.
+
+    Attributes:
+        touch: evidence by touch.
+        vision: evidence by camera.
+        expected: text that the part should read; empty if unknown.
+        notes: notes on the part's files.
+        other_texts: texts that earlier readings of the part gave and that were more likely right than wrong.
+
+    Raises:
+        ValueError: no sense.
+    """
+
+    touch: SenseEvidence | None = None
+    vision: SenseEvidence | None = None
+    expected: str = ""
+    notes: tuple[str, ...] = ()
+    other_texts: frozenset[str] = frozenset()
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        if not self.senses:
+            raise ValueError("evidence comes from touch, from the camera, or from both")
+
+    @classmethod
+    def of(cls, sense: SenseEvidence) -> Evidence:
+        """Evidence of one sense."""
+        return cls(touch=sense) if sense.source == "tactile" else cls(vision=sense)
+
+    @property
+    def senses(self) -> tuple[SenseEvidence, ...]:
+        """Touch, then the camera, as far as there are."""
+        return tuple(sense for sense in (self.touch, self.vision) if sense is not None)
+
+    @property
+    def source(self) -> str:
+        """Source of the reading: "tactile", "vision" or "fused"."""
+        return self.senses[0].source if len(self.senses) == 1 else "fused"
+
+    def joined(self, other: Evidence) -> Evidence:
+        """This evidence with the senses that only the other one has."""
+        return Evidence(
+            self.touch or other.touch, self.vision or other.vision, self.expected or other.expected,
+            (*self.notes, *other.notes), self.other_texts | other.other_texts,
+        )  # fmt: skip

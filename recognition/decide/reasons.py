@@ -1,0 +1,73 @@
+"""Reasons why a part is not accepted, in words: the one or two that decide, in order.
+
+flags --importance--> the first two --findings: places and numbers--> words
+rules of the mark, what happened to the scan, notes ----------------> all of them, after these
+
+A finding says what a flag means on this part and replaces the flag's general words. The user asked for the
+rules of the mark, so every broken rule is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from recognition.decide.decision import MEASURE_FLAGS, Finding, Kind, ReadingFlag
+from recognition.language.code_text import holds
+
+if TYPE_CHECKING:
+    from recognition import Reading
+
+ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.EXPLANATION)
+"""Doubts about a serial, most important first; a reading reports the first one (`reasons_of`)."""
+
+
+def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...]:
+    """Return the reasons of a reading, then other findings, then notes.
+
+    Args:
+        reading: reading of the part.
+        most_reasons: most flags about the serial that are named.
+    """
+    about = ABOUT_SERIAL
+    if reading.flags & ReadingFlag.FORMAT_NOT_MET:
+        # what is read is clear: doubts under a format that does not fit it are no doubts about the part
+        about &= ~(
+            ReadingFlag.of(Kind.EXPLANATION) | ReadingFlag.LOW_CONFIDENCE | ReadingFlag.FORMAT_OVERRULED
+        )
+    reasons = [findings for flag in about if (findings := _findings(reading, flag))]
+    rules = _findings(reading, reading.flags & MEASURE_FLAGS)
+    scan = _findings(reading, reading.flags & ~(ABOUT_SERIAL | MEASURE_FLAGS))
+    named = [finding for findings in reasons[:most_reasons] for finding in findings]
+    beside = (
+        f"another line reads “{line.text}”, which does not fit the serial's format"
+        for line in reading.others
+        if not line.name and not line.may_be_serial
+    )
+    same = (
+        f"the {code.kind} holds the same serial" for code in reading.codes if holds(code.text, reading.text)
+    )
+    notes = (Finding(ReadingFlag.NONE, text) for text in (*beside, *same, *reading.notes))
+    return (*named, *rules, *scan, *notes)
+
+
+def _findings(reading: Reading, flag: ReadingFlag) -> tuple[Finding, ...]:
+    """Return the findings of a flag, or of several flags that give one reason; empty if none is set."""
+    if not reading.flags & flag:
+        return ()
+    found = tuple({finding.text: finding for finding in reading.findings if finding.flag & flag}.values())
+    return found if flag & ReadingFlag.LOW_CONFIDENCE else _merge(found)
+
+
+def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Merge findings with the same explanation: "P or W at place 1, 3 or 2 at place 3: ..."."""
+    made: dict[str, Finding] = {}
+    for finding in findings:
+        head, colon, why = finding.text.partition(": ")
+        before = made.get(key := colon + why or finding.text)
+        if before is not None:
+            text = f"{before.text.removesuffix(colon + why)}, {head}{colon}{why}" if colon else before.text
+            finding = replace(before, text=text, places=before.places + finding.places)
+        made[key] = finding
+    return tuple(made.values())

@@ -1,0 +1,111 @@
+"""Judges of the score: a low one, and rules for a text that would otherwise be accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from recognition.decide.choice import Choice
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.risk import risk_findings
+from recognition.decide.score import DIGITS
+from recognition.decide.words import ranges_text
+from recognition.language.confusions import CharacterState
+from recognition.marks.lines_felt import places_lacking_lines
+
+
+def accepted_risk(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report that the sense whose score applies was not shown to keep the accepted risk."""
+    if choice.characters:
+        yield from risk_findings(choice.scored_as, choice.accept_risk)
+
+
+def low_confidence(choice: Choice, *, sure_count: float = 0.9) -> Iterator[Finding]:
+    """Report a score below the threshold: the doubtful characters, or their number.
+
+    Args:
+        choice: the text.
+        sure_count: probability of the number of characters below which it is doubted.
+    """
+    if not choice.is_low:
+        return
+    low, why = ReadingFlag.LOW_CONFIDENCE, choice.shortfall
+    places = tuple(enumerate(choice.characters, start=1))
+    unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
+    rivals = _rivals(choice)
+    if rivals:
+        yield Finding(low, f"{why}: {', '.join(rivals.values())}?", tuple(rivals))
+    if unread:
+        text = f"no character can be made out: {ranges_text(unread)} (look at the part)"
+        yield Finding(low, text, tuple(unread))
+    if rivals or unread:
+        return
+    if choice.line is not None and choice.line.likely < sure_count:
+        yield Finding(low, f"{why}: are there {len(places)} characters?")
+    elif len(places) > 1:
+        k, least = min(places, key=lambda place: place[1].confidence)
+        yield Finding(low, f"{why}: {least.char} at place {k} is the least certain", (k,))
+    else:
+        yield Finding(low, why)
+
+
+def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> dict[int, str]:
+    """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5".
+
+    Args:
+        choice: choice with its characters.
+        doubted: least probability of a second candidate for its place to be named.
+        most_places: most places that are named for low confidence.
+    """
+    places = [
+        (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)
+        for k, c in enumerate(choice.characters, start=1)
+        if len(c.candidates) > 1
+        and c.candidates[1].probability >= doubted
+        and not (c.state is not None and c.state.state is CharacterState.NOT_READ)
+    ]
+    return {k: text for _, text, k in sorted(places)[:most_places]}
+
+
+def other_texts(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Raise the threshold for a text that was chosen among several.
+
+    Reading the same text again costs nothing. Each other text that a look has read is one more chance to be wrong:
+    after k texts, 1/k of the error is allowed (Bonferroni). Looks are those of touch at another height, in another
+    order of the rows and after further passes, of the camera without stains, and of an earlier pass over the lot.
+    """
+    looks = (sense.log.other_texts for sense in choice.senses)
+    texts = {choice.text}.union(evidence.other_texts, *looks)
+    if choice.score < 1.0 - (1.0 - choice.threshold) / len(texts):
+        yield Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: an earlier look read another text")
+
+
+def too_few_lines(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report places where the passes of active touch do not distinguish the text from its rivals."""
+    log = choice.sense.log
+    if not log.chosen_passes or log.scan is None or not choice.strokes:
+        return
+    missing = places_lacking_lines(
+        log.scan, [place.box for place in choice.characters], choice.strokes, height_mm=choice.height_mm
+    )
+    # of two axes that lack lines at a place, the first is named
+    by_place = {lacking.place: lacking for lacking in reversed(missing)}
+    for k, lacking in sorted(by_place.items()):
+        likeliest = max(choice.strokes[k].rivals, key=lambda rival: rival.belief, default=None)
+        pair = choice.text[k] if likeliest is None else f"{choice.text[k]} or {likeliest.char}"
+        what = f"{pair} at place {k + 1}: too few lines {lacking.axis} were felt over it (feel more lines)"
+        yield Finding(ReadingFlag.TOO_FEW_LINES, what, (k + 1,))
+
+
+def certificate(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report a text that the certificate does not cover."""
+    allowed = settings.certified
+    if allowed is None:
+        return
+    if evidence.source not in allowed.sources:
+        why = f"the certificate does not cover this sense ({evidence.source})"
+    elif round(choice.score, DIGITS) < allowed.confidence:
+        why = f"confidence {choice.score:.4f}, certified from {allowed.confidence:g}"
+    else:
+        return
+    yield Finding(ReadingFlag.NOT_CERTIFIED, why)

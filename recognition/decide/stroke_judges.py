@@ -1,0 +1,167 @@
+"""Judges of the felt strokes: missing ones, ones that leave two characters undecided, and those of another font.
+
+The prior is ignored here: a J whose hook is filled looks like an I. Missing and undecided strokes explain a low score;
+they break no contract by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import repeat
+from statistics import mode
+
+from recognition.decide.choice import Choice
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.words import places_text
+from recognition.marks.grade import Action
+from recognition.marks.strokes import LIVE, PlaceStrokes, RivalStrokes
+
+_REMEDIES = {
+    Action.NONE: "look at the part",
+    Action.CLEAN: "clean it and scan it again",
+    Action.CLEAN_FIRST: "clean it and scan it again",
+    Action.RE_STRIKE: "strike it again",
+}
+LEFT = 0.002
+"""Greatest posterior of a rival after the strokes are weighed."""
+HIDDEN_MARGIN = 2.5
+"""Margin, nats, from which covered strokes of a rival are no reason for doubt."""
+
+
+def cut_characters(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report characters that cross the edge of the area that was felt."""
+    places = tuple(k for k, place in enumerate(choice.strokes, start=1) if not place.whole)
+    if places and choice.characters:
+        what = f"not felt to the edge: {places_text(choice.text, places)} (scan a longer or wider stretch)"
+        yield Finding(ReadingFlag.NOT_WHOLE, what, places)
+
+
+def missing_strokes(
+    evidence: Evidence,
+    choice: Choice,
+    settings: DecisionSettings,
+    *,
+    least_edges: float = 0.5,
+    least_felt: float = 0.4,
+    suited: float = 0.35,
+    all_there: float = 0.6,
+    least_foreign: int = 2,
+) -> Iterator[Finding]:
+    """Report characters most of whose strokes are missing, or are those of another font than the named one.
+
+    Args:
+        evidence, choice, settings: as for every judge.
+        least_edges: least share of a character's edges that must be there, in a font that explains the marks.
+        least_felt: least share of the depth of a character's strokes that must be there, in the best-fitting font,
+            which may differ from the part's.
+        suited: template score from which a character counts as there, however shallow it is.
+        all_there: share of strokes felt, by depth or by edges, from which none counts as missing.
+        least_foreign: least number of characters that must differ from the named font: a single one may be a bad
+            blow or misplaced dots.
+    """
+    lacking: dict[int, Action] = {}
+    foreign: list[int] = []
+    strokes = choice.strokes or repeat(PlaceStrokes(None))
+    for k, (c, place) in enumerate(zip(choice.characters, strokes, strict=False), start=1):
+        edges = None if c.grade is None else c.grade.value("completeness")
+        shallow = place.felt is not None and place.felt < least_felt and place.score < suited
+        if shallow and (edges is None or edges < all_there):
+            lacking[k] = Action.CLEAN if c.grade is None else c.grade.action
+        elif c.grade is not None and edges is not None and edges < least_edges:
+            if (place.felt or 0.0) >= all_there:
+                foreign.append(k)
+            else:
+                lacking[k] = c.grade.action
+    if lacking and choice.may_be_explained:
+        remedy = _REMEDIES[mode(lacking.values())]
+        what = f"most strokes are missing: {places_text(choice.text, [*lacking])} ({remedy})"
+        yield Finding(ReadingFlag.STROKES_MISSING, what, tuple(lacking))
+    laid = None if choice.marks is None else choice.marks.laid
+    if len(foreign) >= least_foreign and laid is not None and laid.font.name != choice.font:
+        what = f"another font than {choice.font} explains the marks better"
+        what = f"{what}: {places_text(choice.text, foreign)} (name the right font)"
+        yield Finding(ReadingFlag.FOREIGN_SHAPES, what, tuple(foreign))
+
+
+def undecided_strokes(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report strokes that do not exclude a rival, if the score is low."""
+    if not choice.may_be_explained:
+        return
+    for k, (c, place) in enumerate(zip(choice.characters, choice.strokes, strict=False), start=1):
+        doubts = [(rival, why) for rival in place.rivals if (why := _why_undecided(rival))]
+        if doubts:
+            rival, why = min(doubts, key=lambda doubt: doubt[0].excluded_nats)
+            what = f"{c.char} or {rival.char} at place {k}: {why}"
+            yield Finding(ReadingFlag.STROKES_UNDECIDED, what, (k,))
+
+
+def _why_undecided(
+    rival: RivalStrokes,
+    *,
+    distinct_heights: float = 0.25,
+    least_belief: float = 0.03,
+    hidden_share: float = 0.5,
+) -> str:
+    """Explain why strokes do not exclude a rival; empty if they do.
+
+    Args:
+        rival: with its evidence.
+        distinct_heights: least length of strokes that differ between two characters if touch is to decide, character
+            heights.
+        least_belief: posterior from which a rival is not excluded if touch cannot decide.
+        hidden_share: share of a rival's strokes that could not be felt, from which the rival is not excluded.
+    """
+    if rival.apart_heights < distinct_heights:
+        return "touch hardly tells them apart (look at the part)" if rival.belief >= least_belief else ""
+    covered = rival.more_heights >= distinct_heights and rival.hidden >= hidden_share
+    if covered and rival.margin < HIDDEN_MARGIN:
+        return "the strokes that tell them apart are covered (clean it and scan it again)"
+    if rival.belief < LIVE or rival.excluded_nats >= -math.log(LEFT):
+        return ""
+    if rival.margin < 0.0:
+        return "the strokes that were felt fit both (look at the part)"
+    return "the strokes that tell them apart may be filled (clean it and scan it again)"
+
+
+def named_font(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report a named font that does not fit the marks."""
+    marks = choice.marks
+    if not choice.characters or marks is None or marks.along is None or marks.font_fits:
+        return
+    if settings.fonts:
+        what = f"the font {marks.along.font.name} does not fit the marks (name the right font, or none)"
+        yield Finding(ReadingFlag.FOREIGN_SHAPES, what)
+
+
+def guessed_characters(
+    evidence: Evidence, choice: Choice, settings: DecisionSettings, *, near_fit: float = 0.05
+) -> Iterator[Finding]:
+    """Report characters that may be missing from their learned font, if templates alone have read them.
+
+    If O was never enrolled, its shape comes from another font, and an enrolled Q fits a true O about as well. A
+    character is doubtful if it is such a guess, or if a guess fits nearly as well. The network judges each character by
+    itself; templates only compare characters that were felt.
+
+    Args:
+        evidence, choice, settings: as for every judge.
+        near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
+            over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
+    """
+    line, laid = choice.line, choice.in_own_font
+    if not choice.characters or laid is None or line is None or "network" in line.by_expert:
+        return
+    guessed = {c for c, glyph in laid.font.glyphs.items() if glyph.guessed}
+    places = None if settings.grammar is None else settings.grammar.fixed_places
+    for k, char in enumerate(choice.text) if guessed else ():
+        allowed = guessed
+        if places is not None and len(places) == len(choice.text):
+            allowed = guessed & set(places[k])
+        character = laid.laid[k]
+        least = -1.0 if character is None else character.fit - near_fit
+        near = [c for c in sorted(allowed) if laid.felt.lay(k, c, laid.font, laid.face).fit > least]
+        never = [char] if char in guessed else near
+        if never:
+            what = f"place {k + 1}: {', '.join(never)} was never enrolled in {choice.font}"
+            yield Finding(ReadingFlag.FOREIGN_SHAPES, what, (k + 1,))

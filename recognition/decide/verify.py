@@ -1,0 +1,205 @@
+"""Check a part against its expected serial: confirmed, refuted or undecided.
+
+    place             1    2    3  ...    same    = product of b(e)               all are as expected
+    expected e        K    7    4         unknown = product of (b(e) + r) - same  none differs, not all read
+    posterior b(e)   .99  .98  .01        differs = 1 - product of (b(e) + r)     one is clearly another
+    none r           .00  .01  .01
+
+A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other
+texts need not fit the format: a wrong serial may break it. A reading that is accepted with the expected text confirms
+it as well: its score also counts what the format excludes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+
+import numpy as np
+
+from glyphs.errors import MarksError
+from glyphs.surface.display import one_line
+from recognition.language.confusions import CharacterState, PlaceState, state_of
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+
+class VerifyError(MarksError):
+    """An expected text that cannot be verified."""
+
+
+class Verdict(StrEnum):
+    """The verdict on the expected serial."""
+
+    CONFIRMED = "confirmed"
+    REFUTED = "refuted"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class CharacterCheck:
+    """One expected character, or one extra place.
+
+    Attributes:
+        place: place in the lattice, from 0; None for a character without a place.
+        state: state of the place, with the character expected there; that is empty for a place that is left over.
+    """
+
+    place: int | None
+    state: PlaceState
+
+    @property
+    def message(self) -> str:
+        """The finding in words."""
+        if self.place is None:
+            return f"no place was found for {self.state.expected}"
+        if self.state.state is CharacterState.NOT_READ and self.state.expected:
+            return f"{self.state.expected} cannot be made out"
+        return self.state.message
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The verdict and its evidence.
+
+    Attributes:
+        expected: the text, without blanks.
+        verdict: the verdict on it.
+        probability: probability of the expected text, or the score of a reading that is accepted with it; 0 if the
+            number of characters differs.
+        refutation: probability that at least one character is clearly another.
+        characters: checks in the order of the text; places left over come where they were found.
+        places: number of characters found.
+    """
+
+    expected: str
+    verdict: Verdict
+    probability: float
+    refutation: float
+    characters: tuple[CharacterCheck, ...]
+    places: int
+
+    __repr__ = one_line
+
+    def messages(self) -> tuple[str, ...]:
+        """Return the differences in words, with places of the text counted from 1.
+
+        If the numbers of characters differ by 2 or more, the places hardly correspond, and only the numbers are said.
+        """
+        differences = []
+        if self.places != len(self.expected):
+            differences.append(f"{self.places} characters were found where {len(self.expected)} are expected")
+            if abs(self.places - len(self.expected)) > 1:
+                return tuple(differences)
+        at = 0
+        for check in self.characters:
+            at += bool(check.state.expected)
+            if check.state.state is not CharacterState.READ:
+                where = (
+                    f"place {at}" if check.state.expected else f"after place {at}" if at else "before place 1"
+                )
+                differences.append(f"{where}: {check.message}")
+        return tuple(differences)
+
+
+def verify(
+    lattice: Lattice | None,
+    expected: str,
+    *,
+    grammar: Grammar | None = None,
+    contradicted: bool = False,
+    accepted: float = 0.0,
+    least: float = 0.99,
+) -> Verification:
+    """Compare the posteriors of a line with the expected text.
+
+    The lattice must have been made without knowledge of the text, and must allow other characters than the
+    expected ones.
+
+    Args:
+        lattice: posteriors of the places; None if no characters were found.
+        expected: the text; blanks are ignored.
+        grammar: format that the expected text must fit.
+        contradicted: whether two senses are sure of different characters; then nothing is confirmed.
+        accepted: score of a reading that is accepted with the expected text; 0 if there is none.
+        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED without an accepted reading.
+            If any character mismatches, nothing is confirmed.
+
+    Raises:
+        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks.
+    """
+    if lattice is None:
+        lattice = Lattice((), np.zeros((0, 0)))
+    text = "".join(expected.split())
+    if not text:
+        raise VerifyError("the expected text is empty", hint="give the serial that the part should read")
+    unknown = sorted(set(text) - set(lattice.chars))
+    if unknown and lattice.n_places:
+        raise VerifyError(
+            f"the expected text {text!r} has {' '.join(unknown)}, which the reader does not look for",
+            hint="read with a font and a format that include it",
+        )
+    if grammar is not None and (broken := grammar.objections(text)):
+        raise VerifyError(
+            f"the expected text {text!r} does not fit the format: {'; '.join(broken)}",
+            hint="correct one of them",
+        )
+    belief = np.exp(lattice.log_belief)
+    nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
+    whole = lattice.n_places == len(text)
+    same, not_other = float(whole), 1.0
+    checks = []
+    for place, char in _align(lattice, text):
+        if place is None:
+            checks.append(CharacterCheck(None, PlaceState(CharacterState.NOT_READ, "", 0.0, expected=char)))
+            continue
+        beliefs = dict(zip(lattice.chars, belief[place].tolist(), strict=True))
+        checks.append(CharacterCheck(place, state_of(beliefs, expected=char)))
+        if char:
+            same *= beliefs[char]
+            not_other *= min(1.0, beliefs[char] + float(nothing[place]))
+    contradicted |= any(c.state.state is CharacterState.MISMATCH for c in checks)
+    verdict = Verdict.UNDECIDED
+    if 1.0 - not_other >= least:
+        verdict = Verdict.REFUTED
+    elif (same >= least or (whole and accepted)) and not contradicted:
+        verdict, same = Verdict.CONFIRMED, max(same, accepted)
+    return Verification(text, verdict, same, 1.0 - not_other, tuple(checks), lattice.n_places)
+
+
+def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tuple[int | None, str]]:
+    """Align places with expected characters; None or "" stands for a missing partner.
+
+    If there are equally many, they are paired one to one; else by the alignment with the largest product of
+    posteriors.
+
+    Args:
+        lattice: posteriors of the places.
+        text: expected characters.
+        missing: likelihood of a place or an expected character that is left over, if their numbers differ.
+    """
+    n, m = lattice.n_places, len(text)
+    if n == m:
+        return list(enumerate(text))
+    cost = math.log(missing)
+
+    @cache
+    def best(i: int, j: int) -> tuple[float, tuple[tuple[int | None, str], ...]]:
+        """Log likelihood and pairs of the first i places and the first j characters."""
+        ways: list[tuple[int, int, float, tuple[int | None, str]]] = []
+        if i and j:
+            own = float(lattice.log_belief[i - 1, lattice.chars.index(text[j - 1])])
+            # a pair never costs more than leaving both over, so no more than necessary are left over
+            ways.append((i - 1, j - 1, max(2.0 * cost, own), (i - 1, text[j - 1])))
+        if i:
+            ways.append((i - 1, j, cost, (i - 1, "")))
+        if j:
+            ways.append((i, j - 1, cost, (None, text[j - 1])))
+        found = ((best(*before), worth, pair) for *before, worth, pair in ways)
+        tried = [(log + worth, (*pairs, pair)) for (log, pairs), worth, pair in found]
+        return max(tried, key=lambda one: one[0], default=(0.0, ()))
+
+    return best(n, m)[1]

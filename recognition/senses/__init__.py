@@ -1,1 +1,0 @@
-"""Readers by one sense: touch, camera."""

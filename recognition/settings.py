@@ -1,0 +1,183 @@
+"""Settings of a reader, and the characters that they allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, TypedDict
+
+import numpy as np
+
+from glyphs.fonts.glyph import Font, FontError
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import SIGNS, FormatError
+from glyphs.surface.display import one_line
+from recognition.decide.decision import CertifiedAcceptance
+from recognition.decide.depth_rules import DepthRule
+from recognition.decide.risk import least_score, require_kept
+from recognition.decide.risk_text import USUAL_RISK, check_risk
+from recognition.experts.steps import EXPERTS
+from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.search.part_lines import LineFormat, Region, check_region
+from whisker_array.simulation.traces import Fidelity
+
+if TYPE_CHECKING:
+    from recognition.search.line_search import LineSearch
+
+STAND_INS = ("gothic", "futuram", "timesr")
+"""Built-in fonts that stand in for an unnamed one: depths are measured along their strokes."""
+
+
+class ReaderOptions(TypedDict, total=False):
+    """The fields of `ReaderSettings`, as keywords of a reader."""
+
+    fonts: Sequence[str | Font]
+    format: str | Grammar | None
+    height_mm: float | None
+    fidelity: Fidelity
+    accept_risk: float
+    depth_rules: tuple[DepthRule, ...]
+    experts: tuple[str, ...]
+    region: Region | None
+    lines: Mapping[str, str | LineFormat]
+    certified: CertifiedAcceptance | None
+    orientation: Orientation
+
+
+@dataclass(frozen=True)
+class ReaderSettings:
+    """Settings of a reader.
+
+    Attributes:
+        fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared with
+            the marks.
+        format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
+            grammar; None if unknown.
+        height_mm: character height, if known.
+        fidelity: fidelity with which the virtual array feels a height map.
+        accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
+            was tested to keep it (`recognition.decide.risk`), and nothing if there is none.
+        depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
+        experts: names of `EXPERTS` that read (default: all).
+        region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
+            (default: anywhere).
+        lines: formats and regions of other lines on the part, by name.
+        certified: limits of a certificate; None without one.
+        orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
+
+    Raises:
+        FormatError: a format that no serial meets.
+        MarksError: another risk than the usual one, which no sense keeps.
+        ValueError: a number out of range.
+    """
+
+    fonts: Sequence[str | Font] = ()
+    format: str | Grammar | None = None
+    height_mm: float | None = None
+    fidelity: Fidelity = Fidelity.CONTACT
+    accept_risk: float = USUAL_RISK
+    depth_rules: tuple[DepthRule, ...] = ()
+    experts: tuple[str, ...] = ()
+    region: Region | None = None
+    lines: Mapping[str, str | LineFormat] | tuple[tuple[str, str | LineFormat], ...] = ()
+    certified: CertifiedAcceptance | None = None
+    orientation: Orientation = Orientation.ANY
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        fonts = (self.fonts,) if isinstance(self.fonts, str) else tuple(self.fonts)
+        object.__setattr__(self, "fonts", fonts)
+        if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
+            raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
+        if check_risk(self.accept_risk) != USUAL_RISK:  # one that was chosen
+            require_kept(self.accept_risk)
+        check_region(self.region)
+        object.__setattr__(self, "orientation", Orientation(self.orientation))
+        # a tuple of pairs, so that settings can be dictionary keys
+        object.__setattr__(self, "lines", tuple(dict(self.lines).items()))
+        experts = (self.experts,) if isinstance(self.experts, str) else tuple(self.experts)
+        object.__setattr__(self, "experts", experts or EXPERTS)
+        unknown = sorted({*experts} - {*EXPERTS})
+        if unknown:
+            raise ValueError(f"there is no expert {', '.join(unknown)}; there are {', '.join(EXPERTS)}")
+        _ = self.grammar, self.asked
+
+    @property
+    def templates_judge(self) -> bool:
+        """Whether the templates of the named fonts are compared with the marks."""
+        return bool(self.fonts) and "templates" in self.experts
+
+    def least_score(self, source: str) -> float:
+        """Least score from which a text of a source of readings is accepted, or counts as sure."""
+        return least_score(source, self.accept_risk)
+
+    @cached_property
+    def asked(self) -> Mapping[str, LineFormat]:
+        """The other lines, with their formats parsed."""
+        return {
+            name: LineFormat(Grammar.parse(one)) if isinstance(one, str) else one
+            for name, one in dict(self.lines).items()
+        }
+
+    @cached_property
+    def grammar(self) -> Grammar | None:
+        """Format of the serials; None without one."""
+        if not isinstance(self.format, str):
+            return self.format
+        if not self.format.strip():
+            raise FormatError(
+                f"the format {self.format!r} is blank",
+                hint="write one character for each position: A, 9, * or the character itself",
+            )
+        return Grammar(format=self.format)
+
+
+class Repertoire:
+    """The fonts of a reader, and its search for lines.
+
+    Attributes:
+        fonts: the named fonts, loaded; if none is named, the stand-ins.
+        strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
+        places: characters at each place; None if their number is not fixed.
+    """
+
+    def __init__(self, settings: ReaderSettings) -> None:
+        """Load the fonts.
+
+        Raises:
+            FontError: a font cannot be loaded, or lacks characters that the format needs.
+        """
+        named = settings.fonts or STAND_INS
+        self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
+        stand_ins = [load_font(font) for font in STAND_INS]
+        known = {font.name for font in self.fonts}
+        self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
+        self._settings = settings
+        self.places = None if settings.grammar is None else settings.grammar.fixed_places
+        for font in self.fonts if settings.fonts else ():
+            lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
+            if lacks:
+                asked = settings.format if isinstance(settings.format, str) else str(settings.grammar)
+                raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {asked!r} needs")
+
+    @cached_property
+    def search(self) -> LineSearch:
+        """Search for lines of all characters that may occur."""
+        # it loads OpenCV, which a check of the settings does not need
+        from recognition.search.line_search import LineSearch
+
+        settings = self._settings
+        others = {char for line in settings.asked.values() for char in line.grammar.characters}
+        # characters that the format forbids are searched for as well, so that one on the part is noticed
+        own = SIGNS if settings.grammar is None else settings.grammar.characters
+        return LineSearch(
+            settings.grammar,
+            "".join(sorted({*ALPHANUMERIC, *others, *own})),
+            height_mm=settings.height_mm,
+            region=settings.region,
+            orientation=settings.orientation,
+        )

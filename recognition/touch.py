@@ -1,0 +1,214 @@
+"""Evidence by touch: from a scan to the marks on its lines.
+
+Scan --see--> felt view --find--> lines --measure--> marks
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from glyphs.errors import MarksError
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.faces import Face
+from glyphs.surface.maps import EdgeMap, MapError
+from recognition.combine.read_line import ReadLine
+from recognition.decide.choice import is_doubtful
+from recognition.decide.decide import decide
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.evidence import Evidence, Log, SenseEvidence
+from recognition.decide.reading import Reading
+from recognition.find.layouts import other_layout
+from recognition.find.other_ways import LEAST_LEAD_NATS, lead_nats, other_ways
+from recognition.glyph_match.felt_line import FeltLine
+from recognition.glyph_match.laid_line import with_depths
+from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_templates, template_key
+from recognition.glyph_match.prototypes import felt_prototypes, match_fonts
+from recognition.language.lattice import Lattice
+from recognition.language.orientation import Way
+from recognition.marks.measure import MarkFonts, measure
+from recognition.marks.strokes import reject_false_lines
+from recognition.search.correlation_search import CorrelationSearch
+from recognition.search.line_reader import LineReader
+from recognition.settings import ReaderSettings, Repertoire
+from recognition.step_times import StepTimes
+from recognition.views.text_line import TextLine
+from recognition.views.view import View, felt_relief, felt_view
+from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
+from whisker_array.scan.scan import Scan, positions_mm
+from whisker_array.simulation.traces import SampleFlag
+
+
+class TactileReader:
+    """Makes evidence of scans; keeps fonts and predicted templates between them."""
+
+    def __init__(self, settings: ReaderSettings | None = None) -> None:
+        """Load the fonts.
+
+        Raises:
+            FontError: a font cannot be loaded, or lacks characters that the format needs.
+        """
+        self.settings = settings if settings is not None else ReaderSettings()
+        repertoire = Repertoire(self.settings)
+        fonts = repertoire.fonts
+        # room for all named fonts: they are compared on every part
+        self.predict = lru_cache(max(MOST_SETS, len(fonts)))(predict_templates)
+        self.fonts = MarkFonts(
+            fonts, repertoire.strokes_of[len(fonts) :], bool(self.settings.fonts), self._templates_of
+        )
+        search = repertoire.search
+        if "network" not in self.settings.experts:
+            search = CorrelationSearch(**vars(search), fonts=fonts, predict=self.predict)
+        self.lines = LineReader(search, self.settings.asked)
+
+    def of_recording(self, scan: Scan) -> SenseEvidence:
+        """Evidence of a recorded scan, without samples that faults of whiskers and bench spoil."""
+        times = StepTimes()
+        with times.step("faults"):
+            faults = find_faults(scan)
+            usable = flag_faults(scan, faults)
+        evidence = self.of_scan(usable, times=times)
+        return evidence.logged(findings=(*bench_findings(faults), *evidence.log.findings))
+
+    def of_scan(
+        self,
+        scan: Scan,
+        *,
+        times: StepTimes | None = None,
+        about: TextLine | None = None,
+        edges: EdgeMap | None = None,
+    ) -> SenseEvidence:
+        """Evidence of a scan.
+
+        Args:
+            scan: the scan.
+            times: records the time of each step.
+            about: position of the line, if known; no other line is searched for.
+            edges: its edge map, if it is known already.
+        """
+        times = times if times is not None else StepTimes()
+        log = Log(scan_findings(scan), scan=scan)
+        with times.step("see"):
+            try:
+                view, notes = see_scan(scan, edges)
+            except MapError as error:
+                return nothing_felt(error, replace(log, seconds=times.seconds))
+        with times.step("find"):
+            part = self.lines.read(view, about=about, twice=True)
+        with times.step("measure"):
+            marks, main = None, part.main
+            if main is not None:
+                clipped_mm = positions_mm(scan, SampleFlag.SATURATED)
+                marks = measure(view, main, self.fonts, clipped_mm=clipped_mm)
+                felt = None if marks is None else marks.felt
+                if felt is not None:
+                    part = reject_false_lines(part, felt, self.fonts.every)
+                part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
+        with times.step("orientation"):
+            ways = other_ways(part, view, self.lines)
+        with times.step("layout"):
+            doubtful = is_doubtful(part, self.lines.grammar, "tactile")
+            layout = other_layout(part, view, self.lines) if doubtful else ""
+        log = replace(log, notes=notes, seconds=times.seconds)
+        return SenseEvidence("tactile", (view,), part, marks, log, ways, layout)
+
+    def reading_of(self, evidence: SenseEvidence) -> Reading:
+        """What touch alone reads, to choose the surest of several looks."""
+        return decide(Evidence.of(evidence), self.settings)
+
+    def with_unknown_rows(self, evidence: SenseEvidence) -> SenseEvidence:
+        """The evidence of a scan whose rows may be in reverse order: its text must not read differently then."""
+        if evidence.lines is None or not evidence.views:
+            return evidence
+        ways = other_ways(evidence.lines, evidence.views[0], self.lines, rows_known=False)
+        return replace(evidence, other_ways=ways)
+
+    def may_be_mirrored(self, evidence: SenseEvidence, reading: Reading) -> bool:
+        """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""
+        little = reading.nats_read <= self.lines.search.limits.plain * len(reading.characters)
+        if little or evidence.lines is None or not evidence.views:
+            return True
+        lead = lead_nats(evidence.lines, evidence.views[0], self.lines, Way.ROWS_REVERSED)
+        return lead < LEAST_LEAD_NATS
+
+    def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
+        """Match the named fonts to a line."""
+        if not self.settings.templates_judge or "templates" in main.by_expert or not main.columns.size:
+            return {}
+        line, columns = (main.line, main.columns) if felt is None else (felt.line, felt.columns)
+        raised = felt is not None and felt.raised
+        fonts = [font for font in self.fonts.fonts if self.lines.search.chars_of(font)]
+        if not fonts:
+            return {}
+        sets = [self._templates_of(font, view, line.height_mm, raised=raised) for font in fonts]
+        prototypes = [[felt_prototypes(templates)] for templates in sets]
+        lattice, best = match_fonts([view], line, columns, prototypes, main.lattice)
+        if felt is not None:
+            together = main.with_experts({"templates": lattice}).lattice
+            lattice = with_depths(lattice, together, felt, fonts[best])
+        return {"templates": lattice}
+
+    def _templates_of(
+        self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT
+    ) -> TemplateSet:
+        """Templates of a font's characters, predicted for the touch of a view."""
+        # the height found differs from part to part, and each new height takes 0.5 s to predict
+        height_mm = self.settings.height_mm or height_mm
+        assert view.touch is not None  # a felt view has one
+        key = template_key(font, view.touch, height_mm=height_mm, raised=raised, face=face)
+        return self.predict(font, self.lines.search.chars_of(font), key)
+
+
+def see_scan(scan: Scan, edges: EdgeMap | None = None) -> tuple[View, tuple[str, ...]]:
+    """View of a scan, and a note if it has no heights.
+
+    Args:
+        scan: the scan.
+        edges: its edge map, if it is known already.
+
+    Raises:
+        MapError: nothing was felt, or the sweeps do not fit together.
+    """
+    edges = edge_map(scan) if edges is None else edges
+    try:
+        return felt_view(edges, felt_relief(scan, edges), scan.touch), ()
+    except MarksError as error:
+        return felt_view(edges, None, scan.touch), (f"no depth was measured: {error}",)
+
+
+def nothing_felt(error: MapError, log: Log) -> SenseEvidence:
+    """Evidence of a scan that shows nothing, with the reason."""
+    problem = Finding(ReadingFlag.NO_CHARACTERS, f"no characters found: {error}")
+    return SenseEvidence("tactile", log=replace(log, findings=(problem, *log.findings)))
+
+
+def scan_findings(scan: Scan, *, most_share: float = 0.005) -> tuple[Finding, ...]:
+    """Report what is wrong with more than a share of the samples."""
+    table = (
+        (SampleFlag.CONTACT_LOST, ReadingFlag.CONTACT_LOST),
+        (SampleFlag.JAMMED, ReadingFlag.JAMMED),
+        (SampleFlag.OUT_OF_RANGE, ReadingFlag.OUT_OF_RANGE),
+        (SampleFlag.DROPOUT, ReadingFlag.DROPOUTS),
+    )
+
+    def bad_samples(flag: SampleFlag) -> int:
+        return sum(int(np.count_nonzero(sweep.flags & np.uint8(flag))) for sweep in scan.sweeps)
+
+    most = most_share * scan.n_samples
+    return tuple(Finding.of(flag) for sample, flag in table if bad_samples(sample) > most)
+
+
+def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:
+    """Return faults of whiskers and bench as findings of a reading."""
+    return tuple(Finding(_flag_of(fault), fault.text) for fault in faults)
+
+
+def _flag_of(fault: Fault) -> ReadingFlag:
+    # marks at wrong places may read as another serial
+    if fault.kind in (FaultKind.EXCHANGED, FaultKind.DOUBLED):
+        return ReadingFlag.CHANNELS_MIXED
+    return ReadingFlag.BENCH_FAULTY if fault.whisker is None else ReadingFlag.WHISKER_FAULTY

@@ -1,0 +1,200 @@
+"""The score: one probability of many quantities, in one direction each."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from glyphs.camera.photo import Photo
+from recognition.decide import choice
+from recognition.decide import score as room
+from recognition.decide.decide import decide
+from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.evidence import Evidence
+from recognition.decide.reading import Reading
+from recognition.decide.score import (
+    SOURCES,
+    Measure,
+    RiskError,
+    RiskThreshold,
+    Score,
+    Term,
+    log_odds,
+    measures_of,
+    score_of,
+    share,
+    text_measures,
+)
+from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation
+from recognition.marks.strokes import PlaceStrokes, RivalStrokes
+from recognition.settings import ReaderSettings
+from tests.support.evidence import sense_of
+from tests.support.readings import reading_of
+
+ODDS = Term(((-12.0, -12.0), (12.0, 12.0)))
+PLAIN = Score("vision", 0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(((0.01, 0.0), (0.21, -20.0)))})
+THRESHOLD = 0.98
+SETTINGS = ReaderSettings(orientation=Orientation.UPRIGHT)
+
+
+def photo(noise: float = 0.0) -> Photo:
+    grey = np.random.default_rng(4).normal(128.0, noise, (60, 90)) if noise else np.full((60, 90), 128.0)
+    return Photo(np.clip(grey, 0, 255).astype(np.uint8))
+
+
+def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
+    """The reading of a photograph whose text has these log odds before anything else is known."""
+    sure = share(odds) ** 0.25
+    lattice = Lattice(("A", "B"), np.log(np.array([[sure, (1.0 - sure) * 0.5]] * 4) + 1e-300))
+    sense = sense_of(lattice, "vision", photo=photo(noise))
+    return decide(Evidence.of(sense), SETTINGS)
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (room, choice):
+        monkeypatch.setattr(module, "score_of", lambda source: PLAIN)
+
+
+@pytest.mark.parametrize("odds", [math.inf, -math.inf])
+def test_certainty_is_no_missing_value(odds: float) -> None:
+    probability = share(odds)
+    found = text_measures(
+        probability=probability, count_probability=1.0, places=[probability], format_given=True
+    )
+    assert (found[Measure.ODDS], found[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
+    assert Measure.ODDS not in measures_of()
+
+
+def test_log_odds_and_shares_undo_each_other() -> None:
+    for belief in (1e-6, 0.3, 0.5, 0.999):
+        assert share(log_odds(belief)) == pytest.approx(belief)
+    assert (log_odds(1.0), log_odds(0.0), share(-math.inf)) == (math.inf, -math.inf, 0.0)
+
+
+def test_a_measure_lowers_the_score() -> None:
+    noisy = of_photo(noise=10.0)
+    grain = noisy.measures[Measure.GRAIN]
+    assert noisy.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)), abs=1e-4)
+    assert (noisy.decision, noisy.flags) == (Decision.REVIEW, ReadingFlag.LOW_CONFIDENCE)
+
+
+@given(st.lists(st.floats(0.01, 0.999), min_size=1, max_size=9), st.floats(0.5, 1.0), st.floats(-5.0, 20.0))
+def test_the_whole_is_no_surer_than_its_least_sure_place(
+    places: list[float], likely: float, bias: float
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(choice, "score_of", lambda source: Score(source, bias, {Measure.ODDS: ODDS}))
+        lattice = Lattice(("A", "B"), np.log([[p, 0.5 * min(p, 1.0 - p)] for p in places]))
+        scored = decide(Evidence.of(sense_of(lattice, likely=likely)), SETTINGS)
+    assert scored.confidence <= min((c.confidence for c in scored.characters), default=0.0)
+    if len(places) >= 4:
+        assert [c.confidence for c in scored.characters] == pytest.approx(places, abs=1e-6)
+
+
+def test_a_broken_contract_stays_whatever_the_score() -> None:
+    unread = reading_of("A", 0.999, flags=ReadingFlag.UNREAD_MARKS, threshold=0.98)
+    assert unread.decision is Decision.REVIEW
+    assert not unread.serial_is_sure
+    shallow = reading_of("A", 0.999, flags=ReadingFlag.TOO_SHALLOW, threshold=0.98)
+    assert shallow.decision is Decision.REVIEW
+    assert shallow.serial_is_sure
+
+
+def test_nothing_read_has_no_score_and_is_measured_all_the_same() -> None:
+    empty = decide(Evidence.of(sense_of(None, "vision", photo=photo(10.0))), SETTINGS)
+    assert (empty.confidence, empty.text) == (0.0, "")
+    assert empty.measures[Measure.GRAIN] > 0.0
+
+
+def test_grain_does_not_depend_on_exposure() -> None:
+    bright = photo(10.0)
+    dark = Photo((bright.pixels // 2).astype(np.uint8))
+    for name in (Measure.GRAIN, Measure.PATCHES):
+        assert measures_of(photo=dark)[name] == pytest.approx(measures_of(photo=bright)[name], rel=0.1)
+
+
+def test_strokes_are_measured_at_the_weakest_place() -> None:
+    rival = RivalStrokes("B", belief=0.1, margin=1.0, apart_heights=0.5, more_heights=0.4, hidden=0.7)
+    short = replace(rival, more_heights=0.1, hidden=1.0)
+    places = (PlaceStrokes(0.9, 0.8), PlaceStrokes(0.4, 0.8, rivals=(rival, short)))
+    found = measures_of(strokes=places)
+    assert (found[Measure.LEAST_STROKES], found[Measure.COVERED]) == (0.4, 0.7)
+
+
+VALUES = {
+    Measure.ODDS: st.floats(-13.0, 13.0),
+    Measure.LEAST_SURE: st.floats(0.0, 1.0),
+    Measure.FORMAT_GIVEN: st.sampled_from([0.0, 1.0]),
+    Measure.EVIDENCE: st.floats(-10.0, 15.0),
+    Measure.COVERED: st.floats(0.0, 1.0),
+    Measure.SAME_TEXT: st.sampled_from([0.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize("source", SOURCES)
+@given(data=st.data())
+def test_a_better_measure_never_lowers_a_score(source: str, data: st.DataObject) -> None:
+    fitted = score_of(source)
+    assert {Measure.ODDS} <= set(fitted.terms) <= set(VALUES)
+    assert len(fitted.terms) <= 4
+    values = {name: data.draw(of_measure) for name, of_measure in VALUES.items()}
+    name = data.draw(st.sampled_from(sorted(VALUES)))
+    step = data.draw(st.floats(0.0, 2.0)) * (-1.0 if name is Measure.COVERED else 1.0)
+    improved = {**values, name: values[name] + step}
+    assert fitted.probability(improved) >= fitted.probability(values) - 1e-12
+    assert fitted.probability(values) <= values[Measure.LEAST_SURE]
+
+
+def test_measures_of_a_text_are_those_of_its_reading() -> None:
+    places = (0.99, 0.7, 0.9, 0.95)
+    lattice = Lattice(("A", "B"), np.log([[p, 0.5 * (1.0 - p)] for p in places]))
+    found = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
+    expected = text_measures(
+        probability=math.prod(places), count_probability=0.9, places=places, format_given=False
+    )
+    assert {name: found[name] for name in expected} == pytest.approx(expected)
+    assert Measure.SAME_TEXT not in found
+    both = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(lattice, "vision")))
+    assert decide(both, SETTINGS).measures[Measure.SAME_TEXT] == 1.0
+    other = Lattice(("A", "B"), lattice.log_belief[:, ::-1])
+    apart = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(other, "vision")))
+    assert decide(apart, SETTINGS).measures[Measure.SAME_TEXT] == 0.0
+
+
+TESTED = Score(
+    "vision",
+    0.0,
+    {Measure.ODDS: ODDS},
+    (RiskThreshold(0.05, 0.8, 200, 4, 0.046), RiskThreshold(0.02, 0.95, 180, 0, 0.017)),
+)
+
+
+def test_a_smaller_risk_takes_a_higher_score() -> None:
+    assert [TESTED.threshold(risk) for risk in (0.3, 0.05, 0.049, 0.02)] == [0.8, 0.8, 0.95, 0.95]
+    assert TESTED.least_risk == 0.02
+    with pytest.raises(RiskError, match="the camera cannot promise 1 in 1,000") as error:
+        TESTED.threshold(0.001)
+    assert "accept a risk of 0.02 or more" in str(error.value.hint)
+    assert Score("tactile", 0.0, {}).least_risk == 1.0
+    for nothing in (0.0, 1.0, math.nan):
+        with pytest.raises(ValueError, match="lies between 0 and 1"):
+            TESTED.threshold(nothing)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_shipped_thresholds_keep_their_risks(source: str) -> None:
+    """Each threshold has the readings that showed it, and the exact bound of their errors is within the risk."""
+    tested = score_of(source).thresholds
+    assert tested or source == "vision"
+    for one in tested:
+        assert one.bound <= one.risk
+        assert binom.cdf(one.wrong, one.accepted, one.bound) == pytest.approx(0.05, abs=2e-3)
+    assert [one.threshold for one in tested] == sorted(one.threshold for one in tested)
