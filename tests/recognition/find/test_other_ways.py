@@ -10,6 +10,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
+from recognition.decide import risk
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, SenseEvidence
@@ -84,7 +85,10 @@ def test_what_a_look_settles_is_no_doubt() -> None:
         ("HOXN", False, True),  # reads upside down as well
     ],
 )
-def test_another_line_that_reads_one_way_settles_it(text: str, reverse: bool, doubted: bool) -> None:
+def test_another_line_that_reads_one_way_settles_it(
+    text: str, reverse: bool, doubted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: 0.97)
     view, beside = view_of("9608"), view_of(text)
     part, lines = read(view, "9999")
     line = LineReader(LineSearch(None, ALPHANUMERIC, height_mm=4.0)).read(beside).main
