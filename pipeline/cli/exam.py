@@ -1,10 +1,8 @@
-"""`tactile-marks benchmark`: run an exam, compare two runs, export it, score answers, and the regression gate."""
+"""`tactile-marks benchmark`: run an exam, compare two runs, export it, and score answers."""
 
 from __future__ import annotations
 
 import sys
-import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -159,58 +157,6 @@ def run(
         document, files, found = write_report(tried, trials, out, certificate=vouching, executor=executor)
     print_document(document, files)
     _check_stable(found)
-
-
-def gate(
-    *,
-    jobs: Jobs = 1,
-    raise_floors: Annotated[bool, Parameter(name="--raise", negative="")] = False,
-    out: Path | None = None,
-) -> None:
-    """Read small editions of both exams by every sense, and fail if anything is read worse than its floors allow.
-
-    Parameters
-    ----------
-    jobs
-        Worker processes.
-    raise_floors
-        Tighten the floors to the present results; none is ever loosened. Commit the files by themselves.
-    out
-        Keep the trials in this folder, in one folder for each edition, for `benchmark compare` (default: not kept).
-    """
-    from pipeline.benchmark.analysis import gate as floor
-    from pipeline.benchmark.exam.design import design_named
-    from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-    from pipeline.workers.options import WorkerSettings
-    from recognition.language.orientation import Orientation
-    from recognition.settings import ReaderSettings
-
-    worse: list[str] = []
-    parts = sum(floor.EDITIONS.values())
-    with tempfile.TemporaryDirectory() as scratch, WorkerSettings(jobs=jobs).opened(parts) as executor:
-        for edition, first in floor.EDITIONS.items():
-            source = DesignedParts(design_named(edition), first)
-            benchmark = Benchmark(source, floor.MODES, ReaderSettings(orientation=Orientation.UPRIGHT))
-            start, kept = time.perf_counter(), (out or Path(scratch)) / edition
-            found = floor.counts_of(run_benchmark(benchmark, kept, executor=executor))
-            print(f"{edition}: {first} parts in {time.perf_counter() - start:.0f} s")
-            for name, (characters, serials, accepted, wrong) in found.items():
-                print(
-                    f"{name:18} characters {characters}, serials {serials}, accepted {accepted}, wrong {wrong}"
-                )
-            path = floor.floors_file(edition)
-            floors = floor.load_floors(path)
-            if raise_floors:
-                floor.save_floors(floor.tighten(found, floors), path)
-                print(f"wrote {path}")
-            else:
-                judged = {mode: c for mode, c in found.items() if (edition, mode) not in floor.NOT_JUDGED}
-                worse += [f"{edition}, {one}" for one in floor.objections(judged, floors)]
-    if worse:
-        raise CommandError("worse than the floors: " + "; ".join(worse))
-    if not raise_floors:
-        print("no worse than the floors")
 
 
 def export(

@@ -117,7 +117,6 @@ _COMMANDS = (
     ("benchmark export", "Exam", "exam:export", "Write an exam as files, for readers outside this program.",
      "parts jobs check"),
     ("benchmark score", "Exam", "exam:score", "Score answers to an exam from a file.", "design truth give out"),
-    ("benchmark gate", "Exam", "exam:gate", "Fail if small editions are read worse than before.", "jobs"),
     ("completion", "Serve", "", "Print the script with which a shell completes commands and options.", ""),
 )  # fmt: skip
 """Words of a command, its panel in help, its function, its summary, and the flags that `--help` shows."""

@@ -1,12 +1,14 @@
 """Calls of worker processes: refused while the queue is full, repeated if a worker is lost.
 
-A job or glyph database that turns out to be unusable is remembered until `recheck` finds it usable again.
+A job or glyph database that turns out to be unusable is remembered until `recheck` finds it usable again. Opening a
+large damaged file takes seconds, so one that has not changed is opened again once a minute at most.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import structlog
 
 from glyphs.errors import FileError
+from pipeline.common.file_stamp import FileStamp, stamp_of
 from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
 from pipeline.errors import FaultError, OwnFileError
@@ -25,6 +28,8 @@ from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pipeline.common.settings import Limits, ReadSettings
     from pipeline.service.jobs import JobFolder
     from pipeline.service.metrics import Metrics
@@ -36,6 +41,8 @@ T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
 # Seconds that the check of a job may take; most take a tenth of a second.
 CHECK_S = 10.0
+UNCHANGED_S = 60.0
+"""Seconds between two checks of unusable files that have not changed: the cause may have passed."""
 MOST_LOST = 2
 """Workers lost in a row after which the service is not ready, until a worker has read a clean part."""
 
@@ -56,6 +63,7 @@ class WorkerCalls:
     limits: Limits
     metrics: Metrics
     _troubles: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
+    _last_checks: dict[tuple[str, str], tuple[object, ...]] = field(default_factory=dict, init=False)
     _lost: list[str] = field(default_factory=list, init=False)
 
     @property
@@ -84,7 +92,16 @@ class WorkerCalls:
         for job, database in tuple(self._troubles):
             with contextlib.suppress(Problem, WorkerLostError):
                 async with self._note_fault(job, database):
-                    await self._call_once(check_settings, await self._settings_with(database, job))
+                    await self._check_again(job, database)
+
+    async def _check_again(self, job: str, database: str) -> None:
+        settings = await self._settings_with(database, job)
+        stamps = tuple(_stamp_if_there(path) for path in files_of(settings))
+        check = (settings, stamps, time.monotonic() // UNCHANGED_S)
+        if self._last_checks.get((job, database)) == check:
+            raise OwnProblem(self._troubles[job, database])
+        self._last_checks[job, database] = check
+        await self._call_once(check_settings, settings)
 
     async def _settings_with(self, database: str, job: str) -> ReadSettings:
         """The settings of a job, with the glyph database that a caller has named."""
@@ -193,7 +210,15 @@ class WorkerCalls:
             self._troubles[key] = problem.detail
             raise
         if self._troubles.pop(key, None) is not None:
+            self._last_checks.pop(key, None)
             log.info("parts can be read again", job=job, database=database)
+
+
+def _stamp_if_there(path: Path) -> FileStamp | None:
+    try:
+        return stamp_of(path.stat())
+    except OSError:
+        return None
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:

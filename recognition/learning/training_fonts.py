@@ -1,4 +1,4 @@
-"""Fonts for training: files of installed packages, without the fonts of the exam.
+"""Fonts for training: files of installed packages, without the fonts of the exams and of the fit of the score.
 
 This repository contains none of them. `docs` names the Debian packages of the fonts with which its weights were
 trained.
@@ -29,6 +29,17 @@ KEPT_OUT = (
     "bigshoulderstext", "bigshouldersdisplay", "sticknobills",
 )  # fmt: skip
 """Beginnings of names of font files that are never learned from: exams use these fonts."""
+SCORE_FAMILIES = (
+    "adventpro", "aldrich", "allerta", "archivonarrow", "armata", "arvo", "audiowide", "b612",
+    "baijamjuree", "barlow", "bebasneue", "blackopsone", "blinker", "chakrapetch", "chivomono", "daysone",
+    "electrolize", "encodesanscondensed", "exo2", "fjallaone", "fragmentmono", "francoisone", "glegoo",
+    "goldman", "homenaje", "ibmplexmono", "k2d", "kanit", "leaguegothic", "metrophobic", "michroma",
+    "nixieone", "numans", "orbitron", "orienta", "oxanium", "pathwaygothicone", "pragatinarrow", "rajdhani",
+    "rokkitt", "ropasans", "saira", "solway", "sono", "spacegrotesk", "spacemono", "specialelite",
+    "splinesansmono", "staatliches", "strait", "syncopate", "titilliumweb", "turretroad", "varelaround",
+    "victormono", "viga", "voltaire", "zillaslab",
+)  # fmt: skip
+"""The same, for the fit of the score: on fonts that the recogniser has learned it would be too sure of itself."""
 MOST_OF_A_FAMILY = 8
 """Maximum number of files of a family."""
 _NOT_LETTERS = re.compile(
@@ -63,9 +74,9 @@ def family(path: Path) -> str:
 
 
 def kept_out(path: Path) -> bool:
-    """Whether a font may not be learned from, because the exam uses it."""
+    """Whether a font may not be learned from, because an exam or the fit of the score uses it."""
     whole = re.sub(r"[^a-z0-9]", "", path.stem.lower())
-    return whole.startswith(KEPT_OUT)
+    return whole.startswith(KEPT_OUT + SCORE_FAMILIES)
 
 
 def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> TrainingFonts:

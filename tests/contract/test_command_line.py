@@ -55,7 +55,7 @@ COMMANDS = (
     *("design", "figures", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
     *("bench check", "bench home", "bench calibrate", "bench scan"),
     *("tokens add", "tokens list", "tokens revoke", "store backup", "store restore", "store check"),
-    *("benchmark run", "benchmark compare", "benchmark export", "benchmark score", "benchmark gate"),
+    *("benchmark run", "benchmark compare", "benchmark export", "benchmark score"),
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import importlib.util
 import os
 import re
@@ -18,6 +19,7 @@ from pipeline.cli.main import app
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted((DOCS / "pages").rglob("*.md")), *sorted((DOCS / "notes").glob("*.md")))
+LIBRARY = DOCS / "pages" / "reference" / "library.md"
 COMMAND = re.compile(
     r"^ *(?:tactile-marks|py -m pipeline) ([a-z][^|\n]*)$|`tactile-marks ([a-z][^`|]*)`", re.MULTILINE
 )
@@ -49,6 +51,17 @@ def test_scripts_of_the_documentation_run(
     except SystemExit as ended:
         status = ended.code
     assert not status
+
+
+def test_the_examples_of_the_library_give_what_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    done = doctest.testfile(str(LIBRARY), module_relative=False, optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
+    assert done.attempted > 20
+    assert done.failed == 0
+    assert {file.name for file in tmp_path.iterdir()} == {"edges.png", "part.npz"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -21,7 +21,9 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
+from pipeline.reading.part_orders import check_settings
 from pipeline.reading.triage import ReadPart
+from pipeline.service import worker_calls
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
@@ -289,3 +291,28 @@ def test_the_first_signal_drains_and_the_second_stops() -> None:
     at_once.started = True
     at_once.handle_exit(signal.SIGTERM, None)
     assert asyncio.run(at_once.on_tick(1)) is True
+
+
+def test_an_unusable_database_is_opened_again_once_it_changes(
+    tmp_path: Path, plate: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_calls, "UNCHANGED_S", 1e9)
+    with inline_service(tmp_path) as (service, client):
+        path = tmp_path / "databases" / "die.glyphs"
+        path.parent.mkdir(exist_ok=True)
+        for content in (b"rubbish", b"rubbish of another size"):
+            path.write_bytes(content)
+            before = checks(service)
+            read = client.post("/v1/parts", files={"scan": ("part.npz", plate)}, data={"database": "die"})
+            assert is_server_fault(read), read.text
+            for _ in range(3):
+                client.portal.call(service.intake.calls.recheck)  # type: ignore[union-attr]
+            assert checks(service) == before + 1
+        path.unlink()
+        client.portal.call(service.intake.calls.recheck)  # type: ignore[union-attr]
+        assert "die has disappeared" in service.intake.calls.troubles["die"]
+
+
+def checks(service: Any) -> int:
+    """Times that settings were checked in a worker."""
+    return sum(function is check_settings for function, *_ in service.pool.jobs)

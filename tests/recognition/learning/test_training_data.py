@@ -125,11 +125,12 @@ def test_views_are_at_one_scale_with_their_lines_and_kept(made: TrainingPart, tm
         ("Lato-Black.ttf", False),
         ("share-tech-mono-latin-400-normal.woff", True),
         ("RussoOne-Regular.ttf", True),
-        ("saira-latin-400-normal.woff", False),
+        ("saira-condensed-latin-400-normal.woff", True),
+        ("overpass-mono-latin-400-normal.woff", False),
         ("saira-stencil-one-latin-400-normal.woff", True),
     ],
 )
-def test_families_that_the_exam_keeps_out_are_not_learned_from(name: str, out: bool) -> None:
+def test_families_of_the_exams_and_of_the_fit_of_the_score_are_not_learned_from(name: str, out: bool) -> None:
     assert kept_out(Path(name)) is out
 
 

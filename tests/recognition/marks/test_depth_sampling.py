@@ -1,4 +1,4 @@
-"""Look-ups of depth against scipy's, and the plane of the land beside what lies on it."""
+"""The plane of the land beside what lies on it, and look-ups beyond the rim of a map."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import ndimage
 
-from recognition.marks.depth import across, deepest, robust_plane
-
-DOUBLE = 1e-9
+from recognition.marks.depth import across, robust_plane
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -21,24 +18,6 @@ def test_places_off_the_map_are_moved_onto_its_rim() -> None:
     points = np.array([(-3.0, 2.0), (9.0, 9.0), (0.5, 0.5)])
     found = across(depth, points, np.zeros((3, 2)), np.zeros(1), np.zeros(3))
     np.testing.assert_allclose(found, [[2.0, 19.0, np.nan]])
-
-
-@settings(max_examples=10, deadline=None)
-@given(seeds, st.integers(1, 12))
-def test_the_deepest_is_looked_for_over_neighbours(seed: int, n: int) -> None:
-    rng = np.random.default_rng(seed)
-    points, aside = rng.uniform(3, 16, (n, 2)), np.linspace(-1.0, 1.0, 7)
-    angle = rng.uniform(0, np.pi, n)
-    normals = np.column_stack([np.sin(angle), np.cos(angle)])
-    depth, plane = rng.normal(size=(20, 20)), np.array([0.1, 0.02, -0.03])
-    places = points + aside[:, None, None] * normals
-    expected = ndimage.map_coordinates(depth, places.reshape(-1, 2).T, order=1).reshape(7, n)
-    expected = expected - plane[0] - places @ plane[1:]
-    found = across(depth, points, normals, aside, plane)
-    np.testing.assert_allclose(found, expected, atol=DOUBLE)
-    smooth = np.stack([np.convolve(row, np.ones(min(5, n)), mode="same") for row in expected])
-    below = expected[np.argmax(smooth, axis=0), np.arange(n)]
-    np.testing.assert_allclose(deepest(found), below, atol=DOUBLE)
 
 
 @settings(max_examples=20, deadline=None)

@@ -1,4 +1,4 @@
-"""The regression gate: no mode may read the small editions of both exams worse than the stored floors.
+"""Floors of readings: no mode may read the small editions of both exams worse than was stored.
 
     marks-exam-1-48            --read--> trials --count--> counts, against designs/EDITION.floors.json
     marks-exam-2-80, the first
@@ -26,7 +26,7 @@ EDITIONS = {"marks-exam-1-48": 48, "marks-exam-2-80": 16}
 MODES = ("tactile", "tactile templates", "rapidocr relief", "vision", "fused")
 """Modes that have a floor: every sense, the templates of touch alone, and the strongest peer, on the felt relief."""
 NOT_JUDGED = frozenset({("marks-exam-1-48", "vision")})
-"""Read and shown, but not compared with the floor, which came from a reader tuned on these very parts: 373 characters
+"""Read for `fused`, but not compared with the floor, which came from a reader tuned on these very parts: 373 characters
 and 43 serials; one tuned on other parts reads 359 and 39."""
 SLACK = {"characters": 3, "serials": 1, "accepted": 1}
 """Characters or parts by which a count may fall below its floor, due to another processor's rounding."""
@@ -93,7 +93,7 @@ def objections(found: Floors, floors: Floors) -> list[str]:
     lines: list[str] = []
     for mode, counts in found.items():
         if (floor := floors.get(mode)) is None:
-            lines.append(f"{mode}: has no floor yet (give it one with --raise)")
+            lines.append(f"{mode}: has no floor yet (give it one with MARKS_RAISE_FLOORS=1)")
             continue
         for name, slack in (CAMERA_SLACK if mode == "vision" else SLACK).items():
             here, least = getattr(counts, name), getattr(floor, name)
