@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pipeline.reading.framed_session import FramedSession
 from recognition.active.replay import read_kept
 from recognition.decision.score import serial_is_sure
-from recognition.search.first_pass import felt_heights_mm
+from recognition.find.first_pass import felt_heights_mm
 from recognition.views.levelling import filled_note, level, square_to_plate
 from whisker_array.simulation.traces import Fidelity
 
@@ -51,7 +51,7 @@ def read_actively(
     surface, soil = square_to_plate(surface, soil)
     levelled, found, spent_s = level(surface), None, 0.0
     fidelity = Fidelity(reader.settings.fidelity)
-    heights = felt_heights_mm(reader.lines.search, levelled, fidelity=fidelity, soil=soil)
+    heights = felt_heights_mm(reader.request, levelled, fidelity=fidelity, soil=soil)
     for height_mm in heights:
         if spent_s >= budget_s:
             break

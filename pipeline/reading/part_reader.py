@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
     from recognition.decision.reading import Reading
+    from recognition.find.first_pass import Feel
     from recognition.reader import Reader
-    from recognition.search.first_pass import Feel
 
 
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
@@ -239,31 +239,28 @@ def read_surface(
 
     def read(one: HeightMap, soil: Soil | None, region_mm: Region | None = None) -> Reading:
         if budget_s is None or feel is not None:
-            return reader.touch.read_height_map(one, soil=soil, part_id=part_id, feel=feel)
+            return touch.read_height_map(one, soil=soil, part_id=part_id, feel=feel)
         from pipeline.reading.active_touch import read_actively
 
-        return read_actively(
-            reader.touch, one, budget_s=budget_s, soil=soil, part_id=part_id, region_mm=region_mm
-        )
+        return read_actively(touch, one, budget_s=budget_s, soil=soil, part_id=part_id, region_mm=region_mm)
 
     soil = top.soil
+    touch = reader.touch if top.rows_known else reader.touch.with_unknown_rows()
     found = read(top.height_map, soil, region_mm)
     if top.rows_known:
         return found
     from recognition.decision.decide import ReadingFlag
     from recognition.decision.score import serial_is_sure
 
-    found = reader.touch.weigh_orientation(found, rows_known=False)
     # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
     if serial_is_sure(found) or (feel is not None and soil is not None):
         return found
-    if not reader.touch.may_be_mirrored(found):
+    if not touch.may_be_mirrored(found):
         return found
     other = read(top.height_map.mirrored, None if soil is None else soil.mirrored)
     named = found.flags & ReadingFlag.LAYOUT and not serial_is_sure(other)
     if named or other.nats_read <= found.nats_read:
         return found
-    other = reader.touch.weigh_orientation(other, rows_known=False)
     return replace(other, notes=(*other.notes, MIRRORED_NOTE))
 
 

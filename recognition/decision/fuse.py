@@ -11,9 +11,9 @@ import math
 from dataclasses import replace
 from types import MappingProxyType
 
-from recognition.combine.fuse_lattices import contradict, fuse_lattices, lead_nats
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import USUAL_THRESHOLD, Finding, ReadingFlag, flags_of
+from recognition.decision.fuse_lattices import contradict, fuse_lattices, lead_nats
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import (
     LineSettings,
@@ -23,7 +23,8 @@ from recognition.decision.reading_of_line import (
 )
 from recognition.decision.score import log_odds, score_of, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings
-from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
+from recognition.decision.which_way_up import also_readable, plain_text
+from recognition.find.orientation import ways_possible
 from recognition.language.constrained_decoding import choose
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import other_text

@@ -134,6 +134,7 @@ class ReadingTrace:
         relief: heights and slopes by touch.
         photo: the photograph.
         line: the line.
+        mirrored_lead_nats: log probability by which the text leads that of the line in a mirror; None if none was read.
         by_expert: lattice of each expert by itself.
         laid: text of touch, fitted to the line in a font; None without heights, or if no font fits.
         strokes: felt strokes, place by place, of the characters read and their rivals; empty if unknown.
@@ -154,6 +155,7 @@ class ReadingTrace:
     relief: Relief | None = None
     photo: Photo | None = None
     line: TextLine | None = None
+    mirrored_lead_nats: float | None = None
     by_expert: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
     laid: LaidText | None = None
     strokes: tuple[PlaceStrokes, ...] = ()

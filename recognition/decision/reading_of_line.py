@@ -12,19 +12,20 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.combine.read_line import ReadLine, greatest_between, word_gaps
 from recognition.decision.decide import CHECK_FORMAT, Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
-from recognition.experts.steps import Steps
+from recognition.find.part_lines import PartLines
+from recognition.find.request import LineFormat
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import Choice, blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
-from recognition.lines.places import boxes_of
-from recognition.search.part_lines import LineFormat, PartLines
+from recognition.recogniser.read_line import ReadLine, greatest_between, word_gaps
+from recognition.recogniser.steps import Steps
+from recognition.views.places import boxes_of
 
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""

@@ -1,6 +1,6 @@
 """Read parts by camera: from a photograph to a reading.
 
-photograph --codes removed, shrunk--> view --LineReader--> posteriors --format--> Reading --codes--> Reading
+photograph --codes removed, shrunk--> view --find--> posteriors --format--> Reading --codes--> Reading
                                       \\-> the same without stains, used if clearly surer -^
 """
 
@@ -13,16 +13,16 @@ from types import MappingProxyType
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.layouts import with_layout
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import log_odds, with_score
 from recognition.decision.which_way_up import weigh_orientation
+from recognition.find.find import find
 from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
 from recognition.language.lattice import Lattice
-from recognition.search.line_reader import LineReader, is_agreed
+from recognition.recogniser.read_line import ReadLine
 from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
@@ -57,9 +57,9 @@ class VisionReader:
                 hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
-        self.fonts, self._scaled = repertoire.fonts, LineReader(repertoire.search, self.settings.asked)
+        self.fonts, self._scaled = repertoire.fonts, repertoire.request
         # a height in mm cannot be used on a photograph of unknown scale
-        self._unscaled = replace(self._scaled, search=replace(repertoire.search, height_mm=None))
+        self._unscaled = replace(self._scaled, height_mm=None)
 
     def read_photo(self, photo: Photo) -> Reading:
         """Read a photograph, with no more pixels than its characters need."""
@@ -93,9 +93,9 @@ class VisionReader:
         left_out: tuple[int, ...] = (),
     ) -> Reading:
         scaled = photo.pitch_mm is not None
-        lines = self._scaled if scaled else self._unscaled
+        request = self._scaled if scaled else self._unscaled
         with timer.step("read"):
-            part = lines.read(*views, twice=self.settings.templates_judge)
+            part = find(views, request, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         reading = reading_of_line(part, self.settings, source="vision")
@@ -111,19 +111,17 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).with_trace(photo=photo)
-        reading = weigh_orientation(with_score(reading), views[0], lines)
-        with timer.step("layout"):
-            return with_layout(reading, part, views[0], lines)
+        return with_layout(weigh_orientation(with_score(reading), part, request), part, request.grammar)
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
         """Prototypes of each named font, under several lights; made when a line first needs them."""
-        chars_of = self._scaled.search.chars_of
+        chars_of = self._scaled.chars_of
         return tuple(lit_prototypes(font, chars) for font in self.fonts if (chars := chars_of(font)))
 
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
         """Match the named fonts to a line that the recogniser is not sure of."""
-        if not self.settings.templates_judge or is_agreed(main) or not self.prototypes:
+        if not self.settings.templates_judge or main.is_agreed or not self.prototypes:
             return {}
         return {"templates": match_fonts(views, main.line, main.columns, self.prototypes, main.lattice)[0]}
 

@@ -1,12 +1,13 @@
 """Read parts by touch: from a height map or a scan to a reading.
 
 height map --height of the lines on it--> scan
-scan --edge_map, relief--> felt view --LineReader--> line and posteriors --templates, format--> Reading
+scan --edge_map, relief--> felt view --find--> line and posteriors --templates, format--> Reading
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import astuple, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -18,7 +19,6 @@ from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
-from recognition.combine.read_line import ReadLine
 from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Finding, ReadingFlag
 from recognition.decision.depth_rules import judged_by
@@ -27,7 +27,11 @@ from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import score_of, serial_is_sure, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
-from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, weigh_orientation
+from recognition.decision.which_way_up import plain_text, weigh_orientation
+from recognition.find.find import find
+from recognition.find.first_pass import Feel, felt_heights_mm, virtual_feel
+from recognition.find.orientation import LEAST_LEAD_NATS, other_reading
+from recognition.find.template_lines import TemplateFonts
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.laid_line import with_depths
 from recognition.glyph_match.pose import Floats
@@ -40,9 +44,7 @@ from recognition.marks.laid_text import laid_text
 from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import reject_false_lines, strokes_of
 from recognition.marks.unknown_font import line_depths
-from recognition.search.correlation_search import CorrelationSearch
-from recognition.search.first_pass import Feel, felt_heights_mm, virtual_feel
-from recognition.search.line_reader import LineReader
+from recognition.recogniser.read_line import ReadLine
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.views.levelling import filled_note, level, square_to_plate
@@ -71,10 +73,9 @@ class TactileReader:
         self.strokes_of = repertoire.strokes_of
         # room for all named fonts: they are compared on every part
         self.predict = lru_cache(max(MOST_SETS, len(self.fonts)))(predict_templates)
-        search = repertoire.search
+        self.request = repertoire.request
         if "network" not in self.settings.experts:
-            search = CorrelationSearch(**vars(search), fonts=self.fonts, predict=self.predict)
-        self.lines = LineReader(search, self.settings.asked)
+            self.request = replace(self.request, templates=TemplateFonts(self.fonts, self.predict))
 
     def read_height_map(
         self,
@@ -101,7 +102,7 @@ class TactileReader:
             levelled = level(height_map)
         with timer.step("first pass"):
             heights = felt_heights_mm(
-                self.lines.search, levelled, fidelity=self.settings.fidelity, soil=soil, feel=feel
+                self.request, levelled, fidelity=self.settings.fidelity, soil=soil, feel=feel
             )
         notes = filled_note(height_map, levelled)
         feel = feel or virtual_feel(fidelity=self.settings.fidelity, soil=soil, part_id=part_id)
@@ -167,7 +168,7 @@ class TactileReader:
         timer = timer if timer is not None else StepTimer()
         view, felt = felt_view(edges, relief, touch), None
         with timer.step("read"):
-            part = self.lines.read(view, about=about, twice=True)
+            part = find([view], self.request, about=about, twice=True)
             main = part.main
             if main is not None:
                 if relief is not None:
@@ -186,34 +187,24 @@ class TactileReader:
         reading = add_stroke_findings(reading)
         reading = judged_by(reading, self.settings.depth_rules).with_trace(edge_map=edges, relief=relief)
         reading = with_score(reading)
-        with timer.step("orientation"):
-            reading = self.weigh_orientation(reading)
-        with timer.step("layout"):
-            reading = with_layout(reading, part, view, self.lines)
+        reading = weigh_orientation(reading, part, self.request)
+        if main is not None:
+            there = other_reading(main, Way.ROWS_REVERSED, plain_text(reading), self.request.grammar)
+            reading = reading.with_trace(mirrored_lead_nats=None if there is None else there.lead_nats)
+        reading = with_layout(reading, part, self.request.grammar)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
 
-    def weigh_orientation(self, reading: Reading, *, rows_known: bool = True) -> Reading:
-        """Send a reading to review if its marks can be read in another orientation (`which_way_up`).
-
-        Args:
-            reading: a reading with its edge map and line in the trace.
-            rows_known: whether the order of the map's rows is known.
-        """
-        edges = reading.trace.edge_map
-        if edges is None:
-            return reading
-        fresh = reading.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
-        return weigh_orientation(
-            fresh, felt_view(edges, reading.trace.relief), self.lines, rows_known=rows_known
-        )
+    def with_unknown_rows(self) -> TactileReader:
+        """The same reader for maps whose rows may be in reverse order: lines are read mirrored as well."""
+        reader = copy(self)
+        reader.request = replace(self.request, rows_known=False)
+        return reader
 
     def may_be_mirrored(self, reading: Reading) -> bool:
         """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""
-        edges = reading.trace.edge_map
-        if edges is None or reading.nats_read <= self.lines.search.limits.plain * len(reading.characters):
-            return True
-        view = felt_view(edges, reading.trace.relief)
-        return lead_nats(reading, view, self.lines, Way.ROWS_REVERSED) < LEAST_LEAD_NATS
+        lead = reading.trace.mirrored_lead_nats
+        little = reading.nats_read <= self.request.limits.plain * len(reading.characters)
+        return little or (lead is not None and lead < LEAST_LEAD_NATS)
 
     def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
         """Match the named fonts to a line."""
@@ -221,7 +212,7 @@ class TactileReader:
             return {}
         line, columns = (main.line, main.columns) if felt is None else (felt.line, felt.columns)
         raised = felt is not None and felt.raised
-        fonts = [font for font in self.fonts if self.lines.search.chars_of(font)]
+        fonts = [font for font in self.fonts if self.request.chars_of(font)]
         if not fonts:
             return {}
         sets = [self._template_set(font, view, line.height_mm, raised=raised) for font in fonts]
@@ -240,7 +231,7 @@ class TactileReader:
         height_mm = self.settings.height_mm or height_mm
         assert view.touch is not None  # a felt view has one
         key = template_key(font, view.touch, height_mm=height_mm, raised=raised, face=face)
-        return self.predict(font, self.lines.search.chars_of(font), key)
+        return self.predict(font, self.request.chars_of(font), key)
 
     def _with_strokes(self, reading: Reading, main: ReadLine, felt: FeltLine) -> Reading:
         """Lay the text on the line and add evidence for its strokes and those of rival characters."""

@@ -263,7 +263,7 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
         found = iter((whole, mirrored))
         touch = SimpleNamespace(
             read_height_map=lambda *_, **__: next(found),
-            weigh_orientation=lambda one, rows_known: one,
+            with_unknown_rows=lambda: touch,
             may_be_mirrored=lambda one: True,
         )
         reader: Any = SimpleNamespace(touch=touch)

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from recognition.combine.fuse_lattices import fuse_lattices, lead_nats
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.fuse import fuse
+from recognition.decision.fuse_lattices import fuse_lattices, lead_nats
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
 from recognition.decision.score import log_odds, with_score

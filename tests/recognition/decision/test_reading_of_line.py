@@ -10,15 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recognition.combine.read_line import ReadLine, combine_looks, word_gaps
 from recognition.decision.decide import Decision, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters
 from recognition.decision.score import with_score
-from recognition.experts.steps import Steps
+from recognition.find.part_lines import PartLines
+from recognition.find.request import LineFormat
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
-from recognition.search.part_lines import LineFormat, PartLines
+from recognition.recogniser.read_line import ReadLine, combine_looks, word_gaps
+from recognition.recogniser.steps import Steps
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 CHARS = "AB812"

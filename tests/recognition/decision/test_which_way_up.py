@@ -14,12 +14,14 @@ from recognition.decision import which_way_up
 from recognition.decision.decide import Decision, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.which_way_up import ways_possible, weigh_orientation
+from recognition.decision.which_way_up import weigh_orientation
+from recognition.find.find import find, search_of
+from recognition.find.orientation import read_other_ways, ways_possible
+from recognition.find.part_lines import PartLines
+from recognition.find.request import LineRequest
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.search.line_reader import LineReader
-from recognition.search.line_search import LineSearch
 from recognition.senses.settings import ReaderSettings
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view
@@ -32,13 +34,12 @@ def view_of(text: str, *, mirrored: bool = False) -> View:
     return heights_view(surface.mirrored if mirrored else surface)
 
 
-def read(view: View, mask: str, *others: OtherLine) -> tuple[Reading, LineReader]:
+def read(view: View, mask: str, *, rows_known: bool = True) -> tuple[Reading, PartLines, LineRequest]:
     grammar = Grammar(format=mask)
-    lines = LineReader(LineSearch(grammar, ALPHANUMERIC, height_mm=4.0))
-    made = reading_of_line(
-        lines.read(view), ReaderSettings(format=grammar), flags=ReadingFlag.NONE, source="tactile"
-    )
-    return replace(made, others=others), lines
+    request = LineRequest(grammar, ALPHANUMERIC, height_mm=4.0, rows_known=rows_known)
+    part = find([view], request)
+    reading = reading_of_line(part, ReaderSettings(format=grammar), flags=ReadingFlag.NONE, source="tactile")
+    return reading, part, request
 
 
 @pytest.mark.parametrize(
@@ -60,17 +61,23 @@ def test_what_is_known_removes_ways(
 def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of these marks a look tells the way; the test has it tell too little."""
     monkeypatch.setattr(which_way_up, "LEAST_LEAD_NATS", math.inf)
-    view = view_of("822800")
-    reading, lines = read(view, "999999")
-    found = weigh_orientation(reading, view, lines, rows_known=False)
+    reading, part, request = read(view_of("822800"), "999999", rows_known=False)
+    found = weigh_orientation(reading, part, request)
     assert (found.text, found.decision) == ("822800", Decision.REVIEW)
     assert any("also readable with its rows in the other order: " in m for m in found.messages())
 
 
 def test_what_a_look_settles_is_no_doubt() -> None:
-    view = view_of("471275")
-    reading, lines = read(view, "999999")
-    assert weigh_orientation(reading, view, lines) is reading
+    reading, part, request = read(view_of("471275"), "999999")
+    assert part.main is not None
+    assert [*part.main.other_ways] == [Way.UPSIDE_DOWN]
+    assert weigh_orientation(reading, part, request) is reading
+
+
+def test_a_text_that_no_other_way_can_show_is_read_one_way() -> None:
+    _, part, _ = read(view_of("KD2746"), "AA9999")
+    assert part.main is not None
+    assert not part.main.other_ways
 
 
 @pytest.mark.parametrize(
@@ -86,15 +93,18 @@ def test_another_line_that_reads_one_way_settles_it(
     text: str, confidence: float, reverse: bool, doubted: bool
 ) -> None:
     view, beside = view_of("9608"), view_of(text)
-    reading, lines = read(view, "9999")
-    line = LineReader(LineSearch(None, ALPHANUMERIC, height_mm=4.0)).read(beside).main
+    reading, part, request = read(view, "9999")
+    line = find([beside], LineRequest(None, ALPHANUMERIC, height_mm=4.0)).main
     assert line is not None
+    assert part.main is not None
     # both lines stand on one part: the view of the other is below that of the serial
     both = replace(view, layers=stacked(view, beside))
     down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
-    other = OtherLine("", text, confidence, line=place.reversed if reverse else place)
-    found = weigh_orientation(replace(reading, others=(other,)), both, lines)
+    place = place.reversed if reverse else place
+    line = read_other_ways(search_of(both, request), replace(line, line=place), part.main, None)
+    other = OtherLine("", text, confidence, line=place)
+    found = weigh_orientation(replace(reading, others=(other,)), replace(part, others=(line,)), request)
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
 
 

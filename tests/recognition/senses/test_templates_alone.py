@@ -8,7 +8,7 @@ import pytest
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
 from recognition.decision.decide import Decision
-from recognition.lines import networks
+from recognition.recogniser import networks
 from recognition.senses.settings import ReaderSettings
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level
@@ -22,7 +22,7 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     def opened(*_: object) -> None:
         raise AssertionError("a network was opened")
 
-    for module in ("lines.find", "experts.recogniser"):
+    for module in ("find.finder", "recogniser.recogniser"):
         monkeypatch.setattr(f"recognition.{module}._session", opened)
     monkeypatch.setattr(networks, "open_network", opened)
 
