@@ -21,7 +21,7 @@ from recognition.find.ink import on_ink
 from recognition.find.layouts import other_layout
 from recognition.find.line_variants import lengthen
 from recognition.find.looks import Looks
-from recognition.find.orientation import read_main_ways, read_other_ways
+from recognition.find.orientation import read_ways
 from recognition.find.part_lines import PartLines
 from recognition.find.promise import is_convincing, promise_of, rank
 from recognition.find.region import stands_in
@@ -208,15 +208,11 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
     for line in others:
         if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
             unassigned.append(line)
-    main = read_main_ways(search, main)
-    formats = {name: wanted.grammar for name, wanted in search.request.lines.items()}
-    return PartLines(
-        main,
-        MappingProxyType(
-            {name: read_other_ways(search, line, main, formats[name]) for name, line in named.items()}
-        ),
-        tuple(read_other_ways(search, line, main, None) for line in unassigned),
-    )
+    formats = [search.request.lines[name].grammar for name in named]
+    beside = [*zip(named.values(), formats, strict=True), *((line, None) for line in unassigned)]
+    main, read = read_ways(search, main, beside)
+    by_name = dict(zip(named, read, strict=False))
+    return PartLines(main, MappingProxyType(by_name), tuple(read[len(named) :]))
 
 
 def _line_named(

@@ -8,7 +8,7 @@ Orientations are excluded by what is known: how parts lie (the settings), the or
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -74,76 +74,68 @@ def other_reading(line: ReadLine, way: Way, text: str, grammar: Grammar | None) 
     return OtherReading(other, lead + max(here.promise - there.promise, 0.0))
 
 
-def read_main_ways(search: Search, line: ReadLine, *, least_places: int = 4, sure: float = 0.9) -> ReadLine:
+def read_ways(
+    search: Search,
+    main: ReadLine,
+    others: Iterable[tuple[ReadLine, Grammar | None]],
+    *,
+    least_places: int = 4,
+    sure: float = 0.9,
+) -> tuple[ReadLine, list[ReadLine]]:
     """Read the serial's line in each other orientation in which its text can be read.
 
+    Where that leaves a doubt, read the part's other lines too: one that can be read one way only excludes the other.
+
     Args:
-        search: search of the view in which the line was read, under its format.
-        line: the line.
+        search: search of the view in which the lines were read, under the serial's format.
+        main: the serial's line.
+        others: the other lines and their formats.
         least_places: length from which a line without a format is text even if it is unsure.
         sure: probability from which a shorter one is.
     """
-    request, choice = search.request, choose(line.lattice, search.request.grammar, k=1)
-    short = request.grammar is None and len(choice.text) < least_places and choice.probability < sure
-    if not choice.text or not line.is_text or short:
-        return line
+    request, grammar = search.request, search.request.grammar
+    choice, lines = choose(main.lattice, grammar, k=1), list(others)
+    short = grammar is None and len(choice.text) < least_places and choice.probability < sure
+    if not choice.text or not main.is_text or short:
+        return main, [line for line, _ in lines]
     possible = ways_possible(
-        request.orientation, rows_known=request.rows_known, turned_deg=line.line.turned_deg
+        request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg
     )
-    ways = [
-        way
-        for way in possible
-        if (other := other_text(choice.text, way, request.grammar)) is not None and not other.exact
-    ]
+    images = {way: image for way in possible if (image := other_text(choice.text, way, grammar)) is not None}
+    unlike = {way for way, image in images.items() if not image.exact}
     # an unsure part is read in a mirror as well, unless that line is far less likely
-    if Way.ROWS_REVERSED in possible and not is_convincing([line], request.limits.settled):
-        ways = sorted({*ways, Way.ROWS_REVERSED})
-    return _with_ways(search, line, ways)
-
-
-def read_other_ways(search: Search, line: ReadLine, main: ReadLine, grammar: Grammar | None) -> ReadLine:
-    """Read another line of the part in the orientations in which the serial can be read: it may exclude them.
-
-    Args:
-        search: search of the view in which the lines were read.
-        line: the other line.
-        main: the serial's line, read in its other orientations.
-        grammar: format of the other line.
-    """
-    if math.cos(math.radians(line.line.turned_deg - main.line.turned_deg)) <= 0.0:
-        return line
-    serial = choose(main.lattice, search.request.grammar, k=1).text
-    text = choose(line.lattice, grammar, k=1).text if grammar is not None else line.open_places[0].text
-    possible = ways_possible(
-        search.request.orientation, rows_known=search.request.rows_known, turned_deg=main.line.turned_deg
-    )
-    ways = [
-        way
-        for way in possible
-        if _is_contested(main, way, serial, search.request.grammar)
-        and readable(text, way, grammar)
-        and not readable(text, way, grammar, exact=True)
+    if Way.ROWS_REVERSED in possible and not is_convincing([main], request.limits.settled):
+        unlike.add(Way.ROWS_REVERSED)
+    main = _with_ways(search, main, unlike)
+    doubtful = [
+        way for way, image in images.items() if image.exact or _leaves_doubt(main, way, choice.text, grammar)
     ]
-    return _with_ways(search.under(grammar), line, ways)
+    return main, [
+        _with_ways(search.under(own), line, [way for way in doubtful if _may_exclude(line, way, own, main)])
+        for line, own in lines
+    ]
 
 
-def _is_contested(main: ReadLine, way: Way, text: str, grammar: Grammar | None) -> bool:
-    other = other_text(text, way, grammar)
-    if other is None or other.exact:
-        return other is not None
-    reading = other_reading(main, way, text, grammar)
-    return reading is not None and reading.text != text and reading.lead_nats < LEAST_LEAD_NATS
+def _leaves_doubt(line: ReadLine, way: Way, text: str, grammar: Grammar | None) -> bool:
+    other = other_reading(line, way, text, grammar)
+    return other is not None and other.text != text and other.lead_nats < LEAST_LEAD_NATS
+
+
+def _may_exclude(line: ReadLine, way: Way, grammar: Grammar | None, main: ReadLine) -> bool:
+    """Whether a line runs as the serial does, and a look is needed to tell if it can be read in another orientation."""
+    text = line.open_places[0].text if grammar is None else choose(line.lattice, grammar, k=1).text
+    along = math.cos(math.radians(line.line.turned_deg - main.line.turned_deg)) > 0.0
+    return along and readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
 
 
 def _with_ways(search: Search, line: ReadLine, ways: Iterable[Way]) -> ReadLine:
-    there = {way: _read_way(search, line.line, way) for way in ways}
-    seen = {way: lines[0] for way, lines in there.items() if lines}
-    return replace(line, other_ways=MappingProxyType(seen)) if seen else line
-
-
-def _read_way(search: Search, line: TextLine, way: Way) -> Sequence[ReadLine]:
-    view = search.view.mirrored if way.mirrors else search.view
-    return search.on(view).read([_line_in_view(line, search.view, way)])
+    """The line with a look at it in each of these orientations in which it can be read."""
+    seen = {}
+    for way in ways:
+        there = search.on(search.view.mirrored if way.mirrors else search.view)
+        if read := there.read([_line_in_view(line.line, search.view, way)]):
+            seen[way] = read[0]
+    return replace(line, other_ways=MappingProxyType(seen))
 
 
 def _line_in_view(line: TextLine, view: View, way: Way) -> TextLine:

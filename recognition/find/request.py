@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
 from recognition.find.region import Region, check_region
+from recognition.find.template_fonts import TemplateFonts
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
-
-if TYPE_CHECKING:
-    from recognition.find.template_lines import TemplateFonts
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,3 @@ class LineRequest:
     def chars_of(self, font: Font) -> str:
         """Characters to search for that a font has."""
         return "".join(c for c in self.chars if c in font.glyphs)
-
-    def under(self, grammar: Grammar | None) -> LineRequest:
-        """The same request with another format."""
-        return replace(self, grammar=grammar)

@@ -55,7 +55,7 @@ class Search:
 
     def under(self, grammar: Grammar | None) -> Self:
         """The same search for another format."""
-        return replace(self, request=self.request.under(grammar))
+        return replace(self, request=replace(self.request, grammar=grammar))
 
     @cached_property
     def found(self) -> Sequence[FoundLine]:
@@ -88,7 +88,7 @@ class Search:
             return rank([*lines, *self.read(self._other_text(lines[0].line))])
         # the two best lines are also read as arcs
         others = [*straight_and_bent(self.found[1:2]), *(found.line for found in self.found[2:])]
-        return self.walk(proposals(self), rank([*lines, *self.read(others)]))
+        return self.walk(proposals(self.view, self.request, self.found), rank([*lines, *self.read(others)]))
 
     def walk(self, tries: Iterable[Try], lines: Sequence[ReadLine]) -> list[ReadLine]:
         """Try each row of a table, and return all lines, most promising first.
@@ -103,7 +103,7 @@ class Search:
                 if self.looks.stopped or self._reaches(lines, row.skip_from):
                     break
                 if row.start is Start.VIEW:
-                    seen = self.read(row.propose(self, start)) if row.applies(self, start) else []
+                    seen = self.read(row.propose(start))
                     promising = [line for line in seen if promise_of(line) > row.least_promise]
                     guesses += seen[len(promising) :]
                     lines = rank([*lines, *promising])
@@ -115,9 +115,9 @@ class Search:
     def _improved(self, row: Try, line: ReadLine) -> ReadLine:
         """Change a line as a row proposes, as long as that makes it more promising."""
         for _ in range(row.repeats):
-            if not row.applies(self, [line]):
+            if not row.applies([line]):
                 break
-            seen = self.in_region(self.read(row.propose(self, [line])))
+            seen = self.in_region(self.read(row.propose([line])))
             if not seen or promise_of(seen[0]) <= promise_of(line) + row.gain_nats(line):
                 break
             line = seen[0]
@@ -126,13 +126,13 @@ class Search:
     def refine(self, lines: Sequence[ReadLine]) -> ReadLine:
         """Refine the best line: move, lengthen and bend it where that makes it more promising."""
         best = self._settled(lines)
-        bent = self.walk([with_sags(self.request.limits, lines[0].line)], [best])[0]
+        bent = self.walk([with_sags(self.request, lines[0].line)], [best])[0]
         return best if bent is best else self._settled([bent])
 
     def _settled(self, lines: Sequence[ReadLine]) -> ReadLine:
         if promise_of(lines[0]) < self.request.limits.hopeless * lines[0].lattice.n_places:
             return lines[0]
-        return self.walk(refinements(self), lines)[0]
+        return self.walk(refinements(self.view, self.request), lines)[0]
 
     def read(self, lines: Iterable[TextLine]) -> list[ReadLine]:
         """Read each line; read a doubtful one again at the width of its characters. The most promising comes first."""

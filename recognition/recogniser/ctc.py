@@ -113,46 +113,6 @@ def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
     return at_blank, at_place, enter, scale, total
 
 
-@kernel()
-def _backward(blank, shares, allowed):  # type: ignore[no-untyped-def]
-    """Sums of paths onwards from each place at each frame, as shares of `exp(scale)`."""
-    frames, count = shares.shape
-    places = allowed.shape[0]
-    on_blank = np.full(places + 1, -np.inf)
-    scale = np.full((frames, places), -np.inf)
-    on_place = np.zeros((frames, places, count))
-    on_blank[places] = 0.0
-    scale[frames - 1, places - 1] = 0.0
-    on_place[frames - 1, places - 1] = 1.0
-    step, rest = np.zeros((places + 1, count)), np.zeros((places + 1, count))
-    total = np.full(places + 1, -np.inf)
-    for t in range(frames - 2, -1, -1):
-        for k in range(places):
-            for c in range(count):
-                step[k, c] = shares[t + 1, c] * on_place[t + 1, k, c] if allowed[k, c] else 0.0
-            of_all = _all_and_others(step[k], rest[k])
-            total[k] = scale[t + 1, k] + math.log(of_all) if of_all > 0.0 else -np.inf
-        for k in range(places):
-            own, by_blank = scale[t + 1, k], blank[t + 1] + on_blank[k + 1]
-            other = scale[t + 1, k + 1] if k + 1 < places else -np.inf
-            top = max(own, by_blank, other)
-            if top == -np.inf:
-                continue
-            stay, blanked, go = _part(own, top), _part(by_blank, top), _part(other, top)
-            most = 0.0
-            for c in range(count):
-                if allowed[k, c]:
-                    on_place[t, k, c] = stay * step[k, c] + blanked + go * rest[k + 1, c]
-                    most = max(most, on_place[t, k, c])
-            if most > 0.0:
-                scale[t, k] = top + math.log(most)
-                for c in range(count):
-                    on_place[t, k, c] /= most
-        for k in range(places + 1):
-            on_blank[k] = _add(blank[t + 1] + on_blank[k], total[k])
-    return on_place, scale
-
-
 def place_belief(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64], allowed: NDArray[np.bool_]
 ) -> PlaceBelief | None:
@@ -172,11 +132,17 @@ def place_belief(
     evidence = float(np.logaddexp(at_blank[-1, -1], total[-1]))
     if not np.isfinite(evidence):
         return None
-    on_place, on_scale = _backward(*inputs, table)
-    share = np.exp(scale + on_scale - evidence)
+    # the paths onwards from each place are those that end there if frames and places are reversed
+    blank, shares = inputs
+    _, from_end, _, end_scale, _ = _forward(blank[::-1].copy(), shares[::-1].copy(), table[::-1].copy())
+    # each frame counts once: it is left out of the paths onwards
+    onwards = np.divide(
+        from_end[::-1, ::-1], shares[:, None], out=np.zeros_like(from_end), where=shares[:, None] > 0.0
+    )
+    weight = np.exp(scale + end_scale[::-1, ::-1] - evidence)
     with np.errstate(divide="ignore"):
-        log_belief = np.log(np.einsum("tkc,tkc,tk->kc", enter, on_place, share))
-    held = np.einsum("tkc,tkc->tk", at_place, on_place) * share
+        log_belief = np.log(np.einsum("tkc,tkc,tk->kc", enter, onwards, weight))
+    held = np.einsum("tkc,tkc->tk", at_place, onwards) * weight
     held /= held.sum(axis=0)
     t = np.arange(log_blank.size, dtype=np.float64)[:, None]
     frame = (t * held).sum(axis=0)

@@ -31,7 +31,7 @@ from recognition.decision.which_way_up import plain_text, weigh_orientation
 from recognition.find.find import find
 from recognition.find.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading
-from recognition.find.template_lines import TemplateFonts
+from recognition.find.template_fonts import TemplateFonts
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.laid_line import with_depths
 from recognition.glyph_match.pose import Floats

@@ -16,7 +16,7 @@ from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.which_way_up import weigh_orientation
 from recognition.find.find import find, search_of
-from recognition.find.orientation import read_other_ways, ways_possible
+from recognition.find.orientation import read_ways, ways_possible
 from recognition.find.part_lines import PartLines
 from recognition.find.request import LineRequest
 from recognition.language.grammar import Grammar
@@ -102,9 +102,11 @@ def test_another_line_that_reads_one_way_settles_it(
     down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
     place = place.reversed if reverse else place
-    line = read_other_ways(search_of(both, request), replace(line, line=place), part.main, None)
+    main, (line,) = read_ways(search_of(both, request), part.main, [(replace(line, line=place), None)])
     other = OtherLine("", text, confidence, line=place)
-    found = weigh_orientation(replace(reading, others=(other,)), replace(part, others=(line,)), request)
+    found = weigh_orientation(
+        replace(reading, others=(other,)), replace(part, main=main, others=(line,)), request
+    )
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
 
 
