@@ -97,8 +97,8 @@ class Search:
             tries: rows of the table.
             lines: lines so far, most promising first.
         """
-        first, lines, guesses = lines, list(lines), list[ReadLine]()
-        for row in tries:
+        first, lines, guesses, rows = lines, list(lines), list[ReadLine](), iter(tries)
+        for row in rows:
             for start in _starts(row, first[: self.request.limits.most_refined], lines):
                 if self.looks.stopped or self._reaches(lines, row.skip_from):
                     break
@@ -108,6 +108,8 @@ class Search:
                     guesses += seen[len(promising) :]
                     lines = rank([*lines, *promising])
                 else:
+                    if row.replaces_next and row.applies(start):
+                        next(rows)
                     lines = rank([*lines, self._improved(row, start[0])])
         # on a scan, a guess would cause a blank plate to be scanned as finely as small marks
         return [*lines, *guesses] if self.view.kind is ViewKind.PHOTO else lines

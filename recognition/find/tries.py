@@ -59,6 +59,7 @@ class Try:
         skip_from: share of the greatest promise from which it is skipped.
         start: what it starts from; what starts from lines refines them.
         applies: whether a line is worth a refinement.
+        replaces_next: whether the next row is skipped where this one applies.
         least_promise: promise from which a proposed line is more than a guess.
         repeats: most refinements of a line.
         gain_nats: least promise that a line must gain each time.
@@ -68,6 +69,7 @@ class Try:
     skip_from: float
     start: Start = Start.VIEW
     applies: Callable[[Lines], bool] = lambda _: True
+    replaces_next: bool = False
     least_promise: float = -math.inf
     repeats: int = 1
     gain_nats: Callable[[ReadLine], float] = lambda _: 0.0
@@ -107,21 +109,16 @@ def refinements(view: View, request: LineRequest) -> tuple[Try, ...]:
     def at_other_heights(lines: Lines) -> Sequence[TextLine]:
         return [move_line(lines[0].line, 0.0, size) for size in SIZES]
 
-    refit = Try(
-        on_its_ink,
-        limits.settled,
-        Start.FIRST_LINES,
-        is_doubtful,
-        repeats=limits.most_refits,
-        gain_nats=_much_of_doubt,
-    )
     resize = Try(at_other_heights, limits.settled, Start.BEST_LINE, is_doubtful, repeats=2)
     return (
-        refit,
+        Try(
+            on_its_ink, limits.settled, Start.FIRST_LINES, is_doubtful,
+            repeats=limits.most_refits, gain_nats=_much_of_doubt,
+        ),
         # without a format the length is unknown, so another word may follow after a gap
         Try(
             lambda lines: longer(lines[0].line), math.inf, Start.BEST_LINE,
-            lambda lines: request.grammar is None and is_convincing(lines, limits.sure),
+            lambda lines: request.grammar is None and is_convincing(lines, limits.sure), replaces_next=True,
         ),
         Try(lambda lines: variants(lines[0].line), limits.sure, Start.FIRST_LINES),
         *((resize,) if view.kind is ViewKind.PHOTO and not known else ()),

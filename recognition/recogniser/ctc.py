@@ -136,9 +136,7 @@ def place_belief(
     blank, shares = inputs
     _, from_end, _, end_scale, _ = _forward(blank[::-1].copy(), shares[::-1].copy(), table[::-1].copy())
     # each frame counts once: it is left out of the paths onwards
-    onwards = np.divide(
-        from_end[::-1, ::-1], shares[:, None], out=np.zeros_like(from_end), where=shares[:, None] > 0.0
-    )
+    onwards = from_end[::-1, ::-1] / np.maximum(shares, 1e-300)[:, None]
     weight = np.exp(scale + end_scale[::-1, ::-1] - evidence)
     with np.errstate(divide="ignore"):
         log_belief = np.log(np.einsum("tkc,tkc,tk->kc", enter, onwards, weight))

@@ -136,18 +136,19 @@ def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | Non
         looks: at the line, all over the same characters.
         grammar: format of the line.
     """
-    likely = 1.0
+    likely, evidence = 1.0, 0.0
     if grammar is None:
         many, likely = count_places(looks)
-        found = _posteriors(looks, (looks[0].chars,) * many)
+        posteriors = _posteriors(looks, (looks[0].chars,) * many)
     else:
-        found = _best_length(looks, grammar)
-    read = _lattice(looks, found)
-    if read is None:
+        posteriors = _best_length(looks, grammar)
+        evidence = _evidence(posteriors)
+    averaged = _lattice(looks, posteriors)
+    if averaged is None:
         return None
-    by_expert = MappingProxyType({looks[0].expert: read[0]})
-    evidence = 0.0 if grammar is None else _evidence(found)
-    return ReadLine(line, combine_experts(by_expert), read[1], evidence, likely, by_expert, tuple(looks))
+    lattice, columns = averaged
+    by_expert = MappingProxyType({looks[0].expert: lattice})
+    return ReadLine(line, combine_experts(by_expert), columns, evidence, likely, by_expert, tuple(looks))
 
 
 Posteriors = Sequence[PlaceBelief | None]
@@ -175,19 +176,14 @@ def _best_length(
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > most_lengths:
         usual, _ = count_places(looks)
-        lengths = frozenset(
-            {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:most_lengths]
-        )
+        nearest = sorted(lengths or {usual}, key=lambda n: abs(n - usual))
+        lengths = frozenset(nearest[:most_lengths])
     found = [
-        _posteriors(looks, [_with_alike(chars, alike) for chars in allowed])
+        _posteriors(looks, [chars + "".join(a for a in alike if set(a) & set(chars)) for chars in allowed])
         for n in sorted(lengths)
         if (allowed := grammar.places(n))
     ]
     return max(found, key=_evidence, default=[None] * len(looks))
-
-
-def _with_alike(chars: str, alike: Sequence[str]) -> str:
-    return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
 def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
@@ -213,17 +209,14 @@ def combine_experts(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> L
         slip: least share of belief that all allowed characters have together, whatever the experts say.
     """
     first = next(iter(lattices.values()))
-    reads = [np.logaddexp.reduce(own.log_belief, axis=1) for own in lattices.values()]
-    allowed = np.all([np.isfinite(own.log_belief) for own in lattices.values()], axis=0)
-    total, power = np.zeros(first.log_belief.shape), 1.0 / len(lattices)
-    for own, read in zip(lattices.values(), reads, strict=True):
-        total += power * np.where(allowed, own.log_belief - read[:, None], 0.0)
-    total = np.where(allowed, total, -np.inf)
+    logs = np.array([lattice.log_belief for lattice in lattices.values()])
+    reads, allowed = np.logaddexp.reduce(logs, axis=2), np.isfinite(logs).all(axis=0)
+    total = np.where(allowed, logs - reads[:, :, None], -np.inf).mean(axis=0)
     total -= np.logaddexp.reduce(total, axis=1)[:, None]
     even = np.log(slip / allowed.sum(axis=1) + _LEAST)[:, None]
     total = np.where(allowed, np.logaddexp(total + math.log1p(-slip), even), -np.inf)
-    unread = np.min([1.0 - np.exp(np.minimum(read, 0.0)) for read in reads], axis=0)
-    total += np.log(np.maximum(1.0 - unread, _LEAST))[:, None] - np.logaddexp.reduce(total, axis=1)[:, None]
+    read = np.exp(np.minimum(reads, 0.0)).max(axis=0)
+    total += np.log(np.maximum(read, _LEAST))[:, None] - np.logaddexp.reduce(total, axis=1)[:, None]
     return replace(first, log_belief=np.minimum(total, 0.0))
 
 
