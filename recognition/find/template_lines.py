@@ -140,7 +140,7 @@ class TemplateSearch(Search):
     def _rows(self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int) -> list[_PlacedLine]:
         """Place characters of one height along level rows of the view, which overlap."""
         glyphs = self._glyphs(font, style, height_mm, pixels=pixels)
-        rows = anywhere(self._near, height_mm=height_mm, blind_step=0.5, most_blind=20)
+        rows = anywhere(self._near, height_mm=height_mm, blind_step=0.5, most_blind=100)
         return [self._place(row, font, glyphs) for row in rows]
 
     def _looks(self, lines: Iterable[TextLine], style: MarkStyle) -> list[ReadLine]:

@@ -3,9 +3,9 @@
 If the usual lines are not convincing, proposals follow. The table counts which one gave the best line of 680 parts of
 the calibration design (the first pass counts as well):
 
-    usual   faint   whole view   small   slanted   upside down   running down
-    felt       617     213      17           3       1         0             0
-    photograph 341     307      10          39       2         2             0
+                usual   faint   whole view   small   slanted   upside down   running down
+    felt          617     213           17       3         1             0              0
+    photograph    341     307           10      39         2             2              0
 
 No line of these parts runs down, and few are upside down.
 """
