@@ -226,7 +226,8 @@ class _PlacedLine:
     def ends(self) -> NDArray[np.float64]:
         """Columns at which the ink of the first character begins and that of the last one ends."""
         half = self.glyphs.half_cols * (HEIGHT_ROWS / self.glyphs.pixels)
-        return self.columns[[0, -1]] + (-half[self.placed[0].template], half[self.placed[-1].template])
+        reach = -half[self.placed[0].template], half[self.placed[-1].template]
+        return np.asarray(self.columns[[0, -1]] + reach)
 
     def through(self, ends: NDArray[np.float64] | None = None) -> TextLine:
         """Fit the line through the characters, weighted by their rewards, between two columns (default: its own)."""
@@ -234,8 +235,8 @@ class _PlacedLine:
         if ends is None:
             margin = self.margin_heights * HEIGHT_ROWS
             ends = np.array([margin, self.line.columns(margin=self.margin_heights) - margin]) - 0.5
-        down = np.polyval(np.polyfit(self.columns, self.off_heights, min(1, len(sure) - 1), w=sure), ends)
+        fit = np.polyfit(self.columns, self.off_heights, min(1, len(sure) - 1), w=sure)
         height = len(self.image) * HEIGHT_ROWS / self.glyphs.pixels
-        rows = down * HEIGHT_ROWS + height / 2 - 0.5
+        rows = np.asarray(np.polyval(fit, ends) * HEIGHT_ROWS + height / 2 - 0.5, dtype=np.float64)
         points = self.line.places_mm(ends, rows, margin=self.margin_heights, of_rows=height)
         return TextLine(points, self.line.height_mm)
