@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -77,20 +78,16 @@ def find_lines(
         def back(line: TextLine) -> TextLine:
             return TextLine(turn_back(line.centre_mm, view, turned_deg), line.height_mm)
 
-        return [one.mapped(back) for one in find_lines(turn_view(view, turned_deg), height_mm=height_mm)]
-    found: list[FoundLine] = []
-    for scale_mm in _scales(view, height_mm):
-        found += _at_scale(view, scale_mm, _FAINT if faint else _MIDDLE)
+        turned = find_lines(turn_view(view, turned_deg), height_mm=height_mm)
+        return [candidate.mapped(back) for candidate in turned]
+    least = _FAINT if faint else _MIDDLE
+    candidates = [c for scale_mm in _scales(view, height_mm) for c in _at_scale(view, scale_mm, least)]
     if height_mm is not None:
-        found = [one.mapped(partial(_as_high, height_mm=height_mm)) for one in found]
-    kept = without_doubles(found)
-    whole = [
-        made
-        for k, one in enumerate(kept)
-        for other in kept[k + 1 :]
-        if (made := _join(one, other)) is not None
-    ]
-    return sorted([*kept, *whole], key=lambda one: -one.score)
+        candidates = [c.mapped(partial(_as_high, height_mm=height_mm)) for c in candidates]
+    pieces = without_doubles(candidates)
+    joined = (_join(*pair) for pair in combinations(pieces, 2))
+    whole = [line for line in joined if line is not None]
+    return sorted([*pieces, *whole], key=lambda line: -line.score)
 
 
 def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> TextLine:
@@ -103,7 +100,7 @@ def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> Text
 
 
 def _join(
-    one: FoundLine,
+    piece: FoundLine,
     other: FoundLine,
     *,
     alike: float = 0.25,
@@ -119,7 +116,7 @@ def _join(
         level: greatest distance of their middles across the line, character heights.
         broken: greatest gap between them, character heights.
     """
-    a, b = one.line, other.line
+    a, b = piece.line, other.line
     height = 0.5 * (a.height_mm + b.height_mm)
     if abs(math.log(a.height_mm / b.height_mm)) > alike or abs(a.turned_deg - b.turned_deg) > parallel_deg:
         return None
@@ -131,7 +128,7 @@ def _join(
     if gap > broken * height or abs(v[:2].mean() - v[2:].mean()) > level * height:
         return None
     straight = straight_through(ends[np.argsort(u)], before=0.0, after=0.0)
-    return FoundLine(TextLine(straight, height), one.score + other.score)
+    return FoundLine(TextLine(straight, height), piece.score + other.score)
 
 
 def _scales(view: View, height_mm: float | None, *, octaves: float = 0.7) -> list[float]:
@@ -156,20 +153,20 @@ def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
 
 def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
     """Run the finder on (n, LAYERS, rows, columns), whole cells: (n, FINDINGS, rows / CELL, columns / CELL)."""
-    found: NDArray[np.float32] = _session().run(None, {"view": views})[0]
-    return found
+    cells: NDArray[np.float32] = _session().run(None, {"view": views})[0]
+    return cells
 
 
-def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, least: float) -> list[FoundLine]:
+def joined_cells(cells: NDArray[np.float32], pitch_mm: float, view: View, *, least: float) -> list[FoundLine]:
     """Join cells to lines.
 
     Args:
-        found: (FINDINGS, rows, columns) of the cells.
+        cells: (FINDINGS, rows, columns) of the cells.
         pitch_mm: size of a pixel; a cell is CELL pixels.
         view: view that was searched.
         least: probability above which a cell counts as the middle of a line.
     """
-    belief = 1.0 / (1.0 + np.exp(-found[0]))
+    belief = 1.0 / (1.0 + np.exp(-cells[0]))
     # join the words of a line: cells up to a gap apart
     reach = max(1, round(_GAP * FINDER_ROWS / CELL / 2))
     joined = ndimage.binary_dilation(belief > least, np.ones((1, 2 * reach + 1), dtype=bool))
@@ -178,26 +175,26 @@ def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, lea
     for label in range(1, count + 1):
         v, u = np.nonzero((labels == label) & (belief > least))
         if u.size >= _LEAST_CELLS:
-            lines.append(_line(u, v, found[:, v, u], belief[v, u], pitch_mm, view))
+            lines.append(_line(u, v, cells[:, v, u], belief[v, u], pitch_mm, view))
     return lines
 
 
-def without_doubles(found: Sequence[FoundLine]) -> list[FoundLine]:
+def without_doubles(candidates: Sequence[FoundLine]) -> list[FoundLine]:
     """Lines without duplicates found at another scale, most promising first."""
-    kept: list[FoundLine] = []
-    for one in sorted(found, key=lambda one: -one.score):
-        if not any(overlap(one.line, other.line) for other in kept):
-            kept.append(one)
-    return kept
+    lines: list[FoundLine] = []
+    for candidate in sorted(candidates, key=lambda candidate: -candidate.score):
+        if not any(overlap(candidate.line, other.line) for other in lines):
+            lines.append(candidate)
+    return lines
 
 
 def _line(
-    u: NDArray[np.intp], v: NDArray[np.intp], found: NDArray[np.float32], belief: NDArray[np.float32],
+    u: NDArray[np.intp], v: NDArray[np.intp], cells: NDArray[np.float32], belief: NDArray[np.float32],
     pitch_mm: float, view: View,
 ) -> FoundLine:  # fmt: skip
-    height_mm = float(FINDER_ROWS * pitch_mm * 2.0 ** np.median(found[1]))
-    turned = float(np.median(found[2]))
-    down = found[3] * height_mm
+    height_mm = float(FINDER_ROWS * pitch_mm * 2.0 ** np.median(cells[1]))
+    turned = float(np.median(cells[2]))
+    down = cells[3] * height_mm
     x = (u * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[0] - down * math.sin(turned)
     y = (v * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[1] + down * math.cos(turned)
     along = x * math.cos(turned) + y * math.sin(turned)
@@ -205,9 +202,9 @@ def _line(
     # one point per cell length along the line: the weighted mean of its cells
     bins = ((along[order] - along[order[0]]) / (CELL * pitch_mm)).astype(np.intp)
     weight = np.bincount(bins, belief[order])
-    some = weight > 0.0
+    filled = weight > 0.0
     points = np.stack(
-        [np.bincount(bins, (values * belief)[order])[some] / weight[some] for values in (x, y)], axis=1
+        [np.bincount(bins, (values * belief)[order])[filled] / weight[filled] for values in (x, y)], axis=1
     )
     half = CELL * pitch_mm / 2
     straight = TextLine(straight_through(points, before=half, after=half), height_mm)
@@ -216,20 +213,20 @@ def _line(
     return FoundLine(straight, score, None if arc is None else TextLine(arc, height_mm))
 
 
-def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> bool:
-    """Whether two lines are the same ink: half of one lies within the other's band.
+def overlap(line: TextLine, other: TextLine, *, band_mm: float | None = None) -> bool:
+    """Whether two lines are the same ink: half of the first lies within the other's band.
 
     Args:
-        one: a line.
+        line: a line.
         other: line with the band.
         band_mm: reach of the band to either side of its middle (default: 0.6 of the greater height).
     """
-    band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
+    band_mm = 0.6 * max(line.height_mm, other.height_mm) if band_mm is None else band_mm
     # no point of a curve is further than half its length from the middle between its ends
-    apart = np.subtract(*(line.centre_mm[[0, -1]].mean(axis=0) for line in (one, other)))
-    if math.hypot(*apart) > 0.5 * (one.length_mm + other.length_mm) + band_mm:
+    apart = np.subtract(*(each.centre_mm[[0, -1]].mean(axis=0) for each in (line, other)))
+    if math.hypot(*apart) > 0.5 * (line.length_mm + other.length_mm) + band_mm:
         return False
-    points = points_along(one, np.linspace(0.05, 0.95, 15))
+    points = points_along(line, np.linspace(0.05, 0.95, 15))
     curve = points_along(other, np.linspace(0.0, 1.0, 61))
     far = np.linalg.norm(points[:, None] - curve, axis=2)
     nearest = far.argmin(axis=1)

@@ -112,9 +112,9 @@ def lengthen(line: TextLine, before: float, after: float) -> TextLine:
     """Extend a line straight beyond its ends, by a number of character heights."""
     points, height = line.centre_mm, line.height_mm
     first, last = points[0] - points[1], points[-1] - points[-2]
-    made = [points]
+    pieces = [points]
     if before > 0.0:
-        made.insert(0, (points[0] + before * height * first / np.linalg.norm(first))[None])
+        pieces.insert(0, (points[0] + before * height * first / np.linalg.norm(first))[None])
     if after > 0.0:
-        made.append((points[-1] + after * height * last / np.linalg.norm(last))[None])
-    return TextLine(np.concatenate(made), height)
+        pieces.append((points[-1] + after * height * last / np.linalg.norm(last))[None])
+    return TextLine(np.concatenate(pieces), height)

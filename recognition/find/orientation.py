@@ -111,8 +111,12 @@ def read_ways(
         way for way, image in images.items() if image.exact or _leaves_doubt(main, way, choice.text, grammar)
     ]
     return main, [
-        _with_ways(search.under(own), line, [way for way in doubtful if _may_exclude(line, way, own, main)])
-        for line, own in lines
+        _with_ways(
+            search.under(line_format),
+            line,
+            [way for way in doubtful if _may_exclude(line, way, line_format, main)],
+        )
+        for line, line_format in lines
     ]
 
 

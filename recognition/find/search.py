@@ -58,7 +58,7 @@ class Search:
         return replace(self, request=replace(self.request, grammar=grammar))
 
     @cached_property
-    def found(self) -> Sequence[FoundLine]:
+    def finder_lines(self) -> Sequence[FoundLine]:
         """The finder's lines in the region, then those in the whole view, each most promising first."""
         request = self.request
 
@@ -73,7 +73,7 @@ class Search:
 
     def candidates(self) -> list[TextLine]:
         """Propose lines, most promising first, without reading them."""
-        return [found.line for found in find_lines(self.view)]
+        return [candidate.line for candidate in find_lines(self.view)]
 
     def heights_mm(self) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
@@ -81,14 +81,19 @@ class Search:
 
     def lines(self) -> list[ReadLine]:
         """Read the lines of the view, most promising first; small lines that are only a guess come last."""
-        lines = self.read(straight_and_bent(self.found[:1]))
+        lines = self.read(straight_and_bent(self.finder_lines[:1]))
         if self.request.grammar is not None and self._reaches(lines, self.request.limits.plain):
             # reading the same ink in another way adds nothing, but the part may have other lines. Without a format
             # the length of the line is unknown
             return rank([*lines, *self.read(self._other_text(lines[0].line))])
         # the two best lines are also read as arcs
-        others = [*straight_and_bent(self.found[1:2]), *(found.line for found in self.found[2:])]
-        return self.walk(proposals(self.view, self.request, self.found), rank([*lines, *self.read(others)]))
+        others = [
+            *straight_and_bent(self.finder_lines[1:2]),
+            *(candidate.line for candidate in self.finder_lines[2:]),
+        ]
+        return self.walk(
+            proposals(self.view, self.request, self.finder_lines), rank([*lines, *self.read(others)])
+        )
 
     def walk(self, tries: Iterable[Try], lines: Sequence[ReadLine]) -> list[ReadLine]:
         """Try each row of a table, and return all lines, most promising first.
@@ -204,10 +209,10 @@ class Search:
     def _other_text(self, best: TextLine, *, text_share: float = 0.15) -> list[TextLine]:
         """Lines besides the best one that are probably text: with about three characters' share of its score."""
         return [
-            found.line
-            for found in self.found[1:]
-            if found.score > text_share * self.found[0].score
-            and not overlap(found.line, best, band_mm=best.height_mm)
+            candidate.line
+            for candidate in self.finder_lines[1:]
+            if candidate.score > text_share * self.finder_lines[0].score
+            and not overlap(candidate.line, best, band_mm=best.height_mm)
         ]
 
 

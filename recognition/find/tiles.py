@@ -43,7 +43,7 @@ def find_in_tiles(
         fine: look for the smallest characters too, which takes most of the time.
         most_tiles: most tiles of a view, at all scales: some two seconds. Scales that need more are left out.
     """
-    found: list[FoundLine] = []
+    lines: list[FoundLine] = []
     left = most_tiles
     scales_mm = _scales(view) if height_mm is None else [height_mm]
     for scale_mm in scales_mm if fine else scales_mm[:1]:
@@ -55,8 +55,8 @@ def find_in_tiles(
         left -= len(tiles)
         if left < 0:
             break
-        found += joined_cells(_surest(layers, tiles), pitch_mm, view, least=_MIDDLE)
-    return without_doubles(found)
+        lines += joined_cells(_surest(layers, tiles), pitch_mm, view, least=_MIDDLE)
+    return without_doubles(lines)
 
 
 def _scales(
@@ -114,18 +114,18 @@ def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
         layers, ((0, 0), (before_y, before_y + _ROWS + _DOWN), (before_x, before_x + _COLUMNS + _ACROSS))
     )
     batches = (tiles[start : start + _BATCH] for start in range(0, len(tiles), _BATCH))
-    found = np.concatenate(
+    cells = np.concatenate(
         [findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some])) for some in batches]
     )
     # leave out the rim of a tile: there the network sees nothing on one side
     rim_y, rim_x = (_ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
-    inner = found[:, :, rim_y : found.shape[2] - rim_y, rim_x : found.shape[3] - rim_x]
-    surest = np.full((found.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32)
-    for (y, x), one in zip(tiles, inner, strict=True):
+    inner = cells[:, :, rim_y : cells.shape[2] - rim_y, rim_x : cells.shape[3] - rim_x]
+    surest = np.full((cells.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32)
+    for (y, x), tile in zip(tiles, inner, strict=True):
         top, first = y // CELL + rim_y, x // CELL + rim_x
-        here = surest[:, top : top + one.shape[1], first : first + one.shape[2]]
-        better = one[0] > here[0]
-        here[:, better] = one[:, better]
+        here = surest[:, top : top + tile.shape[1], first : first + tile.shape[2]]
+        better = tile[0] > here[0]
+        here[:, better] = tile[:, better]
     top, first = before_y // CELL, before_x // CELL
     rows, columns = (-(-n // CELL) for n in layers.shape[1:])
     return surest[:, top : top + rows, first : first + columns]

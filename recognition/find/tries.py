@@ -75,10 +75,10 @@ class Try:
     gain_nats: Callable[[ReadLine], float] = lambda _: 0.0
 
 
-def proposals(view: View, request: LineRequest, found: Sequence[FoundLine]) -> tuple[Try, ...]:
+def proposals(view: View, request: LineRequest, candidates: Sequence[FoundLine]) -> tuple[Try, ...]:
     """Proposals of a view whose usual lines are not convincing, in the order in which they are tried."""
     limits, height_mm, photo = request.limits, request.height_mm, view.kind is ViewKind.PHOTO
-    clear = max((each.score for each in found), default=0.0) >= limits.clear_heights
+    clear = max((each.score for each in candidates), default=0.0) >= limits.clear_heights
     # a line fills much of a scan, but may be small in a photograph. The best of many noisy tiles has a high score by
     # chance: without promise it is only a guess
     small = [Try(lambda _: _in_tiles(view, request, fine=False), limits.some, least_promise=0.0)]
@@ -133,14 +133,14 @@ def with_sags(request: LineRequest, line: TextLine) -> Try:
     return Try(lambda _: bends, request.limits.sure, Start.BEST_LINE, gain_nats=lambda _: gain)
 
 
-def straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
+def straight_and_bent(candidates: Sequence[FoundLine]) -> list[TextLine]:
     """The positions of found lines, straight and as arcs."""
-    return [line for each in found for line in (each.line, each.bent) if line is not None]
+    return [line for each in candidates for line in (each.line, each.bent) if line is not None]
 
 
 def _faint(view: View, request: LineRequest) -> list[TextLine]:
     faint = find_lines(view, height_mm=request.height_mm, faint=True)[: request.limits.most_lines]
-    return [*(found.line for found in faint), *anywhere(view, height_mm=request.height_mm)]
+    return [*(candidate.line for candidate in faint), *anywhere(view, height_mm=request.height_mm)]
 
 
 def _in_tiles(
@@ -150,7 +150,7 @@ def _in_tiles(
     # cluttered frames the serial was among the first ten, and if it was read, among the first four
     # most_reversed: number of these that are also read upside down
     small = find_in_tiles(about_region(request.region, view), height_mm=request.height_mm, fine=fine)
-    lines = [found.line for found in small[:most_small]]
+    lines = [candidate.line for candidate in small[:most_small]]
     return [*lines, *(line.reversed for line in lines[:most_reversed])]
 
 
@@ -163,9 +163,9 @@ def _slants_deg(
 
 
 def _in_directions(view: View, request: LineRequest, turns_deg: Sequence[float]) -> list[TextLine]:
-    turned = [f for turn in turns_deg for f in find_lines(view, height_mm=request.height_mm, turned_deg=turn)]
-    best = sorted(turned, key=lambda found: -found.score)[: request.limits.most_turned]
-    lines = [*straight_and_bent(best[:1]), *(found.line for found in best[1:])]
+    turned = [c for turn in turns_deg for c in find_lines(view, height_mm=request.height_mm, turned_deg=turn)]
+    best = sorted(turned, key=lambda candidate: -candidate.score)[: request.limits.most_turned]
+    lines = [*straight_and_bent(best[:1]), *(candidate.line for candidate in best[1:])]
     return [*lines, *(line.reversed for line in lines)]
 
 

@@ -124,8 +124,8 @@ class ReadLine:
     @property
     def is_text(self) -> bool:
         """Whether the expert that looked at the line saw text (`LEAST_PROMISE`); templates match any dirt somehow."""
-        own = self.by_expert[self.looks[0].expert]
-        return self._promise_of(own) >= LEAST_PROMISE * own.n_places
+        lattice = self.by_expert[self.looks[0].expert]
+        return self._promise_of(lattice) >= LEAST_PROMISE * lattice.n_places
 
 
 def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | None) -> ReadLine | None:
@@ -159,9 +159,9 @@ def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
     return [steps.places(allowed) for steps in looks]
 
 
-def _evidence(found: Posteriors) -> float:
+def _evidence(posteriors: Posteriors) -> float:
     """Log probability of all allowed texts together, the mean of looks; -inf without room for one."""
-    logs = [one.log_evidence for one in found if one is not None]
+    logs = [posterior.log_evidence for posterior in posteriors if posterior is not None]
     return float(np.mean(logs)) if logs else -math.inf
 
 
@@ -178,12 +178,12 @@ def _best_length(
         usual, _ = count_places(looks)
         nearest = sorted(lengths or {usual}, key=lambda n: abs(n - usual))
         lengths = frozenset(nearest[:most_lengths])
-    found = [
+    by_length = [
         _posteriors(looks, [chars + "".join(a for a in alike if set(a) & set(chars)) for chars in allowed])
         for n in sorted(lengths)
         if (allowed := grammar.places(n))
     ]
-    return max(found, key=_evidence, default=[None] * len(looks))
+    return max(by_length, key=_evidence, default=[None] * len(looks))
 
 
 def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
@@ -230,14 +230,16 @@ def _lattice(
     """
     logs: dict[int, list[Floats]] = {}
     columns, read = [], []
-    for steps, found in zip(looks, posteriors, strict=True):
-        if found is None:
+    for steps, places in zip(looks, posteriors, strict=True):
+        if places is None:
             continue
-        at = np.clip(found.frame, 0, steps.columns.size - 1)
-        columns.append(np.interp(at, np.arange(steps.columns.size), steps.columns))
-        logs.setdefault(steps.view, []).append(found.log_belief)
+        frames = np.clip(places.frame, 0, steps.columns.size - 1)
+        columns.append(np.interp(frames, np.arange(steps.columns.size), steps.columns))
+        logs.setdefault(steps.view, []).append(places.log_belief)
         steps_at = np.arange(steps.log_blank.size)
-        near = np.abs(steps_at[None] - found.frame[:, None]) <= np.maximum(near_steps, found.spread)[:, None]
+        near = (
+            np.abs(steps_at[None] - places.frame[:, None]) <= np.maximum(near_steps, places.spread)[:, None]
+        )
         # a character may show half at one step and half at the next: only blanks at all of them say that none is there
         unread = np.exp(np.where(near, steps.log_blank[None], 0.0).sum(axis=1))
         read.append((1.0 - unread).clip(_LEAST, 1.0))

@@ -85,12 +85,12 @@ class Steps:
         # most characters appear nowhere along the line; sums over them would be wasted work
         shown = self.log_chars.max(axis=0) > SHOWN
         shown |= (table & ~(table & shown).any(axis=1, keepdims=True)).any(axis=0)
-        found = place_belief(self.log_blank, self.log_chars[:, shown], table[:, shown])
-        if found is None:
+        belief = place_belief(self.log_blank, self.log_chars[:, shown], table[:, shown])
+        if belief is None:
             return None
         log = np.where(table, math.log(FLOOR), -np.inf)
-        log[:, shown] = np.where(table[:, shown], np.maximum(found.log_belief, math.log(FLOOR)), -np.inf)
-        return replace(found, log_belief=log - np.logaddexp.reduce(log, axis=1, keepdims=True))
+        log[:, shown] = np.where(table[:, shown], np.maximum(belief.log_belief, math.log(FLOOR)), -np.inf)
+        return replace(belief, log_belief=log - np.logaddexp.reduce(log, axis=1, keepdims=True))
 
     def count(self) -> Floats:
         """(n,) log posterior of the number of characters, from 0."""
