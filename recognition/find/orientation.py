@@ -102,22 +102,20 @@ def read_ways(
         request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg
     )
     images = {way: image for way in possible if (image := other_text(choice.text, way, grammar)) is not None}
-    unlike = {way for way, image in images.items() if not image.exact}
-    # an unsure part is read in a mirror as well, unless that line is far less likely
-    if Way.ROWS_REVERSED in possible and not is_convincing([main], request.limits.settled):
-        unlike.add(Way.ROWS_REVERSED)
+    # an unsure part is read in a mirror as well, whatever its text is
+    unsure = not is_convincing([main], request.limits.settled)
+    unlike = [way for way in possible if way in images and not images[way].exact]
+    if unsure and Way.ROWS_REVERSED in possible and Way.ROWS_REVERSED not in unlike:
+        unlike.append(Way.ROWS_REVERSED)
     main = _with_ways(search, main, unlike)
     doubtful = [
         way for way, image in images.items() if image.exact or _leaves_doubt(main, way, choice.text, grammar)
     ]
-    return main, [
-        _with_ways(
-            search.under(line_format),
-            line,
-            [way for way in doubtful if _may_exclude(line, way, line_format, main)],
-        )
-        for line, line_format in lines
-    ]
+    read = []
+    for line, line_format in lines:
+        ways = [way for way in doubtful if _may_exclude(line, way, line_format, main)]
+        read.append(_with_ways(search.under(line_format), line, ways))
+    return main, read
 
 
 def _leaves_doubt(line: ReadLine, way: Way, text: str, grammar: Grammar | None) -> bool:
