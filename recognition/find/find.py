@@ -27,6 +27,7 @@ from recognition.find.promise import is_convincing, promise_of, rank
 from recognition.find.region import stands_in
 from recognition.find.request import LineFormat, LineRequest
 from recognition.find.search import UPSIDE_DOWN_DEG, Move, Search
+from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.views.text_line import TextLine
@@ -208,11 +209,32 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
     for line in others:
         if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
             unassigned.append(line)
-    formats = [search.request.lines[name].grammar for name in named]
-    beside = [*zip(named.values(), formats, strict=True), *((line, None) for line in unassigned)]
-    main, read = read_ways(search, main, beside)
-    by_name = dict(zip(named, read, strict=False))
-    return PartLines(main, MappingProxyType(by_name), tuple(read[len(named) :]))
+    request, limits = search.request, search.request.limits
+    unsure = not is_convincing([main], limits.settled)
+    return PartLines(
+        read_ways(search, main, _serial_of(main, request.grammar), in_mirror=unsure),
+        MappingProxyType(
+            {name: _named_ways(search, line, request.lines[name]) for name, line in named.items()}
+        ),
+        tuple(read_ways(search.under(None), line, line.open_places[0].text) for line in unassigned),
+    )
+
+
+def _serial_of(main: ReadLine, grammar: Grammar | None, *, least_places: int = 4, sure: float = 0.9) -> str:
+    """Text of the serial's line; empty if it may be none.
+
+    Args:
+        least_places: length from which a line without a format is text even if it is unsure.
+        sure: probability from which a shorter one is.
+    """
+    choice = choose(main.lattice, grammar, k=1)
+    short = grammar is None and len(choice.text) < least_places and choice.probability < sure
+    return choice.text if main.is_text and not short else ""
+
+
+def _named_ways(search: Search, line: ReadLine, wanted: LineFormat) -> ReadLine:
+    text = choose(line.lattice, wanted.grammar, k=1).text
+    return read_ways(search.under(wanted.grammar), line, text)
 
 
 def _line_named(

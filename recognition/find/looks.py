@@ -17,6 +17,7 @@ class Looks:
 
     Attributes:
         count: runs of the recogniser.
+        stopped: why a look was refused; empty if none was.
     """
 
     def __init__(self, *, most: int | None = None, limit_s: float | None = None) -> None:
@@ -26,18 +27,18 @@ class Looks:
             most: most runs of the recogniser.
             limit_s: seconds after which it is not run any more.
         """
-        self.count, self._most, self._limit_s, self._start_s = 0, most, limit_s, monotonic()
+        self.count, self.stopped = 0, ""
+        self._most, self._limit_s, self._start_s = most, limit_s, monotonic()
         self._posteriors: dict[tuple[object, ...], NDArray[np.float32]] = {}
         self._strip: tuple[tuple[object, ...], Layers] | None = None
 
-    @property
-    def stopped(self) -> str:
-        """Why no more looks are taken; empty if there may be more."""
+    def may_look(self) -> bool:
+        """Whether another look is allowed."""
         if self._most is not None and self.count >= self._most:
-            return f"stopped after {self.count} looks"
-        if self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
-            return f"stopped after {self._limit_s:g} s"
-        return ""
+            self.stopped = f"stopped after {self.count} looks"
+        elif self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
+            self.stopped = f"stopped after {self._limit_s:g} s"
+        return not self.stopped
 
     def posteriors(
         self, view: View, line: TextLine, *, wider: float = WIDER, skip_columns: int = 0

@@ -7,16 +7,13 @@ Orientations are excluded by what is known: how parts lie (the settings), the or
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from recognition.find.promise import is_convincing
 from recognition.find.search import UPSIDE_DOWN_DEG, Search
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
-from recognition.language.orientation import Orientation, Way, other_text, readable
+from recognition.language.orientation import Orientation, Way, readable
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
@@ -74,69 +71,25 @@ def other_reading(line: ReadLine, way: Way, text: str, grammar: Grammar | None) 
     return OtherReading(other, lead + max(here.promise - there.promise, 0.0))
 
 
-def read_ways(
-    search: Search,
-    main: ReadLine,
-    others: Iterable[tuple[ReadLine, Grammar | None]],
-    *,
-    least_places: int = 4,
-    sure: float = 0.9,
-) -> tuple[ReadLine, list[ReadLine]]:
-    """Read the serial's line in each other orientation in which its text can be read.
-
-    Where that leaves a doubt, read the part's other lines too: one that can be read one way only excludes the other.
+def read_ways(search: Search, line: ReadLine, text: str, *, in_mirror: bool = False) -> ReadLine:
+    """Read a line in each other orientation in which its text can be read, but not by characters of the same shape.
 
     Args:
-        search: search of the view in which the lines were read, under the serial's format.
-        main: the serial's line.
-        others: the other lines and their formats.
-        least_places: length from which a line without a format is text even if it is unsure.
-        sure: probability from which a shorter one is.
+        search: search of the view in which the line was read, under the line's format.
+        line: the line.
+        text: its text, without blanks; empty if it may be none.
+        in_mirror: whether to read it with the rows in the other order whatever its text is, if their order is unknown.
     """
-    request, grammar = search.request, search.request.grammar
-    choice, lines = choose(main.lattice, grammar, k=1), list(others)
-    short = grammar is None and len(choice.text) < least_places and choice.probability < sure
-    if not choice.text or not main.is_text or short:
-        return main, [line for line, _ in lines]
-    possible = ways_possible(
-        request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg
-    )
-    images = {way: image for way in possible if (image := other_text(choice.text, way, grammar)) is not None}
-    # an unsure part is read in a mirror as well, whatever its text is
-    unsure = not is_convincing([main], request.limits.settled)
-    unlike = [way for way in possible if way in images and not images[way].exact]
-    if unsure and Way.ROWS_REVERSED in possible and Way.ROWS_REVERSED not in unlike:
-        unlike.append(Way.ROWS_REVERSED)
-    main = _with_ways(search, main, unlike)
-    doubtful = [
-        way for way, image in images.items() if image.exact or _leaves_doubt(main, way, choice.text, grammar)
-    ]
-    read = []
-    for line, line_format in lines:
-        ways = [way for way in doubtful if _may_exclude(line, way, line_format, main)]
-        read.append(_with_ways(search.under(line_format), line, ways))
-    return main, read
-
-
-def _leaves_doubt(line: ReadLine, way: Way, text: str, grammar: Grammar | None) -> bool:
-    other = other_reading(line, way, text, grammar)
-    return other is not None and other.text != text and other.lead_nats < LEAST_LEAD_NATS
-
-
-def _may_exclude(line: ReadLine, way: Way, grammar: Grammar | None, main: ReadLine) -> bool:
-    """Whether a line runs as the serial does, and a look is needed to tell if it can be read in another orientation."""
-    text = line.open_places[0].text if grammar is None else choose(line.lattice, grammar, k=1).text
-    along = math.cos(math.radians(line.line.turned_deg - main.line.turned_deg)) > 0.0
-    return along and readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
-
-
-def _with_ways(search: Search, line: ReadLine, ways: Iterable[Way]) -> ReadLine:
-    """The line with a look at it in each of these orientations in which it can be read."""
-    seen = {}
-    for way in ways:
-        there = search.on(search.view.mirrored if way.mirrors else search.view)
-        if read := there.read([_line_in_view(line.line, search.view, way)]):
-            seen[way] = read[0]
+    request, seen = search.request, {}
+    for way in ways_possible(
+        request.orientation, rows_known=request.rows_known, turned_deg=line.line.turned_deg
+    ):
+        exact = readable(text, way, request.grammar, exact=True)
+        likely = not exact and readable(text, way, request.grammar)
+        if likely or (in_mirror and way is Way.ROWS_REVERSED):
+            there = search.on(search.view.mirrored if way.mirrors else search.view)
+            if read := there.read([_line_in_view(line.line, search.view, way)]):
+                seen[way] = read[0]
     return replace(line, other_ways=MappingProxyType(seen))
 
 

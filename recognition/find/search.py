@@ -105,7 +105,7 @@ class Search:
         first, lines, guesses, rows = lines, list(lines), list[ReadLine](), iter(tries)
         for row in rows:
             for start in _starts(row, first[: self.request.limits.most_refined], lines):
-                if self.looks.stopped or self._reaches(lines, row.skip_from):
+                if self._reaches(lines, row.skip_from) or not self.looks.may_look():
                     break
                 if row.start is Start.VIEW:
                     seen = self.read(row.propose(start))
@@ -153,7 +153,7 @@ class Search:
         if read is None or read.advance < limits.narrowest or is_convincing([read], limits.settled):
             return read
         fitting = wider_for(read.advance)
-        if max(fitting / WIDER, WIDER / fitting) < limits.rewidened or self.looks.stopped:
+        if max(fitting / WIDER, WIDER / fitting) < limits.rewidened or not self.looks.may_look():
             return read
         again = combine_looks(line, [self._steps(line, wider=fitting)], grammar)
         return read if again is None or again.promise < read.promise + limits.chance_gain else again
@@ -170,7 +170,7 @@ class Search:
         return [
             self._steps(move_line(read.line, down, size), wider=wider, skip_columns=skip)
             for down, size, skip in moves
-            if not self.looks.stopped
+            if self.looks.may_look()
         ]
 
     def in_region(self, lines: Iterable[ReadLine]) -> list[ReadLine]:
@@ -201,7 +201,7 @@ class Search:
         """
         least_mm, most_mm = least_pixels * self.view.pitch_mm, most_sides * min(self.view.size_mm)
         fits = line.columns() <= most_columns and least_mm <= line.height_mm <= most_mm
-        return fits and self.may_run(line) and not self.looks.stopped
+        return fits and self.may_run(line) and self.looks.may_look()
 
     def _reaches(self, lines: Iterable[ReadLine], share: float) -> bool:
         return is_convincing(self.in_region(lines), share)

@@ -148,7 +148,7 @@ class TemplateSearch(Search):
             read
             for line in lines
             for font in self._fonts.in_style(style)
-            if self.may_run(line) and not self.looks.stopped
+            if self.may_run(line) and self.looks.may_look()
             if (read := self._look(line, font, style)) is not None
         ]
 
