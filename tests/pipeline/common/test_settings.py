@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
-from recognition.experts.steps import EXPERTS
+from recognition.recogniser.steps import EXPERTS
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:

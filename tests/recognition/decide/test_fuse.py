@@ -13,17 +13,17 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from recognition.combine.fuse_lattices import FusionWeights, fuse_lattices, lead_nats
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, SenseEvidence
+from recognition.decide.fuse_lattices import FusionWeights, fuse_lattices, lead_nats
 from recognition.decide.reading import Reading
+from recognition.find.part_lines import PartLines
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
-from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 from recognition.views.codes import Code
 from tests.support.evidence import believed_line, sense_of

@@ -8,8 +8,8 @@ import pytest
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
 from recognition.decide.decision import Decision
-from recognition.lines import networks
 from recognition.reader import Reader
+from recognition.recogniser import networks
 from recognition.settings import ReaderSettings
 from recognition.views.levelling import level
 from tests.support.felt import felt
@@ -22,7 +22,7 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     def opened(*_: object) -> None:
         raise AssertionError("a network was opened")
 
-    for module in ("lines.find", "experts.recogniser"):
+    for module in ("find.finder", "recogniser.recogniser"):
         monkeypatch.setattr(f"recognition.{module}._session", opened)
     monkeypatch.setattr(networks, "open_network", opened)
 
