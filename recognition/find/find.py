@@ -21,7 +21,7 @@ from recognition.find.ink import on_ink
 from recognition.find.layouts import other_layout
 from recognition.find.line_variants import lengthen
 from recognition.find.looks import Looks
-from recognition.find.orientation import read_ways, ways_possible
+from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, read_ways, ways_possible
 from recognition.find.part_lines import PartLines
 from recognition.find.promise import is_convincing, promise_of, rank
 from recognition.find.region import stands_in
@@ -212,15 +212,23 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
             unassigned.append(line)
     request, serial = search.request, _serial_of(main, search.request.grammar)
     ways = ways_possible(request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg)
-    # another line may exclude an orientation in which the serial can be read
-    doubtful = [way for way in ways if readable(serial, way, request.grammar)]
+    unsure = not is_convincing([main], request.limits.settled)
+    main = read_ways(search, main, serial, ways, in_mirror=unsure)
+    # another line may exclude an orientation in which the serial reads about as well
+    lead_nats = {
+        way: other.lead_nats for way in ways if (other := other_reading(main, way, serial, request.grammar))
+    }
+    doubtful = [
+        way
+        for way in ways
+        if readable(serial, way, request.grammar) and lead_nats.get(way, 0.0) < LEAST_LEAD_NATS
+    ]
     for name, line in named.items():
         grammar = request.lines[name].grammar
         text = choose(line.lattice, grammar, k=1).text
         named[name] = read_ways(search.under(grammar), line, text, doubtful)
-    unsure = not is_convincing([main], request.limits.settled)
     return PartLines(
-        read_ways(search, main, serial, ways, in_mirror=unsure),
+        main,
         MappingProxyType(named),
         tuple(read_ways(search.under(None), line, line.open_places[0].text, doubtful) for line in unassigned),
     )
