@@ -100,6 +100,8 @@ def _excludes(
     if not readable(text, way, grammar):
         return True
     read = next(read for read in (*part.named.values(), *part.others) if read.line is line.line)
+    if way not in read.other_ways:
+        return False
     there = other_reading(read, way, text, grammar)
     return there is None or there.lead_nats >= LEAST_LEAD_NATS
 

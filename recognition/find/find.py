@@ -21,7 +21,7 @@ from recognition.find.ink import on_ink
 from recognition.find.layouts import other_layout
 from recognition.find.line_variants import lengthen
 from recognition.find.looks import Looks
-from recognition.find.orientation import read_ways
+from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, read_ways, ways_possible
 from recognition.find.part_lines import PartLines
 from recognition.find.promise import is_convincing, promise_of, rank
 from recognition.find.region import stands_in
@@ -29,6 +29,7 @@ from recognition.find.request import LineFormat, LineRequest
 from recognition.find.search import UPSIDE_DOWN_DEG, Move, Search
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
+from recognition.language.orientation import readable
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
@@ -209,14 +210,27 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
     for line in others:
         if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
             unassigned.append(line)
-    request, limits = search.request, search.request.limits
-    unsure = not is_convincing([main], limits.settled)
+    request, serial = search.request, _serial_of(main, search.request.grammar)
+    ways = ways_possible(request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg)
+    unsure = not is_convincing([main], request.limits.settled)
+    main = read_ways(search, main, serial, ways, in_mirror=unsure)
+    # another line may exclude an orientation in which the serial reads about as well
+    lead_nats = {
+        way: other.lead_nats for way in ways if (other := other_reading(main, way, serial, request.grammar))
+    }
+    doubtful = [
+        way
+        for way in ways
+        if readable(serial, way, request.grammar) and lead_nats.get(way, 0.0) < LEAST_LEAD_NATS
+    ]
+    for name, line in named.items():
+        grammar = request.lines[name].grammar
+        text = choose(line.lattice, grammar, k=1).text
+        named[name] = read_ways(search.under(grammar), line, text, doubtful)
     return PartLines(
-        read_ways(search, main, _serial_of(main, request.grammar), in_mirror=unsure),
-        MappingProxyType(
-            {name: _named_ways(search, line, request.lines[name]) for name, line in named.items()}
-        ),
-        tuple(read_ways(search.under(None), line, line.open_places[0].text) for line in unassigned),
+        main,
+        MappingProxyType(named),
+        tuple(read_ways(search.under(None), line, line.open_places[0].text, doubtful) for line in unassigned),
     )
 
 
@@ -230,11 +244,6 @@ def _serial_of(main: ReadLine, grammar: Grammar | None, *, least_places: int = 4
     choice = choose(main.lattice, grammar, k=1)
     short = grammar is None and len(choice.text) < least_places and choice.probability < sure
     return choice.text if main.is_text and not short else ""
-
-
-def _named_ways(search: Search, line: ReadLine, wanted: LineFormat) -> ReadLine:
-    text = choose(line.lattice, wanted.grammar, k=1).text
-    return read_ways(search.under(wanted.grammar), line, text)
 
 
 def _line_named(

@@ -7,6 +7,7 @@ Orientations are excluded by what is known: how parts lie (the settings), the or
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -70,21 +71,21 @@ def other_reading(line: ReadLine, way: Way, text: str, grammar: Grammar | None) 
     return OtherReading(other, lead + max(here.promise - there.promise, 0.0))
 
 
-def read_ways(search: Search, line: ReadLine, text: str, *, in_mirror: bool = False) -> ReadLine:
+def read_ways(
+    search: Search, line: ReadLine, text: str, ways: Iterable[Way], *, in_mirror: bool = False
+) -> ReadLine:
     """Read a line in each other orientation in which its text can be read, but not by characters of the same shape.
 
     Args:
         search: search of the view in which the line was read, under the line's format.
         line: the line.
         text: its text, without blanks; empty if it may be none.
+        ways: the other orientations that are possible.
         in_mirror: whether to read it with the rows in the other order whatever its text is, if their order is unknown.
     """
-    request, seen = search.request, {}
-    for way in ways_possible(
-        request.orientation, rows_known=request.rows_known, turned_deg=line.line.turned_deg
-    ):
-        exact = readable(text, way, request.grammar, exact=True)
-        likely = not exact and readable(text, way, request.grammar)
+    grammar, seen = search.request.grammar, {}
+    for way in ways:
+        likely = readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
         if likely or (in_mirror and way is Way.ROWS_REVERSED):
             there = search.on(search.view.mirrored if way.mirrors else search.view)
             if read := there.read([_line_in_view(line.line, search.view, way)]):

@@ -101,7 +101,7 @@ def test_another_line_that_reads_one_way_settles_it(
     down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
     place = place.reversed if reverse else place
-    line = read_ways(search_of(both, request).under(None), replace(line, line=place), text)
+    line = read_ways(search_of(both, request).under(None), replace(line, line=place), text, [Way.UPSIDE_DOWN])
     found = reading_of(replace(part, others=(line,)), request, threshold=threshold)
     assert found.others[0].text == text
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
