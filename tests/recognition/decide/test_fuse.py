@@ -251,7 +251,9 @@ def test_one_sense_alone() -> None:
 def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
     one = touch(of_text(text, 0.999) if text else None, seconds={"read": 2.0})
     other = vision(of_text("AB1234", 0.999), seconds={"read": 3.0})
-    assert fuse(one, other, SETTINGS).seconds == {"read": 2.0, "vision read": 3.0}
+    seconds = fuse(one, other, SETTINGS).seconds
+    assert seconds["decide"] > 0.0
+    assert seconds == {"read": 2.0, "vision read": 3.0, "decide": seconds["decide"]}
 
 
 LINES = replace(SETTINGS, lines={"lot": "AAA99"})

@@ -109,7 +109,7 @@ def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
 
     sure, unsure = (expert_alone(whole(line), name, FORMATTED) for name in ("network", "templates"))
     assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
-    assert sure.seconds == {"scan": 2.0}
+    assert sure.seconds["scan"] == 2.0
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
     silent = expert_alone(whole(replace(line, by_expert={}), "vision"), "network", FORMATTED)
