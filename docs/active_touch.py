@@ -96,7 +96,7 @@ def _feel() -> FeltPart:
         level(part.height_map),
         found,
         [edges(k + 1) for k in range(len(sweeps))],
-        sure_from=reader.settings.accept_confidence,
+        sure_from=reader.settings.least_score("tactile"),
     )
 
 

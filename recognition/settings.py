@@ -13,9 +13,10 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
-from recognition.decide.decision import USUAL_THRESHOLD, CertifiedAcceptance
+from recognition.decide.decision import CertifiedAcceptance
 from recognition.decide.depth_rules import DepthRule
-from recognition.decide.score import score_of
+from recognition.decide.risk import least_score, require_kept
+from recognition.decide.risk_text import USUAL_RISK, check_risk
 from recognition.find.region import Region, check_region
 from recognition.find.request import LineFormat, LineRequest
 from recognition.language.grammar import Grammar
@@ -35,8 +36,7 @@ class ReaderOptions(TypedDict, total=False):
     format: str | Grammar | None
     height_mm: float | None
     fidelity: Fidelity
-    accept_confidence: float
-    accept_risk: float | None
+    accept_risk: float
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
     region: Region | None
@@ -56,9 +56,8 @@ class ReaderSettings:
             grammar; None if unknown.
         height_mm: character height, if known.
         fidelity: fidelity with which the virtual array feels a height map.
-        accept_confidence: least score of an accepted reading; it must break no contract either.
-        accept_risk: greatest expected share of wrong readings among those accepted; if set, it replaces
-            `accept_confidence` by a threshold for each sense (`recognition.decide.score.Score.threshold`).
+        accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
+            was tested to keep it (`recognition.decide.risk`), and nothing if there is none.
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
         experts: names of `EXPERTS` that read (default: all).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
@@ -69,6 +68,7 @@ class ReaderSettings:
 
     Raises:
         FormatError: a format that no serial meets.
+        MarksError: another risk than the usual one, which no sense keeps.
         ValueError: a number out of range.
     """
 
@@ -76,8 +76,7 @@ class ReaderSettings:
     format: str | Grammar | None = None
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
-    accept_confidence: float = USUAL_THRESHOLD
-    accept_risk: float | None = None
+    accept_risk: float = USUAL_RISK
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
     region: Region | None = None
@@ -92,10 +91,8 @@ class ReaderSettings:
         object.__setattr__(self, "fonts", fonts)
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
-        if not 0.0 <= self.accept_confidence <= 1.0:
-            raise ValueError(f"accept_confidence is {self.accept_confidence}; it lies between 0 and 1")
-        if self.accept_risk is not None and not 0.0 < self.accept_risk < 1.0:
-            raise ValueError(f"accept_risk is {self.accept_risk}; it lies between 0 and 1")
+        if check_risk(self.accept_risk) != USUAL_RISK:  # one that was chosen
+            require_kept(self.accept_risk)
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # a tuple of pairs, so that settings can be dictionary keys
@@ -113,10 +110,8 @@ class ReaderSettings:
         return bool(self.fonts) and "templates" in self.experts
 
     def least_score(self, source: str) -> float:
-        """Least score of an accepted reading of a source."""
-        if self.accept_risk is None:
-            return self.accept_confidence
-        return score_of(source).threshold(self.accept_risk)
+        """Least score from which a text of a source of readings is accepted, or counts as sure."""
+        return least_score(source, self.accept_risk)
 
     @cached_property
     def asked(self) -> Mapping[str, LineFormat]:

@@ -45,6 +45,7 @@ def run(
     experts: str = "",
     ablate: str = "",
     fidelity: FidelityName = "contact",
+    accept_risk: str = "1 in 1000",
     certificate: Path | None = None,
     cluster: str | None = None,
 ) -> None:
@@ -106,6 +107,8 @@ def run(
         terms of the score; a wrong name lists them. Nothing is read again.
     fidelity
         Simulation of touch.
+    accept_risk
+        Greatest share of wrong readings among those that our readers accept: 0.001, 1/1000 or "1 in 1000".
     certificate
         Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that it does
         not cover, and the report says where the parts are unlike the certified ones.
@@ -118,6 +121,7 @@ def run(
     from pipeline.cli.shared import print_document
     from pipeline.reading.certificate import valid_certificate
     from pipeline.reading.perturbation import PERTURBATIONS
+    from recognition.decide.risk_text import parse_risk
     from recognition.language.orientation import Orientation
     from recognition.settings import ReaderSettings
     from whisker_array.simulation.traces import Fidelity
@@ -130,7 +134,13 @@ def run(
     # parts of a design are upright; the orientation of other parts is unknown
     lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
     try:
-        reading = ReaderSettings(fidelity=Fidelity(fidelity), orientation=lie, experts=split_commas(experts))
+        risk = parse_risk(accept_risk)
+    except ValueError as error:
+        raise SettingsError(f"--accept-risk is {accept_risk!r}: {error}") from error
+    try:
+        reading = ReaderSettings(
+            fidelity=Fidelity(fidelity), accept_risk=risk, orientation=lie, experts=split_commas(experts)
+        )
     except ValueError as error:
         raise SettingsError(f"--experts is {experts!r}: {error}") from error
     if vouching is not None:

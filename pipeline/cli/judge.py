@@ -21,7 +21,7 @@ _GO_ON = "start the same command again to continue"
 def certify(
     *inputs: str,
     truth: Path,
-    risk: float = 0.001,
+    risk: str = "1 in 1000",
     confidence: float = 0.95,
     out: Path = Path("certificate.json"),
     manifest: tuple[str, ...] = (),
@@ -45,7 +45,7 @@ def certify(
     truth
         CSV with the columns part and text: the stamped serials. Parts without a line are left out.
     risk
-        Greatest share of wrong serials among the accepted, such as 0.001.
+        Greatest share of wrong serials among the accepted: 0.001, 1/1000 or "1 in 1000".
     confidence
         Confidence level of that guarantee, such as 0.95.
     out
@@ -55,9 +55,14 @@ def certify(
     """
     if not (inputs or manifest):
         raise UsageError("certify: name the parts, as for read")
-    for name, value in (("risk", risk), ("confidence", confidence)):
-        if not 0.0 < value < 1.0:
-            raise UsageError(f"certify: {name} is {value:g}", "it lies between 0 and 1")
+    if not 0.0 < confidence < 1.0:
+        raise UsageError(f"certify: confidence is {confidence:g}", "it lies between 0 and 1")
+    from recognition.decide.risk_text import parse_risk, risk_in_words
+
+    try:
+        greatest_risk = parse_risk(risk)
+    except ValueError as error:
+        raise UsageError(f"certify: risk is {risk}", str(error)) from error
     if out.suffix.lower() != ".json":
         raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
     from pipeline.benchmark.report.page import write_certificate_page
@@ -68,14 +73,17 @@ def certify(
     check_writable(out)
     with resumable(out.parent, hint=_GO_ON):
         found = certification.certify(
-            inputs, truth, reading, workers, out=out, risk=risk, confidence=confidence, manifests=manifest
-        )
+            inputs, truth, reading, workers, out=out, risk=greatest_risk, confidence=confidence,
+            manifests=manifest,
+        )  # fmt: skip
     _print_tests(found, confidence)
     if found.certificate is None:
-        print(_what_is_missing(found, risk, confidence))
+        print(_what_is_missing(found, greatest_risk, confidence))
         if out.exists():
             old = load_certificate(out)
-            print(f"{out} is still the one of {old.made_at:%Y-%m-%d}, for a risk of {old.risk:g}")
+            print(
+                f"{out} is still the one of {old.made_at:%Y-%m-%d}, for a risk of {risk_in_words(old.risk)}"
+            )
         return FAILED
     page = out.with_suffix(".html")
     write_certificate(found.certificate, out)
@@ -104,6 +112,7 @@ def _print_tests(found: Certification, confidence: float) -> None:
 
 def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
     from pipeline.common.accepted_risk import parts_needed
+    from recognition.decide.risk_text import risk_in_words
 
     needed = parts_needed(risk, confidence=confidence)
     more = (
@@ -112,8 +121,8 @@ def _what_is_missing(found: Certification, risk: float, confidence: float) -> st
         else f"about {found.missing:,} more parts like these are missing"
     )
     return (
-        f"not certified: a risk of {risk:g} at {confidence:.0%} confidence takes {needed:,} accepted parts without "
-        f"a wrong one, or more with few wrong ones; {more}"
+        f"not certified: a risk of {risk_in_words(risk)} at {confidence:.0%} confidence takes {needed:,} accepted "
+        f"parts without a wrong one, or more with few wrong ones; {more}"
     )
 
 

@@ -77,7 +77,7 @@ _GROUPS = (
     ("benchmark", "Exam", "Measure how well dirty marks are read, by this reader and by others."),
 )
 _COMMANDS = (
-    ("read", "Read", "read:read", "Read the serials of parts.", "out format font mode verify"),
+    ("read", "Read", "read:read", "Read the serials of parts.", "out format font mode verify accept-risk"),
     ("inspect", "Read", "read:inspect", "Draw how one part was read, step by step.", "out format mode"),
     ("demo", "Read", "demo:demo", "Make, scan and read a few parts; start here.", "service stay"),
     ("enroll", "Teach", "teach:enroll", "Learn the shapes of a die from reviewed parts.",

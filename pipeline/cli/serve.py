@@ -110,7 +110,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
 
     Raises:
         UsageError: the address is in use, the certificate cannot be used, or callers need a token and there is none.
-        MarksError: a folder cannot be made, or the store cannot be opened.
+        MarksError: a folder cannot be made, the store cannot be opened, or no sense keeps the accepted risk.
     """
     import uvicorn
 
@@ -127,6 +127,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     )
     from pipeline.service.web_app import create_app
 
+    reading.check_accept_risk()
     check_folder(settings)
     tls = tls_context(settings)
     check_tokens(settings)

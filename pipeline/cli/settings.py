@@ -137,12 +137,15 @@ def flag_of(name: str) -> str:
 
 
 def flag_like(given: str, flags: Sequence[str]) -> str:
-    """The flag that an unknown one may mean: without its table's name, or one spelled similarly; empty if none."""
+    """The flag that an unknown one may mean: without its table's name, spelled similarly, or with the same first word;
+    empty if there is none.
+    """
     for model in MODELS:
         plain = re.sub(rf"^--{model.table}[.-]", "--", given) if model.table else given
         if plain in flags:
             return plain
-    return next(iter(difflib.get_close_matches(given, flags, n=1, cutoff=_ALIKE)), "")
+    first_word = [flag for flag in flags if flag[2:].split("-")[0] == given[2:].split("-")[0]]
+    return next(iter((*difflib.get_close_matches(given, flags, n=1, cutoff=_ALIKE), *first_word)), "")
 
 
 def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:

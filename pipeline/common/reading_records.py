@@ -217,6 +217,7 @@ class ReadingRecord:
         stopped: why touch stopped: sure, no gain, budget, all felt, nothing found or stage failed.
         faults: faults of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
+        accept_risk: greatest share of wrong readings among those accepted, by the settings; None without a reading.
     """
 
     source: str
@@ -250,6 +251,7 @@ class ReadingRecord:
     stopped: str = ""
     faults: tuple[str, ...] = ()
     reasons: tuple[ReasonRecord, ...] = ()
+    accept_risk: float | None = None
 
     @classmethod
     def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:

@@ -22,7 +22,7 @@ COLUMNS = (
     *("part", "text", "decision", "confidence", "source", "seconds", "error", "font", "height_mm"),
     *("rotation_deg", "raised", "flags", "alternatives", "depth_min_mm", "depth_mean_mm", "depths"),
     *("expected", "verdict", "verify_probability", "states", "rivals", "grade", "grades", "action"),
-    *("height_px", "lines", "codes", "burr_mm", "fields", "at", "program", "settings"),
+    *("height_px", "lines", "codes", "burr_mm", "fields", "at", "program", "settings", "accept_risk"),
 )
 """Columns of a row; `row_of` makes those that are not fields of a record."""
 WORTH_SHOWING = 0.01
@@ -69,6 +69,7 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         at: time of the reading, ISO 8601.
         program: version of the program.
         settings: hash of the settings; rows with the same hash were read with the same settings.
+        accept_risk: greatest share of wrong readings among those accepted; None with an error.
     """
 
     places = record.characters

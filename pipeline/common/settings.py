@@ -77,6 +77,7 @@ class Settings(BaseModel):
         known = list(cls.leaves())
         if name not in known:
             near = difflib.get_close_matches(name.lower(), known, n=2)
+            near = near or [other for other in known if other.split("_")[0] == name.lower().split("_")[0]]
             hint = f"did you mean {' or '.join(near)}?" if near else f"the settings are {', '.join(known)}"
             raise SettingsError(f"unknown setting {called or name}{where and ' in '}{where}", hint=hint)
 
@@ -223,6 +224,14 @@ MOST_RULES, MOST_RULE_CHARS = 16, 2_000
 """Most formats, lines, check digits or depth rules of a job, and characters in each: preparing them takes time."""
 
 
+def _risk(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    from recognition.decide.risk_text import parse_risk
+
+    return parse_risk(value)
+
+
 def _few(value: Any) -> Any:
     """Refuse too many or too long rules, before any of them is prepared."""
     if isinstance(value, tuple | list):
@@ -285,8 +294,6 @@ _REGION_HINT = "give left, top, right and bottom as shares, 0 to 1, such as 0,0.
 Region = tuple[float, float, float, float]
 Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
 """Several names, in one text separated by commas."""
-Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-
 
 MOST_FONTS = 64
 """Most fonts; templates are made for each."""
@@ -368,11 +375,9 @@ class ReadSettings(MapSettings):
     height=1.6". A part that breaks one is read all the same and goes to review."""
     min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
-    accept_confidence: Share | None = None
-    """Least confidence, 0 to 1, for a reading to be accepted (default: the reader's own)."""
-    accept_risk: float | None = Field(default=None, gt=0.0, lt=1.0)
-    """Greatest expected share of wrong readings among the accepted, such as 0.005, in place of a confidence; see
-    certify for your own parts."""
+    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.001
+    """Greatest share of wrong readings among those accepted: 0.001, 1/1000 or "1 in 1000". A sense that was not shown
+    to keep it accepts nothing, and the part's messages say so. See certify for your own parts."""
     certificate: Path | None = None
     """Certificate (.json, see certify): readings that it does not cover are not accepted, and parts unlike the
     certified ones raise a warning."""
@@ -387,6 +392,22 @@ class ReadSettings(MapSettings):
         """Whether a region is given for any line."""
         lines = map(NamedLine.parse, self.line)
         return self.region is not None or any(line.region is not None for line in lines)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Sources of the readings that the mode may give."""
+        return ("tactile", "vision", "fused") if self.mode == "auto" else (self.mode,)
+
+    def check_accept_risk(self) -> None:
+        """Check that a sense keeps the accepted risk, if one was set.
+
+        Raises:
+            MarksError: none does, so that nothing would be accepted.
+        """
+        if "accept_risk" in self.model_fields_set:
+            from recognition.decide.risk import require_kept  # slow
+
+            require_kept(self.accept_risk, self.sources)
 
     @property
     def touch_budget_s(self) -> float | None:

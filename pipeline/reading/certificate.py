@@ -27,6 +27,7 @@ from pipeline.common.version import differences, file_sha256, reader_versions
 from pipeline.errors import require_file
 from pipeline.reading.certificate_statistics import KindOfParts
 from recognition.decide.decision import CertifiedAcceptance
+from recognition.decide.risk_text import risk_in_words
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
@@ -90,7 +91,7 @@ class Certificate:
         if not abs(exact - self.bound) < 1e-9 or self.bound > self.risk:
             raise ValueError(
                 f"the share of {self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}; "
-                f"it must not exceed the risk {self.risk:g}"
+                f"it must not exceed the risk {risk_in_words(self.risk)}"
             )
         chosen = proven_threshold(self.tests)
         if chosen is None or chosen.threshold != self.threshold or chosen.accepted != self.accepted:
@@ -108,17 +109,13 @@ class Certificate:
 
     def thresholds(self) -> dict[str, Any]:
         """Acceptance options of `recognition.Reader` for a reader with the certified settings."""
-        own = {
-            name: self.settings[name]
-            for name in ("accept_confidence", "orientation")
-            if name in self.settings
-        }
+        own = {name: self.settings[name] for name in ("accept_risk", "orientation") if name in self.settings}
         return {**own, "certified": self.acceptance}
 
     def describe(self) -> str:
         """Describe the certificate: what it shows, then the parts."""
         return (
-            f"Of serials that are accepted from confidence {self.threshold:g}, at most {100.0 * self.risk:g} % are "
+            f"Of serials that are accepted from confidence {self.threshold:g}, at most {risk_in_words(self.risk)} are "
             f"wrong: shown with {100.0 * self.confidence:g} % confidence.\n"
             f"{self.wrong} of {self.accepted:,} accepted were wrong (at most {self.bound:.3%}); coverage "
             f"{self.coverage:.1%} of {self.parts:,} parts"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from glyphs.errors import FileError
 from glyphs.fonts.glyph import Font
@@ -57,11 +56,11 @@ def open_reader(settings: ReadSettings) -> Reader:
 
     Raises:
         FileError: the lexicon or certificate cannot be used.
+        MarksError: no sense in use keeps the accepted risk.
         SettingsError: settings contradict each other.
         ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
-    names = ("accept_confidence", "accept_risk")
-    threshold: dict[str, Any] = {n: v for n in names if (v := getattr(settings, n)) is not None}
+    settings.check_accept_risk()
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),
@@ -73,7 +72,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         lines=lines_of(settings),
         certified=acceptance_of(settings),
         orientation=Orientation(settings.orientation),
-        **threshold,
+        accept_risk=settings.accept_risk,
     )
 
 

@@ -39,6 +39,7 @@ from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
+from recognition.decide.risk import least_score, require_kept
 
 
 class CertificationJournal(Journal[ReadPart]):
@@ -95,6 +96,7 @@ def certify(
 
     Raises:
         FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
+        MarksError: no sense keeps the risk of the settings, so that nothing would be accepted.
         SettingsError: the settings cannot be certified.
         NothingFoundError: no part was found.
         ValueError: the settings are invalid.
@@ -114,7 +116,9 @@ def certify(
             f"{own} has a format or font of its own, but a certificate holds for one way of reading",
             hint="certify the parts of each format separately, with --format and --font",
         )
-    least = open_reader(settings).settings.accept_confidence
+    open_reader(settings)  # refuse invalid settings before anything is read
+    require_kept(settings.accept_risk, settings.sources)
+    least = min(least_score(source, settings.accept_risk) for source in settings.sources)
     description = {
         "settings": settings_described(settings),
         "mode": settings.mode,

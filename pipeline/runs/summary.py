@@ -5,12 +5,14 @@ from __future__ import annotations
 import heapq
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from textwrap import shorten
 from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
 from recognition.decide.decision import CHECK_FORMAT, ReadingFlag
+from recognition.decide.risk_text import CANNOT_PROMISE
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 GLOSSARY = "docs/pages/reference/glossary.md"
@@ -64,7 +66,7 @@ class Summary:
             self.verdicts[record.verdict] += 1
         if record.decision != "accept":
             for code in dict.fromkeys(reason.code for reason in record.reasons):
-                _count(self.reasons, _words(code))
+                _count(self.reasons, _words(code, record.messages))
             for message in record.messages:
                 if message.endswith(CHECK_FORMAT):
                     _count(self.misfits, _misfit(message))
@@ -135,9 +137,11 @@ class Summary:
         }
 
 
-def _words(code: str) -> str:
-    """A reason in general words."""
+def _words(code: str, messages: Sequence[str]) -> str:
+    """A reason in general words, or its message if that is the same on every part."""
     flag = ReadingFlag.__members__.get(code.upper())
+    if flag is ReadingFlag.RISK_NOT_KEPT:
+        return next((message for message in messages if CANNOT_PROMISE in message), flag.text)
     if flag is ReadingFlag.NO_CHARACTERS:
         return "no serial found (the rows say why)"  # its text blames the view; it may be the format
     return flag.text if flag else code.replace("_", " ")

@@ -27,6 +27,7 @@ from recognition.decide.reading import (
     mean_depth_mm,
     with_spaces,
 )
+from recognition.decide.risk_text import USUAL_RISK, risk_in_words
 from recognition.decide.score import DIGITS, Measure, Score, log_odds, measures_of, score_of, text_measures
 from recognition.language.box import Box
 from recognition.language.code_text import holds
@@ -69,7 +70,8 @@ class Choice:
         others: other lines of the part.
         codes: codes in its photographs.
         spaces_after: places that a word gap follows.
-        threshold: least score for acceptance.
+        accept_risk: greatest share of wrong readings among those accepted.
+        threshold: least score for acceptance, which keeps that risk.
         measures: measures of the text.
         score: probability that the text is right.
         scored_as: source whose score and threshold apply: "fused" only if the posteriors of both senses are combined.
@@ -86,6 +88,7 @@ class Choice:
     others: tuple[OtherLine, ...] = ()
     codes: tuple[Code, ...] = ()
     spaces_after: frozenset[int] = frozenset()
+    accept_risk: float = USUAL_RISK
     threshold: float = 0.0
     measures: Mapping[Measure, float] = field(default_factory=dict)
     score: float = 0.0
@@ -128,7 +131,8 @@ class Choice:
     def shortfall(self) -> str:
         """The shortfall of the score from the threshold, in words."""
         digits = next((n for n in range(3, 7) if round(self.score, n) < self.threshold), 6)
-        return f"confidence {self.score:.{digits}f} is below the threshold {self.threshold:g}"
+        least = f"{self.threshold:g} for {risk_in_words(self.accept_risk)}"
+        return f"confidence {self.score:.{digits}f} is below the threshold {least}"
 
     @property
     def may_be_explained(self) -> bool:
@@ -424,6 +428,7 @@ def _scored(
     known = {**known, Measure.CONFIDENCE: round(score, DIGITS), Measure.MARGIN: margin}
     return replace(
         choice,
+        accept_risk=settings.accept_risk,
         threshold=settings.least_score(source),
         measures=MappingProxyType(known),
         score=score,

@@ -22,7 +22,13 @@ from recognition.decide.format_judges import check_digit, format_not_met, no_cha
 from recognition.decide.line_judges import layout, orientation, other_lines, unread_photograph
 from recognition.decide.reading import CharacterReading, Reading, ReadingTrace
 from recognition.decide.score import Measure
-from recognition.decide.score_judges import certificate, low_confidence, other_texts, too_few_lines
+from recognition.decide.score_judges import (
+    accepted_risk,
+    certificate,
+    low_confidence,
+    other_texts,
+    too_few_lines,
+)
 from recognition.decide.sense_judges import (
     code_disagrees,
     lines_disagree,
@@ -45,7 +51,7 @@ JUDGES: tuple[Judge, ...] = (
     no_characters, format_not_met, check_digit, small_letter,
     other_lines, orientation, layout, unread_photograph,
     cut_characters, missing_strokes, undecided_strokes, named_font, guessed_characters,
-    depth_rules,
+    accepted_risk, depth_rules,
     log_of_sense, senses_together, lines_disagree, senses_disagree, code_disagrees,
 )  # fmt: skip
 """Rules that a text must keep, family by family."""
@@ -162,6 +168,7 @@ def _reading(
         others=choice.others,
         photos=0 if vision is None else vision.log.photos,
         codes=choice.codes,
+        accept_risk=choice.accept_risk,
         threshold=choice.threshold,
         measures=choice.measures,
         trace=_trace(evidence, choice, verification),

@@ -19,9 +19,6 @@ from typing import Self
 
 from recognition.language.confusions import CharacterState, PlaceState
 
-USUAL_THRESHOLD = 0.97
-"""Least score for acceptance if no other is asked for."""
-
 
 class Decision(StrEnum):
     """Accept, review or reject."""
@@ -107,6 +104,7 @@ class ReadingFlag(Flag):
         Kind.CONTRACT,
         "the serial can be read differently with the part turned (set the orientation)",
     )
+    RISK_NOT_KEPT = Kind.CONTRACT, "this sense cannot promise the accepted risk (allow more risk)"
     LOW_CONFIDENCE = Kind.SCORE, "low confidence"
     CASE_UNKNOWN = Kind.CONTRACT, "a letter may be a lower-case one (set a format)"
     LINE_MISSING = Kind.CONTRACT, "a requested line was not found (check the part)"

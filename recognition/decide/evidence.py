@@ -62,8 +62,12 @@ class DecisionSettings(Protocol):
     def certified(self) -> CertifiedAcceptance | None:
         """Limits of a certificate; None without one."""
 
+    @property
+    def accept_risk(self) -> float:
+        """Greatest share of wrong readings among those accepted."""
+
     def least_score(self, source: str) -> float:
-        """Least score of an accepted reading of a source."""
+        """Least score from which a text of a source of readings is accepted, or counts as sure."""
 
 
 @dataclass(frozen=True, eq=False)

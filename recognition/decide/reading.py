@@ -180,7 +180,8 @@ class Reading:
         others: the part's other lines.
         photos: number of photographs that were read; 0 for touch alone.
         codes: Data Matrix and QR codes in them.
-        threshold: least confidence for acceptance; None if none is required.
+        accept_risk: greatest share of wrong readings among those accepted; None if it is not known.
+        threshold: least confidence for acceptance, which keeps that risk; None if none is required.
         measures: measures of the part (`recognition.decide.score`).
         trace: data from which it was made.
         evidence: what it was decided on; None for a reading of another program.
@@ -202,6 +203,7 @@ class Reading:
     others: tuple[OtherLine, ...] = ()
     photos: int = 0
     codes: tuple[Code, ...] = ()
+    accept_risk: float | None = None
     threshold: float | None = None
     measures: Mapping[Measure, float] = field(default_factory=lambda: MappingProxyType({}))
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)

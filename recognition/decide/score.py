@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
+from recognition.decide.risk_text import CANNOT_PROMISE, check_risk, risk_in_words
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -302,12 +303,10 @@ class Score:
             RiskError: readings of this source were not shown to keep this risk at any score.
             ValueError: the risk does not lie between 0 and 1.
         """
-        if not 0.0 < risk < 1.0:
-            raise ValueError(f"a risk is {risk}; it lies between 0 and 1")
-        tested = [one.threshold for one in self.thresholds if one.risk <= risk]
+        tested = [one.threshold for one in self.thresholds if one.risk <= check_risk(risk)]
         if not tested:
             raise RiskError(
-                f"{SENSE_NAMES[self.source]} cannot promise {odds_text(risk)}",
+                f"{SENSE_NAMES[self.source]} {CANNOT_PROMISE} {risk_in_words(risk)}",
                 hint=f"accept a risk of {self.least_risk:g} or more, or certify your own parts",
             )
         return min(tested)
@@ -328,11 +327,6 @@ SENSE_NAMES = MappingProxyType(
     {"tactile": "touch", "vision": "the camera", "fused": "touch and camera together"}
 )
 """Names of the sources in messages."""
-
-
-def odds_text(risk: float) -> str:
-    """Write a risk as one in so many, such as "1 in 1,000"."""
-    return f"1 in {1.0 / risk:,.0f}"
 
 
 def log_odds(belief: float) -> float:

@@ -7,10 +7,17 @@ from collections.abc import Iterator
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.risk import risk_findings
 from recognition.decide.score import DIGITS
 from recognition.decide.words import ranges_text
 from recognition.language.confusions import CharacterState
 from recognition.marks.lines_felt import places_lacking_lines
+
+
+def accepted_risk(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report that the sense whose score applies was not shown to keep the accepted risk."""
+    if choice.characters:
+        yield from risk_findings(choice.scored_as, choice.accept_risk)
 
 
 def low_confidence(choice: Choice, *, sure_count: float = 0.9) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from recognition.decide.choice import Choice
-from recognition.decide.decision import USUAL_THRESHOLD, Finding, ReadingFlag
+from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.fuse_lattices import contradict, lead_nats
 from recognition.decide.reading import Reading
@@ -51,7 +51,7 @@ def senses_disagree(
     choice: Choice,
     settings: DecisionSettings,
     *,
-    sure: float = USUAL_THRESHOLD,
+    sure: float = 0.97,
     ratio: float = 1000.0,
 ) -> Iterator[Finding]:
     """Report a sense that is sure of another text than the fused one: it may have read another part.

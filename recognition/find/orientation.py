@@ -88,8 +88,7 @@ def read_ways(
         likely = readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
         if likely or (in_mirror and way is Way.ROWS_REVERSED):
             there = search.on(search.view.mirrored if way.mirrors else search.view)
-            if read := there.read([_line_in_view(line.line, search.view, way)]):
-                seen[way] = read[0]
+            seen[way] = next(iter(there.read([_line_in_view(line.line, search.view, way)])), None)
     return replace(line, other_ways=MappingProxyType(seen))
 
 

@@ -51,7 +51,8 @@ class ReadLine:
         likely: probability that there are so many places; 1 where a format says so.
         by_expert: lattices of each by itself.
         looks: output of the recogniser along the line, for every look at it.
-        other_ways: the line as one look reads it in other orientations in which its text may be read.
+        other_ways: the line as one look reads it in other orientations in which its text may be read; None where the look
+            reads nothing.
     """
 
     line: TextLine
@@ -61,7 +62,7 @@ class ReadLine:
     likely: float
     by_expert: Mapping[str, Lattice]
     looks: Sequence[Steps]
-    other_ways: Mapping[Way, ReadLine] = field(default_factory=lambda: MappingProxyType({}))
+    other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))
 
     __repr__ = one_line
 

@@ -35,7 +35,6 @@ from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from recognition.decide import fuse_lattices as fusion
 from recognition.decide import score as scoring
-from recognition.decide.decision import USUAL_THRESHOLD
 from recognition.decide.fuse_lattices import (
     FusionWeights,
     contradict,
@@ -44,7 +43,8 @@ from recognition.decide.fuse_lattices import (
     possible_characters,
     relative_likelihood,
 )
-from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, odds_text, text_measures
+from recognition.decide.risk_text import risk_in_words
+from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
 from recognition.language.lattice import Lattice
 from tests.benchmarks.kept_readings import KEPT, KeptPart, load
 
@@ -166,7 +166,9 @@ def _text_measures(
     )
 
 
-def disagree(part: KeptPart, text: str, scores: Mapping[str, Score], *, ratio: float = 1000.0) -> bool:
+def disagree(
+    part: KeptPart, text: str, scores: Mapping[str, Score], *, sure: float = 0.97, ratio: float = 1000.0
+) -> bool:
     """Whether a sense is sure of another text than the one read (`recognition.decide.sense_judges.senses_disagree`)."""
     senses = [reading for sense in ("tactile", "vision") if (reading := _by_sense(part, sense)) is not None]
     if len({reading.text for reading in senses}) < 2:
@@ -177,10 +179,7 @@ def disagree(part: KeptPart, text: str, scores: Mapping[str, Score], *, ratio: f
         if reading.text != text:
             same_length = len(reading.text) == len(text)
             lead = lead_nats(lattice, reading.text, text) if same_length else reading.measures[Measure.ODDS]
-            if (
-                lead > np.log(ratio)
-                or scores[reading.source].probability(reading.measures) >= USUAL_THRESHOLD
-            ):
+            if lead > np.log(ratio) or scores[reading.source].probability(reading.measures) >= sure:
                 return True
     first, second = lattices
     assert first is not None
@@ -423,7 +422,7 @@ def risk_table(parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: 
     for mode, tested in thresholds.items():
         least = min(tested, default=1.0)
         for risk in sorted({*SHOWN_RISKS, *tested}, reverse=True):
-            start = f"| {MODE_NAMES[mode]} | {odds_text(risk)} |"
+            start = f"| {MODE_NAMES[mode]} | {risk_in_words(risk)} |"
             if risk < least:
                 yield f"{start} not kept | | | | |"
                 continue
@@ -542,7 +541,7 @@ def report(
     yield from ("", "### Promised risk and risk seen", "", *risk_table(parts, judged, thresholds))
     both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), max(SHOWN_RISKS)}
     for risk in sorted(both - {1.0}, reverse=True):
-        yield from ("", f"### Touch and camera together, at a risk of {odds_text(risk)}", "")
+        yield from ("", f"### Touch and camera together, at a risk of {risk_in_words(risk)}", "")
         yield from fusion_table(parts, judged, thresholds, risk=risk)
     yield from ("", "### Weights of fusion that depend on the quality of a sense", "", *quality_table(parts))
     by_fold = {"generators": judged, "fonts": judge(parts, font_fold)}

@@ -96,7 +96,7 @@ def test_an_interrupted_certification_goes_on(workshop: Path, capsys: pytest.Cap
     assert 1 <= int(done) < len(few)
     assert "6 labelled parts" in shown
     said = " ".join(shown.split())
-    assert "not certified: a risk of 0.001 at 95% confidence takes 2,995 accepted parts" in said
+    assert "not certified: a risk of 1 in 1,000 at 95% confidence takes 2,995 accepted parts" in said
     assert "more parts like these are missing" in said
     assert not unfinished.exists()
     assert not Path("certificate.json").exists()

@@ -95,7 +95,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         ({"height_mm": 2.5}, {}),
         ({"face": "round"}, KNOWN),
         ({"text": "AB 123"}, {"format": "AA 999", "height_mm": 5.0}),
-        ({"text": "AB 123"}, {"format": None, "height_mm": 5.0}),
+        ({"text": "AB 123"}, {"format": None, "height_mm": 5.0, "accept_risk": 0.01}),
         ({}, {"fonts": ()}),
         ({}, {"fidelity": Fidelity.POINTWISE, **KNOWN}),
     ],
@@ -206,9 +206,9 @@ def test_a_plate_without_marks_has_no_characters(reader: Readers) -> None:
         ({"height_mm": -5.0}, "height_mm"),
         ({"height_mm": float("nan")}, "height_mm"),
         ({"height_mm": float("inf")}, "height_mm"),
-        ({"accept_confidence": 1.5}, "accept_confidence"),
-        ({"accept_confidence": float("nan")}, "accept_confidence"),
-        ({"accept_confidence": -0.1}, "accept_confidence"),
+        ({"accept_risk": 1.5}, "accept_risk"),
+        ({"accept_risk": float("nan")}, "accept_risk"),
+        ({"accept_risk": -0.1}, "accept_risk"),
     ],
 )
 def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str) -> None:

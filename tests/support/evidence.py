@@ -56,7 +56,7 @@ def believed_line(
         at: where it stands.
     """
     by_expert = MappingProxyType({"network": lattice})
-    return BelievedLine(at, lattice, _columns(lattice), 0.0, likely, by_expert, (), openly)
+    return BelievedLine(at, lattice, _columns(lattice), 0.0, likely, by_expert, (), openly=openly)
 
 
 def _columns(lattice: Lattice) -> Floats:

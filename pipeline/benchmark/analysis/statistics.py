@@ -3,6 +3,7 @@
 trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
        --levels of each factor, over all others-----> effects, with whole parts resampled
        --the same parts read twice------------------> comparisons
+       --all soils but one, then that one-----------> acceptance at a risk
        --the same parts perturbed-------------------> stability; all other statistics leave perturbed parts out
 """
 
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.benchmark.analysis.acceptance import RiskAcceptance, acceptance_at_risks
 from pipeline.benchmark.analysis.comparisons import (
     Comparison,
     Stability,
@@ -55,6 +57,7 @@ class Statistics:
         comparisons: readers compared on the same parts: over all parts, then at every severity.
         knowledge: each reader compared with itself when it knew fewer facts.
         stability: changes of the result on perturbed parts.
+        at_risk: what each mode accepts at a risk, with a threshold fitted to other soils.
     """
 
     levels: dict[str, tuple[Level, ...]]
@@ -67,14 +70,21 @@ class Statistics:
     comparisons: tuple[Comparison, ...]
     knowledge: tuple[Comparison, ...]
     stability: tuple[Stability, ...]
+    at_risk: tuple[RiskAcceptance, ...]
 
 
-def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = ("severity",)) -> Statistics:
+def statistics_of(
+    all_trials: Sequence[Trial],
+    crossed: Sequence[str] = ("severity",),
+    *,
+    risks: Sequence[float] = (0.01, 0.001),
+) -> Statistics:
     """Compute the statistics of trials.
 
     Args:
         all_trials: trials of all parts and modes.
         crossed: factors of the design's cells.
+        risks: risks at which readers are compared.
     """
     trials = unperturbed(all_trials)
     given = tuple(dict.fromkeys(t.given for t in trials))
@@ -94,6 +104,7 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = ("severi
         comparisons=(*between_readers(over_all), *between_readers(by_severity)),
         knowledge=tuple(between_givens(trials)),
         stability=stability_of(all_trials),
+        at_risk=tuple(acceptance_at_risks(by_mode.items(), risks)),
     )
 
 

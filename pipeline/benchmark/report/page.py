@@ -22,6 +22,7 @@ from pipeline.common.texts import align
 from pipeline.common.version import library_versions
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.certificate_statistics import LEAST_PARTS, P_VALUE, KindOfParts
+from recognition.decide.risk_text import risk_in_words
 
 PROGRAM = "tactile-marks"
 
@@ -61,7 +62,7 @@ def render(template: str, **values: Any) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters.update(
-        percent=percent, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
+        percent=percent, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name, risk=risk_in_words,
         points=points, points_span=points_span, marked=mark_characters,
     )  # fmt: skip
     values |= {

@@ -47,8 +47,6 @@ from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
 from recognition.decide.score import Measure
 
-WRONG_LIMIT = 0.001
-"""Greatest allowed share of wrong readings among those accepted, against which the page tests every reader."""
 PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 
 
@@ -126,7 +124,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
 
 def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
     """All figures; only those under "times" differ from run to run."""
-    names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability")
+    names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability", "at_risk")
     return {
         "benchmark": benchmark.description(),
         "versions": versions(),
@@ -171,8 +169,8 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "effects": {(e.mode, e.factor): e for e in found.effects},
         "cells": None if set(found.crossed) <= {"severity"} else _cells(found.cells),
         "wrong": _sort_groups(found.by_mode),
-        "wrong_limit": WRONG_LIMIT,
-        "wrong_needs": parts_needed(WRONG_LIMIT, confidence=CONFIDENCE_LEVEL),
+        "accept_risk": (risk := benchmark.reading.accept_risk),
+        "wrong_needs": parts_needed(risk, confidence=CONFIDENCE_LEVEL),
         "experts": [m for m in modes if m in EXPERTS],
         "peers": [m for m in modes if m in PEERS],
         "peer_accepts": ACCEPTED_FROM,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
 from pipeline.common.texts import without_blanks
 from pipeline.runs.journal import Journal
+from recognition.decide.decision import BROKEN, ReadingFlag
 
 if TYPE_CHECKING:
     from recognition.decide.reading import Reading
@@ -46,6 +47,7 @@ class Trial:
         confidence: confidence that the whole text is right, 0 to 1.
         characters: characters as read, in order.
         flags: flags of the reading.
+        broken: whether it breaks a contract, so that no score is enough.
         error: why there is no reading; empty if there is one.
         compute_s: time that the program took, without making the part and its photograph.
         scan_s: time that the real array would take for the scan; 0 without touch.
@@ -63,6 +65,7 @@ class Trial:
     confidence: float = 0.0
     characters: tuple[ReadCharacter, ...] = ()
     flags: str = ""
+    broken: bool = False
     error: str = ""
     compute_s: float = 0.0
     scan_s: float = 0.0
@@ -112,6 +115,7 @@ def answer_of(reading: Reading) -> dict[str, Any]:
             for c in reading.characters
         ),
         "flags": "; ".join(reading.messages()),
+        "broken": bool(reading.flags & BROKEN & ~ReadingFlag.RISK_NOT_KEPT),
         "simulated_s": round(sum(reading.seconds.get(step, 0.0) for step in _SIMULATION), 4),
     }
 

@@ -77,6 +77,7 @@ class Benchmark:
                 "format": reading.format,
                 "fidelity": reading.fidelity.value,
                 "orientation": reading.orientation.value,
+                "accept_risk": reading.accept_risk,
                 **({"experts": list(reading.experts)} if reading.experts else {}),
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
@@ -244,5 +245,6 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
         format=reading["format"],
         fidelity=Fidelity(reading["fidelity"]),
         orientation=Orientation(reading["orientation"]),
+        accept_risk=reading["accept_risk"],
     )
     return Benchmark(source, tuple(description["modes"]), settings), {name: items[name] for name in wanted}

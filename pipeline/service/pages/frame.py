@@ -27,6 +27,7 @@ from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.web.access import Caller
 from pipeline.service.web.problem import Problem, relative, to_root
 from recognition.active.active_reading import StopReason
+from recognition.decide.risk_text import risk_in_words
 
 if TYPE_CHECKING:
     from pipeline.service.app import Service
@@ -67,7 +68,7 @@ class Frame:
             share=share,
         )
         self.environment.filters.update(
-            iso=_iso, utc=_utc, here=_here, sentence=_sentence, stop_words=_stop_words
+            iso=_iso, utc=_utc, here=_here, sentence=_sentence, stop_words=_stop_words, risk=risk_in_words
         )
 
     def reader_view(self, request: Request) -> View:

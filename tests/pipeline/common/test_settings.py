@@ -11,7 +11,11 @@ from pydantic import ValidationError
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
+from recognition.decide import risk as room
+from recognition.decide.risk_text import USUAL_RISK
+from recognition.decide.score import score_of
 from recognition.recogniser.steps import EXPERTS
+from recognition.settings import ReaderSettings
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,11 +54,25 @@ def test_the_reader_is_given_the_rules() -> None:
 
 
 def test_the_readers_are_told_grammar_and_thresholds() -> None:
-    made = open_reader(ReadSettings(format=("AA99",), accept_confidence=0.5)).settings
+    risk = score_of("tactile").thresholds[0].risk
+    made = open_reader(ReadSettings(format=("AA99",), accept_risk=risk)).settings
     assert made.grammar is not None
     assert made.grammar.format == "AA99"
-    assert made.accept_confidence == 0.5
+    assert made.accept_risk == risk
     assert open_reader(ReadSettings()).settings.grammar is None
+
+
+def test_a_risk_that_is_set_must_be_kept_by_a_sense_of_the_mode(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: None if source == "vision" else 0.9)
+    with pytest.raises(MarksError, match="the camera cannot promise 1 in 1,000; allow 1 in"):
+        open_reader(ReadSettings(mode="vision", accept_risk=0.001))
+    # what was not set is no reason to read nothing; the readings say that they are not accepted
+    assert open_reader(ReadSettings(mode="vision")).settings.accept_risk == 0.001
+    assert open_reader(ReadSettings(accept_risk=0.001)).settings.accept_risk == 0.001
+
+
+def test_the_usual_risk_is_that_of_the_reader() -> None:
+    assert ReadSettings().accept_risk == ReaderSettings().accept_risk == USUAL_RISK
 
 
 def test_the_readers_are_told_who_has_a_say() -> None:

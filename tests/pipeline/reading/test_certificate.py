@@ -22,7 +22,7 @@ def test_a_certificate_comes_back_as_it_was_written(tmp_path: Path) -> None:
     path = written(tmp_path / "c.json", SETTINGS)
     assert load_certificate(path) == a_certificate(SETTINGS)
     assert (
-        "Of serials that are accepted from confidence 0.99, at most 10 % are wrong: shown with "
+        "Of serials that are accepted from confidence 0.99, at most 1 in 10 are wrong: shown with "
         in a_certificate().describe()
     )
 

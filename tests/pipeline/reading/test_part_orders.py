@@ -28,8 +28,8 @@ from tests.support.scans import feel_plan
 
 LIMITS = Limits()
 SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
-UNSURE = ReadSettings(font=("gothic",), height_mm=5.0, accept_confidence=1.0)
-"""No reading is ever so sure: every photograph asks for touch."""
+UNSURE = ReadSettings(font=("gothic",), height_mm=5.0, line=("lot=A9",))
+"""The part has no such line: every photograph asks for touch."""
 FRAMES_AGREE_MM = 0.6
 """The part lies up to half a millimetre from where the camera's stage believes it."""
 

@@ -20,6 +20,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import PartReader, senses_of
 from recognition import surface as room
+from recognition.decide import risk
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import Log, SenseEvidence
 from recognition.decide.reading import Reading
@@ -41,6 +42,11 @@ def lattice(text: str) -> Lattice:
     return Lattice(tuple("AB12"), np.log([[0.999 if c == t else 1e-5 for c in "AB12"] for t in text]))
 
 
+@pytest.fixture(autouse=True)
+def low_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: 0.5)
+
+
 class FakeReader(Reader):
     """Touch reads A1 and vision B1, whatever they are given; what they are given is kept.
 
@@ -48,7 +54,7 @@ class FakeReader(Reader):
     """
 
     def __init__(self, format: str | None = None, openly: str = "B1") -> None:
-        super().__init__(fonts=["gothic"], format=format, accept_confidence=0.5)
+        super().__init__(fonts=["gothic"], format=format)
         self.openly = openly
         self.given: list[Any] = []
         self.asked: list[str] = []
@@ -215,6 +221,7 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of a coin that says ONE DIME, its first letter in doubt, the mirrored map showed a single M, at 0.85."""
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: 0.97)
     surface = Surface(HeightMap(np.zeros((8, 8)), pitch_mm=0.1), rows_known=False)
     either = Grammar(lexicon=frozenset({"ONEDIME", "M"}))
     touch = TactileReader(ReaderSettings(format=either, orientation=Orientation.UPRIGHT))

@@ -50,6 +50,12 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 
 
+def test_a_sense_that_keeps_no_such_risk_is_counted_in_its_own_words() -> None:
+    why = "the camera cannot promise 1 in 1,000 (touch the part, or allow 1 in 500 with accept_risk)"
+    records = [read(part, "A1", "review", 0.99, "risk_not_kept", messages=(why,)) for part in "ab"]
+    assert f"     2  {why}" in "\n".join(counted(*records).lines(elapsed_s=1.0, read_now=2, workers=1))
+
+
 @pytest.mark.parametrize(
     ("error", "kind"),
     [

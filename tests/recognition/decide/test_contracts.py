@@ -11,6 +11,7 @@ import pytest
 from glyphs.camera.photo import Photo
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import Face
+from recognition.decide import risk as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import CertifiedAcceptance, Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
@@ -59,10 +60,13 @@ def test_a_sense_that_was_not_certified_is_not_accepted() -> None:
     assert under(CertifiedAcceptance(0.0, ())) != ""
 
 
-def test_it_never_accepts_by_itself_and_speaks_only_of_what_would_be_accepted() -> None:
+def test_it_never_accepts_by_itself_and_speaks_only_of_what_would_be_accepted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     nothing = decide(Evidence.of(sense_of(None)), replace(SETTINGS, certified=ALLOWED))
     assert (nothing.decision, nothing.flags) == (Decision.REJECT, ReadingFlag.NO_CHARACTERS)
-    strict = replace(SETTINGS, certified=CertifiedAcceptance(1.1, ()), accept_confidence=1.0)
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: 1.0)
+    strict = replace(SETTINGS, certified=CertifiedAcceptance(1.1, ()))
     unsure = decide(Evidence.of(sense_of(READ)), strict)
     assert unsure.decision is Decision.REVIEW
     assert not unsure.flags & ReadingFlag.NOT_CERTIFIED

@@ -26,14 +26,13 @@ from recognition.recogniser.steps import Steps
 from recognition.settings import ReaderSettings
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
+THRESHOLD = 0.9
 CHARS = "AB812"
 LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0, turned_deg=2.0)
 
 
 def rules(grammar: Grammar | None = None, lines: Mapping[str, LineFormat] | None = None) -> ReaderSettings:
-    return ReaderSettings(
-        format=grammar, accept_confidence=0.9, lines=lines or {}, orientation=Orientation.UPRIGHT
-    )
+    return ReaderSettings(format=grammar, lines=lines or {}, orientation=Orientation.UPRIGHT)
 
 
 def line_of(

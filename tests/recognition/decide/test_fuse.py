@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
+from recognition.decide import risk as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, SenseEvidence
@@ -316,13 +317,16 @@ def test_another_number_of_characters_is_another_text() -> None:
     assert read.text == "AB1234"
 
 
-BLIND = replace(SETTINGS, format=Grammar.parse("vin"), accept_confidence=0.5)
+BLIND = replace(SETTINGS, format=Grammar.parse("vin"))
 """8 and H count alike in the check digit of a VIN."""
 VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
 
 
 @pytest.mark.parametrize("path", ["vision", "fused", "touch failed", "camera failed"])
-def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: str) -> None:
+def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(
+    path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: 0.5)
     beliefs = of_text(VIN, [0.9999, 0.9999, 0.8, *[0.9999] * 14], rival=RIVAL)
     by_vision, by_touch = vision(beliefs), touch(beliefs)
     read = {
@@ -335,6 +339,18 @@ def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: s
     assert ReadingFlag.CHECK_BLIND in read.flags
     assert read.decision is Decision.REVIEW
     assert sum("8 may be H" in message for message in read.messages()) == 1
+
+
+def test_a_camera_that_does_not_keep_the_risk_is_accepted_only_with_touch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: None if source == "vision" else 0.5)
+    seen = vision(of_text("AB1234", 0.99999))
+    for by_camera in (alone(seen), fuse(touch(None), seen, SETTINGS)):
+        assert (by_camera.text, by_camera.decision) == ("AB1234", Decision.REVIEW)
+        assert by_camera.messages()[0].startswith("the camera cannot promise 1 in 1,000 (touch the part, or")
+    both = fuse(touch(of_text("AB1234", 0.99999)), seen, SETTINGS)
+    assert (both.decision, both.messages()) == (Decision.ACCEPT, ())
 
 
 def test_a_code_is_compared_with_what_both_read() -> None:

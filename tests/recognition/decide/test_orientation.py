@@ -10,7 +10,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
-from recognition.decide import line_judges
+from recognition.decide import line_judges, risk
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
@@ -37,9 +37,9 @@ def read(view: View, mask: str, *, rows_known: bool = True) -> tuple[PartLines, 
     return find([view], request), request
 
 
-def reading_of(part: PartLines, request: LineRequest, *, threshold: float = 0.98) -> Reading:
+def reading_of(part: PartLines, request: LineRequest) -> Reading:
     evidence = SenseEvidence("tactile", lines=part, log=Log(rows_known=request.rows_known))
-    return decide(Evidence.of(evidence), ReaderSettings(format=request.grammar, accept_confidence=threshold))
+    return decide(Evidence.of(evidence), ReaderSettings(format=request.grammar))
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,9 @@ def test_a_text_that_no_other_way_can_show_is_read_one_way() -> None:
     ],
 )
 def test_another_line_that_reads_one_way_settles_it(
-    text: str, threshold: float, reverse: bool, doubted: bool
+    text: str, threshold: float, reverse: bool, doubted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: threshold)
     view, beside = view_of("9608"), view_of(text)
     part, request = read(view, "9999")
     line = find([beside], LineRequest(None, ALPHANUMERIC, height_mm=4.0)).main
@@ -102,7 +103,7 @@ def test_another_line_that_reads_one_way_settles_it(
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
     place = place.reversed if reverse else place
     line = read_ways(search_of(both, request).under(None), replace(line, line=place), text, [Way.UPSIDE_DOWN])
-    found = reading_of(replace(part, others=(line,)), request, threshold=threshold)
+    found = reading_of(replace(part, others=(line,)), request)
     assert found.others[0].text == text
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
 

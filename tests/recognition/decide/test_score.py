@@ -40,7 +40,8 @@ from tests.support.readings import reading_of
 
 ODDS = Term(((-12.0, -12.0), (12.0, 12.0)))
 PLAIN = Score("vision", 0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(((0.01, 0.0), (0.21, -20.0)))})
-SETTINGS = ReaderSettings(accept_confidence=0.98, orientation=Orientation.UPRIGHT)
+THRESHOLD = 0.98
+SETTINGS = ReaderSettings(orientation=Orientation.UPRIGHT)
 
 
 def photo(noise: float = 0.0) -> Photo:
@@ -197,14 +198,3 @@ def test_the_shipped_thresholds_keep_their_risks(source: str) -> None:
         assert one.bound <= one.risk
         assert binom.cdf(one.wrong, one.accepted, one.bound) == pytest.approx(0.05, abs=2e-3)
     assert [one.threshold for one in tested] == sorted(one.threshold for one in tested)
-
-
-def test_each_sense_has_its_own_threshold_for_a_risk() -> None:
-    given = ReaderSettings(accept_risk=0.05)
-    for source in ("tactile", "fused"):
-        assert given.least_score(source) == score_of(source).threshold(0.05)
-        assert ReaderSettings().least_score(source) == ReaderSettings().accept_confidence
-    with pytest.raises(RiskError, match="touch cannot promise"):
-        ReaderSettings(accept_risk=1e-7).least_score("tactile")
-    with pytest.raises(ValueError, match="accept_risk"):
-        ReaderSettings(accept_risk=1.0)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from recognition.decide import risk as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence
@@ -167,7 +167,9 @@ def verdict(
     """The reading that these beliefs make if a text is expected."""
     camera = None if seen is None else sense_of(seen, "vision")
     evidence = Evidence(sense_of(beliefs), camera, expected=text)
-    found = decide(evidence, replace(TWO_PLACES, accept_confidence=accept))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(room, "threshold_of", lambda source, risk: accept)
+        found = decide(evidence, TWO_PLACES)
     assert found.trace.verification is not None
     return found, found.trace.verification
 

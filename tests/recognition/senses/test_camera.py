@@ -89,7 +89,7 @@ def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
 
     monkeypatch.setattr(camera, "stainless_view", never)
     found = Reader(replace(SETTINGS, lines={"lot": "A9"})).read(photo[1])
-    assert found.confidence >= SETTINGS.accept_confidence
+    assert found.confidence >= SETTINGS.least_score("vision")
     assert found.decision is Decision.REVIEW
     assert found.seconds["find"] > 0.0
 

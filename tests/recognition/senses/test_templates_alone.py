@@ -10,11 +10,11 @@ import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
-from recognition.recogniser.read_line import ReadLine
-from recognition.find.template_lines import TemplateSearch
 from recognition.decide.decision import Decision
+from recognition.find.template_lines import TemplateSearch
 from recognition.reader import Reader
 from recognition.recogniser import networks
+from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine

@@ -1,0 +1,88 @@
+"""Acceptance at a risk, by one procedure for every reader, ours and others.
+
+trials of all soils but one --threshold_tests--> least confidence that keeps the risk
+trials of the soil left out -----------------------------------------> accepted, and of these wrong
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from pipeline.benchmark.analysis.estimates import exact_share
+from pipeline.benchmark.analysis.groups import GroupKey, level_of
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.accepted_risk import proven_threshold, threshold_tests
+from pipeline.common.shares import Share, share
+
+
+@dataclass(frozen=True)
+class RiskAcceptance:
+    """What a reader accepts if its threshold is fitted to other parts.
+
+    Attributes:
+        key: mode and levels of the trials.
+        risk: greatest share of wrong readings among those accepted.
+        accepted: share of parts accepted.
+        wrong_of_accepted: share of wrong readings among those accepted, with exact one-sided bounds.
+        least: thresholds, the most lenient and the strictest of those that the fits found.
+    """
+
+    key: GroupKey
+    risk: float
+    accepted: Share
+    wrong_of_accepted: Share
+    least: tuple[float, float]
+
+
+def acceptance_at_risks(
+    groups: Iterable[tuple[GroupKey, Sequence[Trial]]],
+    risks: Sequence[float],
+    *,
+    confidence: float = 0.95,
+    left_out: str = "soil",
+) -> Iterator[RiskAcceptance]:
+    """Compute what each group of trials accepts at each risk that its trials can prove.
+
+    Args:
+        groups: trials of one mode each.
+        risks: risks between 0 and 1.
+        confidence: confidence level of the tests.
+        left_out: factor whose levels are left out in turn; groups with one level are passed over.
+    """
+    for key, trials in groups:
+        levels = dict.fromkeys(level_of(trial, left_out) for trial in trials)
+        for risk in risks if len(levels) > 1 else ():
+            accepted: list[Trial] = []
+            thresholds: list[float] = []
+            for level in levels:
+                others = [t for t in trials if level_of(t, left_out) != level and _may_be_accepted(t)]
+                test = proven_threshold(
+                    threshold_tests(
+                        [t.confidence for t in others],
+                        [t.right for t in others],
+                        risk=risk,
+                        confidence=confidence,
+                    )
+                )
+                if test is not None:
+                    thresholds.append(test.threshold)
+                    accepted += [
+                        t
+                        for t in trials
+                        if level_of(t, left_out) == level
+                        and _may_be_accepted(t)
+                        and t.confidence >= test.threshold
+                    ]
+            if thresholds:
+                yield RiskAcceptance(
+                    key,
+                    risk,
+                    share(len(accepted), len(trials)),
+                    exact_share(sum(not t.right for t in accepted), len(accepted)),
+                    (min(thresholds), max(thresholds)),
+                )
+
+
+def _may_be_accepted(trial: Trial) -> bool:
+    return not trial.error and not trial.broken and trial.decision != "reject"
