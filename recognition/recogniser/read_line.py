@@ -51,7 +51,7 @@ class ReadLine:
         likely: probability that there are so many places; 1 where a format says so.
         by_expert: lattices of each by itself.
         looks: output of the recogniser along the line, for every look at it.
-        other_ways: the line as one look reads it in other orientations in which its text may be read; None where the look
+        other_ways: the line as one look reads it in other orientations in which its text may be read; None where it
             reads nothing.
     """
 
