@@ -5,12 +5,9 @@
 The rooms in the order in which a part walks through them::
 
     views        what is looked at: a scan, a height map or a photograph as layers on one grid
-    lines        where text may stand, by the finder's network
-    experts      the recogniser: posteriors along a line
+    recogniser   the network that reads a strip, and the posteriors of a line's places
     glyph_match  templates of named fonts, compared with a line
-    combine      looks, experts and senses --> one lattice of posteriors
-    search       lines are found, read and moved until one is convincing: `lines`, `experts` and `combine` in turns
-    find         the same marks in other orientations and layouts
+    find         lines are found, read and moved until one is convincing --> the part's lines
     marks        poses, strokes, depths and grades of the characters
     decide       evidence --> text, score and findings --> a Reading: accept, review or reject
 

@@ -12,16 +12,13 @@ from functools import cached_property
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.combine.read_line import ReadLine
-from recognition.decide.choice import is_doubtful
 from recognition.decide.decide import decide
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
-from recognition.find.layouts import other_layout
-from recognition.find.other_ways import other_ways
+from recognition.find.find import find
 from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
 from recognition.language.lattice import Lattice
-from recognition.search.line_reader import LineReader, is_agreed
+from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
 from recognition.views.codes import Code, codes_of, without_codes
@@ -54,9 +51,9 @@ class VisionReader:
                 hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
-        self.fonts, self._scaled = repertoire.fonts, LineReader(repertoire.search, self.settings.asked)
+        self.fonts, self._scaled = repertoire.fonts, repertoire.request
         # a height in mm cannot be used on a photograph of unknown scale
-        self._unscaled = replace(self._scaled, search=replace(repertoire.search, height_mm=None))
+        self._unscaled = replace(self._scaled, height_mm=None)
 
     def of_photo(self, photo: Photo) -> SenseEvidence:
         """Evidence of a photograph, with no more pixels than its characters need."""
@@ -100,28 +97,23 @@ class VisionReader:
 
     def _of_views(self, views: Sequence[View], log: Log, times: StepTimes) -> SenseEvidence:
         assert log.photo is not None
-        lines = self._scaled if log.photo.pitch_mm is not None else self._unscaled
+        request = self._scaled if log.photo.pitch_mm is not None else self._unscaled
         with times.step("find"):
-            part = lines.read(*views, twice=self.settings.templates_judge)
+            part = find(views, request, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
-        with times.step("orientation"):
-            ways = other_ways(part, views[0], lines)
-        with times.step("layout"):
-            doubtful = is_doubtful(part, lines.grammar, "vision")
-            layout = other_layout(part, views[0], lines) if doubtful else ""
         log = replace(log, seconds=times.seconds)
-        return SenseEvidence("vision", tuple(views), part, None, log, ways, layout)
+        return SenseEvidence("vision", tuple(views), part, None, log)
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
         """Prototypes of each named font, under several lights; made when a line first needs them."""
-        chars_of = self._scaled.search.chars_of
+        chars_of = self._scaled.chars_of
         return tuple(lit_prototypes(font, chars) for font in self.fonts if (chars := chars_of(font)))
 
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
         """Match the named fonts to a line that the recogniser is not sure of."""
-        if not self.settings.templates_judge or is_agreed(main) or not self.prototypes:
+        if not self.settings.templates_judge or main.is_agreed or not self.prototypes:
             return {}
         return {"templates": match_fonts(views, main.line, main.columns, self.prototypes, main.lattice)[0]}
 

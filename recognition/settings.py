@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
@@ -17,15 +17,13 @@ from recognition.decide.decision import CertifiedAcceptance
 from recognition.decide.depth_rules import DepthRule
 from recognition.decide.risk import least_score, require_kept
 from recognition.decide.risk_text import USUAL_RISK, check_risk
-from recognition.experts.steps import EXPERTS
+from recognition.find.region import Region, check_region
+from recognition.find.request import LineFormat, LineRequest
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.search.part_lines import LineFormat, Region, check_region
+from recognition.recogniser.steps import EXPERTS
 from whisker_array.simulation.traces import Fidelity
-
-if TYPE_CHECKING:
-    from recognition.search.line_search import LineSearch
 
 STAND_INS = ("gothic", "futuram", "timesr")
 """Built-in fonts that stand in for an unnamed one: depths are measured along their strokes."""
@@ -165,19 +163,17 @@ class Repertoire:
                 raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {asked!r} needs")
 
     @cached_property
-    def search(self) -> LineSearch:
-        """Search for lines of all characters that may occur."""
-        # it loads OpenCV, which a check of the settings does not need
-        from recognition.search.line_search import LineSearch
-
+    def request(self) -> LineRequest:
+        """What to look for: all characters that may occur."""
         settings = self._settings
         others = {char for line in settings.asked.values() for char in line.grammar.characters}
         # characters that the format forbids are searched for as well, so that one on the part is noticed
         own = SIGNS if settings.grammar is None else settings.grammar.characters
-        return LineSearch(
+        return LineRequest(
             settings.grammar,
             "".join(sorted({*ALPHANUMERIC, *others, *own})),
             height_mm=settings.height_mm,
             region=settings.region,
             orientation=settings.orientation,
+            lines=settings.asked,
         )

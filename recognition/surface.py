@@ -17,7 +17,7 @@ from recognition.active.replay import read_kept
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
-from recognition.search.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
+from recognition.find.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
 from recognition.step_times import StepTimes
 from recognition.touch import TactileReader, nothing_felt
 from recognition.views.levelling import filled_note, level, square_to_plate
@@ -74,10 +74,10 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
     Raises:
         MapError: the map cannot be scanned, or the soil is on another grid.
     """
-    evidence = _felt(touch, surface)
     if surface.rows_known:
-        return evidence
-    evidence = touch.with_unknown_rows(evidence)
+        return _felt(touch, surface)
+    touch = touch.with_unknown_rows()
+    evidence = _felt(touch, surface)
     # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
     if surface.feel is not None and surface.soil is not None:
         return evidence
@@ -86,7 +86,7 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
     upright = looks.reading
     if upright.serial_is_sure or not touch.may_be_mirrored(evidence, upright):
         return evidence
-    mirrored = touch.with_unknown_rows(_felt(touch, surface.mirrored))
+    mirrored = _felt(touch, surface.mirrored)
     if not upright.flags & ReadingFlag.LAYOUT or touch.reading_of(mirrored).serial_is_sure:
         looks.add(mirrored.logged(notes=(*mirrored.log.notes, MIRRORED_NOTE)))
     return looks.surest
@@ -134,7 +134,7 @@ def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
     with times.step("first pass"):
         try:
             heights = felt_heights_mm(
-                touch.lines.search, levelled, fidelity=fidelity, soil=soil, feel=surface.feel
+                touch.request, levelled, fidelity=fidelity, soil=soil, feel=surface.feel
             )
         except NothingFeltError as error:
             return nothing_felt(error, Log(seconds=times.seconds, surface=levelled))
@@ -162,7 +162,7 @@ def _felt_actively(touch: TactileReader, surface: Surface, stage: OpenStage) -> 
     squared, soil = square_to_plate(surface.height_map, surface.soil)
     levelled, spent_s, looks = level(squared), 0.0, _Looks(touch)
     try:
-        heights = felt_heights_mm(touch.lines.search, levelled, fidelity=touch.settings.fidelity, soil=soil)
+        heights = felt_heights_mm(touch.request, levelled, fidelity=touch.settings.fidelity, soil=soil)
     except NothingFeltError:
         return None
     for height_mm in heights:

@@ -6,6 +6,7 @@ Scan --see--> felt view --find--> lines --measure--> marks
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,14 +16,13 @@ from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import EdgeMap, MapError
-from recognition.combine.read_line import ReadLine
-from recognition.decide.choice import is_doubtful
 from recognition.decide.decide import decide
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
 from recognition.decide.reading import Reading
-from recognition.find.layouts import other_layout
-from recognition.find.other_ways import LEAST_LEAD_NATS, lead_nats, other_ways
+from recognition.find.find import find
+from recognition.find.orientation import LEAST_LEAD_NATS, other_reading
+from recognition.find.template_fonts import TemplateFonts
 from recognition.glyph_match.felt_line import FeltLine
 from recognition.glyph_match.laid_line import with_depths
 from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_templates, template_key
@@ -31,8 +31,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.measure import MarkFonts, measure
 from recognition.marks.strokes import reject_false_lines
-from recognition.search.correlation_search import CorrelationSearch
-from recognition.search.line_reader import LineReader
+from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
 from recognition.views.text_line import TextLine
@@ -60,10 +59,9 @@ class TactileReader:
         self.fonts = MarkFonts(
             fonts, repertoire.strokes_of[len(fonts) :], bool(self.settings.fonts), self._templates_of
         )
-        search = repertoire.search
+        self.request = repertoire.request
         if "network" not in self.settings.experts:
-            search = CorrelationSearch(**vars(search), fonts=fonts, predict=self.predict)
-        self.lines = LineReader(search, self.settings.asked)
+            self.request = replace(self.request, templates=TemplateFonts(fonts, self.predict))
 
     def of_recording(self, scan: Scan) -> SenseEvidence:
         """Evidence of a recorded scan, without samples that faults of whiskers and bench spoil."""
@@ -91,14 +89,14 @@ class TactileReader:
             edges: its edge map, if it is known already.
         """
         times = times if times is not None else StepTimes()
-        log = Log(scan_findings(scan), scan=scan)
+        log = Log(scan_findings(scan), scan=scan, rows_known=self.request.rows_known)
         with times.step("see"):
             try:
                 view, notes = see_scan(scan, edges)
             except MapError as error:
                 return nothing_felt(error, replace(log, seconds=times.seconds))
         with times.step("find"):
-            part = self.lines.read(view, about=about, twice=True)
+            part = find([view], self.request, about=about, twice=True)
         with times.step("measure"):
             marks, main = None, part.main
             if main is not None:
@@ -108,32 +106,28 @@ class TactileReader:
                 if felt is not None:
                     part = reject_false_lines(part, felt, self.fonts.every)
                 part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
-        with times.step("orientation"):
-            ways = other_ways(part, view, self.lines)
-        with times.step("layout"):
-            doubtful = is_doubtful(part, self.lines.grammar, "tactile")
-            layout = other_layout(part, view, self.lines) if doubtful else ""
         log = replace(log, notes=notes, seconds=times.seconds)
-        return SenseEvidence("tactile", (view,), part, marks, log, ways, layout)
+        return SenseEvidence("tactile", (view,), part, marks, log)
 
     def reading_of(self, evidence: SenseEvidence) -> Reading:
         """What touch alone reads, to choose the surest of several looks."""
         return decide(Evidence.of(evidence), self.settings)
 
-    def with_unknown_rows(self, evidence: SenseEvidence) -> SenseEvidence:
-        """The evidence of a scan whose rows may be in reverse order: its text must not read differently then."""
-        if evidence.lines is None or not evidence.views:
-            return evidence
-        ways = other_ways(evidence.lines, evidence.views[0], self.lines, rows_known=False)
-        return replace(evidence, other_ways=ways)
+    def with_unknown_rows(self) -> TactileReader:
+        """The same reader for scans whose rows may be in reverse order: lines are read mirrored as well."""
+        reader = copy(self)
+        reader.request = replace(self.request, rows_known=False)
+        return reader
 
     def may_be_mirrored(self, evidence: SenseEvidence, reading: Reading) -> bool:
         """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""
-        little = reading.nats_read <= self.lines.search.limits.plain * len(reading.characters)
-        if little or evidence.lines is None or not evidence.views:
+        little = reading.nats_read <= self.request.limits.plain * len(reading.characters)
+        if little or evidence.lines is None or evidence.lines.main is None:
             return True
-        lead = lead_nats(evidence.lines, evidence.views[0], self.lines, Way.ROWS_REVERSED)
-        return lead < LEAST_LEAD_NATS
+        there = other_reading(
+            evidence.lines.main, Way.ROWS_REVERSED, reading.plain_text, self.request.grammar
+        )
+        return there is not None and there.lead_nats < LEAST_LEAD_NATS
 
     def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
         """Match the named fonts to a line."""
@@ -141,7 +135,7 @@ class TactileReader:
             return {}
         line, columns = (main.line, main.columns) if felt is None else (felt.line, felt.columns)
         raised = felt is not None and felt.raised
-        fonts = [font for font in self.fonts.fonts if self.lines.search.chars_of(font)]
+        fonts = [font for font in self.fonts.fonts if self.request.chars_of(font)]
         if not fonts:
             return {}
         sets = [self._templates_of(font, view, line.height_mm, raised=raised) for font in fonts]
@@ -160,7 +154,7 @@ class TactileReader:
         height_mm = self.settings.height_mm or height_mm
         assert view.touch is not None  # a felt view has one
         key = template_key(font, view.touch, height_mm=height_mm, raised=raised, face=face)
-        return self.predict(font, self.lines.search.chars_of(font), key)
+        return self.predict(font, self.request.chars_of(font), key)
 
 
 def see_scan(scan: Scan, edges: EdgeMap | None = None) -> tuple[View, tuple[str, ...]]:

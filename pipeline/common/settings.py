@@ -210,7 +210,7 @@ def _region(value: Any) -> Any:
     """
     if value is None:
         return None
-    from recognition.search.part_lines import check_region  # slow
+    from recognition.find.region import check_region  # slow
 
     try:
         left, top, right, bottom = (float(share) for share in _by_commas(value))

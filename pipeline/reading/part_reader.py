@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from recognition.active.moves import Region
     from recognition.decide.evidence import Evidence, SenseEvidence
     from recognition.decide.reading import Reading
+    from recognition.find.first_pass import Feel
     from recognition.reader import Reader
-    from recognition.search.first_pass import Feel
     from recognition.surface import OpenStage, Surface
     from whisker_array.scan.session import StageSession
     from whisker_array.simulation.traces import Fidelity

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from recognition.search.first_pass import Feel
+    from recognition.find.first_pass import Feel
     from whisker_array.scan.scan import Scan
     from whisker_array.scan.sweep import Sweep
     from whisker_array.simulation.traces import Fidelity

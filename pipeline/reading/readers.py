@@ -11,10 +11,10 @@ from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
 from recognition.decide.depth_rules import DepthRule, depth_rule, least_depth
+from recognition.find.request import LineFormat
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.search.part_lines import LineFormat
 from whisker_array.simulation.traces import Fidelity
 
 MOST_KEPT = 8

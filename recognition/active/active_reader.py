@@ -126,11 +126,11 @@ class _Part:
     def __post_init__(self) -> None:
         self.fitting = self.session.fitting
         self.region = self.requested_mm if self.requested_mm is not None else self.fitting.field_mm
-        self.watch = LineWatch(self.active.reader.lines, line=self.line)
+        self.watch = LineWatch(self.active.reader.request, line=self.line)
         self.progress = Progress(self.fitting)
-        lines = self.active.reader.lines
+        request = self.active.reader.request
         # feel the whole region if the caller set it, if the search has its own, or if there are further lines to read
-        self.may_shrink = self.requested_mm is None and lines.search.region is None and not lines.lines
+        self.may_shrink = self.requested_mm is None and request.region is None and not request.lines
         # a full reading follows the first look, because it finds the line best
         self.looks_since = LOOKS_PER_READING
         self.accept = self.active.reader.settings.least_score("tactile")

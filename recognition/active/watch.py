@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from itertools import count
 
 from glyphs.surface.display import one_line
-from recognition.combine.read_line import ReadLine
+from recognition.find.find import apart, search_of
+from recognition.find.line_variants import variants
+from recognition.find.promise import is_convincing
+from recognition.find.request import LineRequest
 from recognition.language.constrained_decoding import Choice, choose
-from recognition.lines.moves import variants
-from recognition.search.line_reader import LineReader, apart
-from recognition.search.line_search import is_convincing
+from recognition.recogniser.read_line import ReadLine
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
@@ -54,14 +55,14 @@ class LineWatch:
         is_sure: whether to follow the line instead of searching for one.
     """
 
-    def __init__(self, lines: LineReader, *, line: TextLine | None = None) -> None:
+    def __init__(self, request: LineRequest, *, line: TextLine | None = None) -> None:
         """Start with a new part.
 
         Args:
-            lines: reader of lines, with the format.
+            request: lines that are looked for, with the format.
             line: position of the line, if known.
         """
-        self.lines, self.line = lines, line
+        self.request, self.line = request, line
         self.is_sure, self._others = line is not None, False
         self._looks = count()
 
@@ -82,17 +83,18 @@ class LineWatch:
         Args:
             most_found: maximum number of found lines to read, while none is followed.
         """
+        search = search_of(view, self.request)
         known = [] if self.line is None else [self.line]
         if self.is_sure:
             tried = variants(known[0])
             near = [*known, tried[next(self._looks) % len(tried)]]  # one variant, in turns
         else:
-            near = [*known, *self.lines.search.candidates(view)[:most_found]]
-        seen = self.lines.search.read_once(view, near)
+            near = [*known, *search.candidates()[:most_found]]
+        seen = search.read(near)
         if not seen:
             return None
         if not self.is_sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
-        self.line, self.is_sure = seen[0].line, is_convincing(seen, self.lines.search.limits.sure)
-        choice = choose(seen[0].lattice, self.lines.grammar)
+        self.line, self.is_sure = seen[0].line, is_convincing(seen, self.request.limits.sure)
+        choice = choose(seen[0].lattice, self.request.grammar)
         return Look(seen[0], choice, self._others) if choice.text else None

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from glyphs.surface.display import one_line
-from recognition.combine.fuse_lattices import fuse_lattices
-from recognition.combine.read_line import ReadLine, word_gaps
 from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
+from recognition.decide.fuse_lattices import fuse_lattices
 from recognition.decide.reading import (
     Candidate,
     CharacterReading,
@@ -37,15 +36,16 @@ from recognition.language.constrained_decoding import Choice as Decoding
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
-from recognition.lines.places import boxes_of
 from recognition.marks.depth import MarkDepth
 from recognition.marks.measure import TextMarks
 from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import PlaceStrokes
+from recognition.recogniser.read_line import ReadLine, word_gaps
+from recognition.views.places import boxes_of
 
 if TYPE_CHECKING:
+    from recognition.find.layouts import Layout
     from recognition.marks.laid_text import LaidText
-    from recognition.search.part_lines import PartLines
     from recognition.views.codes import Code
 
 DOUBTFUL = 0.5
@@ -150,9 +150,9 @@ class Choice:
         return None if self.marks is None else self.marks.in_own_font
 
     @property
-    def layout(self) -> str:
-        """Other layout in which a doubtful part reads well; empty without one."""
-        return "" if self.characters and self.score >= DOUBTFUL else self.sense.layout
+    def layout(self) -> Layout | None:
+        """Other layout in which a doubtful part reads well; None without one."""
+        return None if self.characters and self.score >= DOUBTFUL else self.sense.layout
 
     @cached_property
     def height_mm(self) -> float:
@@ -239,23 +239,6 @@ def _text_of_sense(sense: SenseEvidence, settings: DecisionSettings) -> Choice:
         spaces_after=spaces_of(main, decoding.text, grammar),
         odds=log_odds(decoding.probability * main.likely),
     )
-
-
-def is_doubtful(part: PartLines, grammar: Grammar | None, source: str) -> bool:
-    """Whether a part may have a layout that is not read: its posteriors say little, or the text is short.
-
-    Args:
-        part: lines of the part.
-        grammar: format of the serial.
-        source: sense that read it.
-    """
-    main = part.main
-    if main is None or not main.is_text:
-        return True
-    decoding = choose(main.lattice, grammar)
-    if grammar is None and len(decoding.text) < LEAST_PLACES:
-        return True
-    return score_of(source).of_belief(decoding.probability * main.likely) < DOUBTFUL
 
 
 def _text_of_both(evidence: Evidence, settings: DecisionSettings, alone: Mapping[str, Reading]) -> Choice:

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import HeightMap
     from recognition.decide.depth_rules import DepthRule
-    from recognition.find.other_ways import OtherWay
+    from recognition.find.layouts import Layout
+    from recognition.find.part_lines import PartLines
+    from recognition.find.request import LineFormat
     from recognition.language.grammar import Grammar
     from recognition.language.orientation import Orientation
     from recognition.marks.measure import Marks
-    from recognition.search.part_lines import LineFormat, PartLines
     from recognition.views.codes import Code
     from recognition.views.view import View
     from whisker_array.scan.scan import Scan
@@ -79,6 +80,7 @@ class Log:
         seconds: time of each step.
         surface: levelled height map that was scanned.
         scan: scan, with its log of passes if they were chosen one after the other.
+        rows_known: whether the order of the map's rows is known; of a photograph it is.
         chosen_passes: whether the passes of the scan were chosen one after the other.
         photo: photograph, with others of the same part.
         photos: number of photographs that were read.
@@ -91,6 +93,7 @@ class Log:
     seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     surface: HeightMap | None = None
     scan: Scan | None = None
+    rows_known: bool = True
     chosen_passes: bool = False
     photo: Photo | None = None
     photos: int = 0
@@ -110,8 +113,6 @@ class SenseEvidence:
         lines: lines that were found and read.
         marks: the felt marks; None where they cannot be measured.
         log: what happened on the way.
-        other_ways: other orientations in which the marks may be read.
-        layout: other layout in which a doubtful part reads well, in words; empty without one.
     """
 
     source: Source
@@ -119,14 +120,17 @@ class SenseEvidence:
     lines: PartLines | None = None
     marks: Marks | None = None
     log: Log = Log()
-    other_ways: tuple[OtherWay, ...] = ()
-    layout: str = ""
 
     __repr__ = one_line
 
     def logged(self, **fields: object) -> SenseEvidence:
         """The same evidence with these fields of its log."""
         return replace(self, log=replace(self.log, **fields))  # type: ignore[arg-type]
+
+    @property
+    def layout(self) -> Layout | None:
+        """Other layout in which a doubtful part reads well; None without one."""
+        return None if self.lines is None else self.lines.layout
 
     @property
     def scaled(self) -> bool:

@@ -12,14 +12,14 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.combine.read_line import ReadLine, greatest_between
 from recognition.decide.choice import Choice
 from recognition.decide.decision import CHECK_FORMAT, Finding, ReadingFlag, flags_of
 from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
-from recognition.experts.steps import Steps
 from recognition.language.constrained_decoding import blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.recogniser.read_line import ReadLine, greatest_between
+from recognition.recogniser.steps import Steps
 
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line has another text."""

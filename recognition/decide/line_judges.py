@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from recognition.decide.choice import LEAST_PLACES, Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
-from recognition.find.other_ways import ways_possible
-from recognition.language.orientation import Way, other_text
+from recognition.decide.reading import OtherLine
+from recognition.find.layouts import Layout, LayoutKind
+from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, ways_possible
+from recognition.find.part_lines import PartLines
+from recognition.language.orientation import Way, other_text, readable
 from recognition.views.photo_sizes import shrunk
 
 _SET = {
@@ -44,10 +48,7 @@ def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
     if not choice.characters or any(choice.is_held_by(code.text) for code in choice.codes):
         return
     if not choice.is_fused:
-        sure = {id(line.line) for line in choice.others if line.confidence >= choice.threshold}
-        for other in choice.sense.other_ways:
-            if not sure & {id(line) for line in other.excluded_by}:
-                yield _also_readable(other.way, other.text)
+        yield from _other_orientations(choice, settings)
         return
     felt, seen = (choice.alone[sense.source] for sense in choice.senses)
     by_touch, by_camera = (
@@ -59,10 +60,50 @@ def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
         return
     findings = [*by_touch, *by_camera]
     for way in ways_possible(settings.orientation, turned_deg=choice.rotation_deg):
-        other_reading = other_text(choice.text, way, settings.grammar)
-        if other_reading is not None and other_reading.exact:
-            findings.append(_also_readable(way, other_reading.text))
+        other = other_text(choice.text, way, settings.grammar)
+        if other is not None and other.exact:
+            findings.append(_also_readable(way, other.text))
     yield from dict.fromkeys(findings)
+
+
+def _other_orientations(choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report orientations in which one sense reads another text, if no sure other line excludes them."""
+    part, main = choice.sense.lines, choice.line
+    if part is None or main is None:
+        return
+    sure_lines = [line for line in choice.others if line.confidence >= choice.threshold]
+    rows_known, turned_deg = choice.sense.log.rows_known, main.line.turned_deg
+    for way in ways_possible(settings.orientation, rows_known=rows_known, turned_deg=turned_deg):
+        other = other_text(choice.text, way, settings.grammar)
+        if other is None:
+            continue
+        text = other.text
+        if not other.exact:
+            there = other_reading(main, way, choice.text, settings.grammar)
+            if there is None or there.text == choice.text or there.lead_nats >= LEAST_LEAD_NATS:
+                continue
+            text = there.text
+        if not any(_excludes(way, line, turned_deg, part, settings) for line in sure_lines):
+            yield _also_readable(way, text)
+
+
+def _excludes(
+    way: Way, line: OtherLine, serial_deg: float, part: PartLines, settings: DecisionSettings
+) -> bool:
+    """Whether another line with the serial's direction cannot be read in another orientation."""
+    if line.line is None or math.cos(math.radians(line.line.turned_deg - serial_deg)) <= 0.0:
+        return False
+    grammar = settings.asked[line.name].grammar if line.name else None
+    text = "".join(line.text.split())
+    if readable(text, way, grammar, exact=True):
+        return False
+    if not readable(text, way, grammar):
+        return True
+    read = next(read for read in (*part.named.values(), *part.others) if read.line is line.line)
+    if way not in read.other_ways:
+        return False
+    there = other_reading(read, way, text, grammar)
+    return there is None or there.lead_nats >= LEAST_LEAD_NATS
 
 
 def _also_readable(way: Way, text: str) -> Finding:
@@ -72,9 +113,21 @@ def _also_readable(way: Way, text: str) -> Finding:
 def layout(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report another layout in which the marks read well; a sure short text may be a piece of a column."""
     if choice.layout:
-        yield Finding(ReadingFlag.LAYOUT, choice.layout)
+        yield Finding(ReadingFlag.LAYOUT, _layout_text(choice.layout))
     elif choice.sense.layout and settings.grammar is None and len(choice.text) < LEAST_PLACES:
-        yield Finding(ReadingFlag.UNREAD_MARKS, choice.sense.layout)
+        yield Finding(ReadingFlag.UNREAD_MARKS, _layout_text(choice.sense.layout))
+
+
+def _layout_text(layout: Layout) -> str:
+    texts = [f"“{text}”" for text in layout.texts]
+    if layout.kind is LayoutKind.MIRRORED:
+        return f"the marks look mirrored: in a mirror they read {texts[0]} (mirror the picture or the map)"
+    if layout.kind is LayoutKind.COLUMN:
+        return (
+            f"the characters stand below each other and read {texts[0]} (columns are not accepted; type it)"
+        )
+    what = f"two lines read {texts[0]} and {texts[1]}, which fit the format together"
+    return f"{what} (give --format for one and --line for the other)"
 
 
 def unread_photograph(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from recognition.combine.fuse_lattices import contradict, lead_nats
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.fuse_lattices import contradict, lead_nats
 from recognition.decide.reading import Reading
 from recognition.decide.score import log_odds
 

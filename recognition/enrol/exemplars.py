@@ -22,12 +22,12 @@ from glyphs.errors import MarksError
 from glyphs.fonts.glyph import RELIEF_PIXELS
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from recognition.experts.recogniser import CHARACTERS
+from recognition.find.find import find
+from recognition.find.first_pass import felt_heights_mm, virtual_feel
+from recognition.find.request import LineRequest
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.search.first_pass import felt_heights_mm, virtual_feel
-from recognition.search.line_reader import LineReader
-from recognition.search.line_search import LineSearch
+from recognition.recogniser.recogniser import CHARACTERS
 from recognition.views.levelling import level, square_to_plate
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view, relief_of
@@ -93,7 +93,7 @@ def cut_height_map(
     """
     height_map, soil = square_to_plate(height_map, soil)
     levelled, feel = level(height_map), virtual_feel(soil=soil)
-    heights = felt_heights_mm(LineSearch(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
+    heights = felt_heights_mm(LineRequest(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
     found: list[tuple[Cut, ...]] = []
     problems: list[ExemplarError] = []
     for height in heights:
@@ -144,8 +144,8 @@ def cut_scan(
         raise ExemplarError("the text is empty", hint="only parts whose text is known can be enrolled")
     chars = "".join(sorted({*CHARACTERS, *plain} - {" "}))
     view = felt_view(edges, relief)
-    search = LineSearch(Grammar(sets=tuple(plain)), chars, height_mm=height_mm)
-    found = LineReader(search).read(view).main
+    request = LineRequest(Grammar(sets=tuple(plain)), chars, height_mm=height_mm)
+    found = find([view], request).main
     if found is None:
         raise ExemplarError(
             "found no line of marks with as many characters as the text", hint="look at the part and its text"

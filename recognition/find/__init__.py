@@ -1,1 +1,1 @@
-"""Find and read the lines of a part, and look for other orientations and layouts."""
+"""Find the lines of a part and read them."""

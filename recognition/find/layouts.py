@@ -1,72 +1,108 @@
-"""Recognise layouts that are not read.
+"""Layouts that are not read as a serial.
 
     mirrored    a line reads well in the mirrored view
-    stacked     the pieces of a line that runs up or down, laid side by side, read well
+    column      the pieces of a line that runs up or down, laid side by side, read well
     two lines   the texts of two lines together fit the format
 
-Only a doubtful part is looked at again. Lines on an arc are read (`recognition.lines`).
+Only a doubtful part is looked at again. Lines on an arc are read (`recognition.find.tries`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from itertools import permutations
 
 import numpy as np
 from scipy import ndimage
 
-from recognition.combine.read_line import ReadLine
+from recognition.find.line_variants import lengthen
+from recognition.find.promise import is_convincing, promise_of
+from recognition.find.search import Search
 from recognition.language.constrained_decoding import choose
-from recognition.lines.moves import lengthen
-from recognition.search.line_reader import LineReader
-from recognition.search.line_search import is_convincing, promise_of
-from recognition.search.part_lines import PartLines
+from recognition.recogniser.read_line import ReadLine
 from recognition.views.text_line import TextLine
 from recognition.views.view import GREY, HEIGHTS, KNOWN, Layers, View
 
 
-def other_layout(part: PartLines, view: View, lines: LineReader) -> str:
-    """Describe the first other layout in which a part reads well; empty if there is none.
+class LayoutKind(StrEnum):
+    """Layouts of a serial that are recognised, but not read."""
+
+    MIRRORED = "mirrored"
+    COLUMN = "column"
+    TWO_LINES = "two lines"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A layout in which a part reads well.
+
+    Attributes:
+        kind: kind of layout.
+        texts: text of the serial, or of both its lines.
+    """
+
+    kind: LayoutKind
+    texts: tuple[str, ...]
+
+
+def other_layout(
+    search: Search,
+    main: ReadLine | None,
+    candidates: Sequence[TextLine],
+    *,
+    doubtful: float = 0.4,
+    least_places: int = 4,
+) -> Layout | None:
+    """Find another layout in which a doubtful part reads well.
 
     Args:
-        part: lines of the part that were read.
-        view: view that was read.
-        lines: reader of lines on such views.
+        search: search of the view in which the lines were read.
+        main: the line of the serial.
+        candidates: other places that look like it.
+        doubtful: probability of the serial's text below which a part is doubtful; one in another layout has hardly
+            more than 0.1.
+        least_places: number of characters without a format below which they may be a piece of a column.
     """
-    return next(_layouts(part, view, lines), "")
+    grammar = search.request.grammar
+    if main is not None and main.is_text:
+        choice = choose(main.lattice, grammar, k=1)
+        sure = bool(choice.text) and choice.probability * main.likely >= doubtful
+        if sure and (grammar is not None or len(choice.text) >= least_places):
+            return None
+    lines = list(candidates) if main is None else [main.line, *candidates]
+    return next(_layouts(search, main, lines), None)
 
 
 def _layouts(
-    part: PartLines, view: View, lines: LineReader, *, least_gain_nats: float = 2.0
-) -> Iterator[str]:
-    """Describe the layouts in which the part reads well.
+    search: Search, main: ReadLine | None, lines: Sequence[TextLine], *, least_gain_nats: float = 2.0
+) -> Iterator[Layout]:
+    """Layouts in which the part reads well.
 
     Args:
-        part, view, lines: as in `other_layout`.
         least_gain_nats: promise by which a line in another layout must exceed the one that was read.
     """
-    search = lines.search
-    candidates = list(part.candidates) if part.main is None else [part.main.line, *part.candidates]
-    least = least_gain_nats + (0.0 if part.main is None else promise_of(part.main))
+    limits, grammar = search.request.limits, search.request.grammar
+    least = least_gain_nats + (0.0 if main is None else promise_of(main))
 
-    def reads_well(read: Sequence[ReadLine]) -> str:
-        good = is_convincing(read, search.limits.sure) and promise_of(read[0]) > least
-        return choose(read[0].lattice, lines.grammar).text if good else ""
+    def text_of(read: Sequence[ReadLine]) -> str:
+        reads_well = is_convincing(read, limits.sure) and promise_of(read[0]) > least
+        return choose(read[0].lattice, grammar, k=1).text if reads_well else ""
 
-    mirrored = view.mirrored
-    there = search.candidates(mirrored)[: search.limits.most_lines]
-    if text := reads_well(search.read_once(mirrored, [*there, *(line.reversed for line in there)])):
-        yield f"the marks look mirrored: in a mirror they read “{text}” (mirror the picture or the map)"
-    lengths = () if lines.grammar is None else sorted(lines.grammar.lengths() or ())[:3]
-    for line, places in [*((line, lengths) for line in candidates), *_columns(candidates)]:
-        columns = (search.read_once(*column) for column in _laid_side_by_side(view, line, places))
-        if text := reads_well(
-            max(columns, key=lambda read: promise_of(read[0]) if read else -math.inf, default=[])
-        ):
-            yield f"the characters stand below each other and read “{text}” (columns are not accepted; type it)"
-    yield from _two_lines(candidates, view, lines)
+    mirror = search.on(search.view.mirrored)
+    there = mirror.candidates()[: limits.most_lines]
+    if text := text_of(mirror.read([*there, *(line.reversed for line in there)])):
+        yield Layout(LayoutKind.MIRRORED, (text,))
+    lengths = () if grammar is None else sorted(grammar.lengths() or ())[:3]
+    for line, places in [*((line, lengths) for line in lines), *_columns(lines)]:
+        laid = _laid_side_by_side(search.view, line, places)
+        columns = (search.on(view).read(rows) for view, rows in laid)
+        best = max(columns, key=lambda read: promise_of(read[0]) if read else -math.inf, default=[])
+        if text := text_of(best):
+            yield Layout(LayoutKind.COLUMN, (text,))
+    yield from _two_lines(search, lines)
 
 
 def _columns(
@@ -94,39 +130,38 @@ def _columns(
 
 
 def _two_lines(
+    search: Search,
     candidates: Sequence[TextLine],
-    view: View,
-    lines: LineReader,
     *,
     least_step: float = 0.8,
     alike: float = 1.6,
     clear: float = 0.8,
-) -> Iterator[str]:
-    """Describe the first two lines, one above the other, whose texts fit the format together.
+) -> Iterator[Layout]:
+    """The first two lines, one above the other, whose texts fit the format together.
 
     Args:
-        candidates, view, lines: as in `other_layout`.
+        search: search of the view.
+        candidates: places that look like a line.
         least_step: least distance from one line down to the other, character heights.
         alike: greatest ratio of the heights of their characters.
         clear: least mean probability of the characters of each.
     """
-    if lines.grammar is None:
+    grammar = search.request.grammar
+    if grammar is None:
         return
-    search = lines.under(None).search
-    read = search.read_once(view, [*candidates, *search.candidates(view)[: search.limits.most_lines]])
+    lines = [*candidates, *search.candidates()[: search.request.limits.most_lines]]
     clearly = [
-        (line.line, open_places.text)
-        for line in read
-        if (open_places := line.open_places[0]).n_places
+        (read.line, open_places.text)
+        for read in search.under(None).read(lines)
+        if (open_places := read.open_places[0]).n_places
         and float(np.exp(open_places.log_belief.max(axis=1)).mean()) >= clear
     ]
     for (upper, first), (lower, second) in permutations(clearly, 2):
         heights = sorted((upper.height_mm, lower.height_mm))
         step_mm = float((lower.centre_mm.mean(axis=0) - upper.centre_mm.mean(axis=0))[1])
         apart = step_mm >= least_step * heights[1] and heights[1] <= alike * heights[0]
-        if apart and not lines.grammar.objections(first + second):
-            what = f"two lines read “{first}” and “{second}”, which fit the format together"
-            yield f"{what} (give --format for one and --line for the other)"
+        if apart and not grammar.objections(first + second):
+            yield Layout(LayoutKind.TWO_LINES, (first, second))
 
 
 def _laid_side_by_side(

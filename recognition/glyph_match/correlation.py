@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from scipy.special import expit, softmax
 
 from glyphs.fonts.glyph import Font
-from recognition.experts.steps import Steps
 from recognition.glyph_match.chain import Placed, best_chain, usual_spacing
 from recognition.glyph_match.predicted import PIXELS, TemplateSet
 from recognition.language.grammar import Grammar
+from recognition.recogniser.steps import Steps
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 from recognition.views.view import EDGES, KNOWN, View
 

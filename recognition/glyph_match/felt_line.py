@@ -32,7 +32,7 @@ from recognition.glyph_match.pose import (
     PlaceSamples,
     spread_of_poses,
 )
-from recognition.lines.places import boxes_of
+from recognition.views.places import boxes_of
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, View
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import default_die
-from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
 from recognition.glyph_match.kept_predictions import Arrays, kept
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
@@ -30,6 +29,7 @@ from recognition.glyph_match.predicted import (
     lit_views,
 )
 from recognition.language.lattice import Lattice
+from recognition.recogniser.recogniser import FEATURE_COLUMNS, Features, features_of
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 

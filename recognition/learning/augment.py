@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as f
 
-from recognition.experts.recogniser import WIDER
 from recognition.learning.network import COLUMNS
+from recognition.recogniser.recogniser import WIDER
 from recognition.views.text_line import HEIGHT_ROWS, ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
+from recognition.find.finder import FINDER_ROWS
 from recognition.learning.network import Normalise
-from recognition.lines.find import FINDER_ROWS
 from recognition.views.view import LAYERS
 
 FINDINGS = 4

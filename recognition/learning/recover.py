@@ -20,15 +20,15 @@ from cyclopts import run
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.network import Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.quantise import prepare
 from recognition.learning.train_recogniser import export_float
+from recognition.recogniser.recogniser import CHARACTERS
 
 Numbers = NDArray[np.float32]
 
-PUBLISHED = Path(__file__).parents[1] / "experts" / "recogniser.onnx"
+PUBLISHED = Path(__file__).parents[1] / "recogniser" / "recogniser.onnx"
 _GATES = ("7", "33", "47", "61", "81")
 """Numbers of the constants that are the biases of the five squeeze-and-excitation gates, in order."""
 _FIRST_JOINED = 54

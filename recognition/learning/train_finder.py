@@ -13,6 +13,7 @@ from torch import Tensor
 from torch.nn import functional as f
 from torch.utils.data import IterableDataset, get_worker_info
 
+from recognition.find.finder import CELL, FINDER_ROWS
 from recognition.learning.augment import add_noise
 from recognition.learning.finder_network import FINDINGS, Finder
 from recognition.learning.training_loop import DEVICE, Task, Training, export, load_batches
@@ -24,7 +25,6 @@ from recognition.learning.training_samples import (
     read_samples,
     rounds,
 )
-from recognition.lines.find import CELL, FINDER_ROWS
 from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, LAYERS
 

@@ -21,7 +21,6 @@ from torch import Tensor, nn
 from torch.nn import functional as f
 from torch.utils.data import IterableDataset, get_worker_info
 
-from recognition.experts.recogniser import CHARACTERS, widen
 from recognition.learning.augment import augment
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
@@ -38,6 +37,7 @@ from recognition.learning.training_samples import (
     read_samples,
     rounds,
 )
+from recognition.recogniser.recogniser import CHARACTERS, widen
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.views.view import LAYERS
 

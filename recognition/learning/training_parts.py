@@ -22,9 +22,9 @@ from glyphs.part import Part, stamp
 from glyphs.stamping.dies import DIES
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.plates import PLATES
-from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.parametric_face import draw_face, draw_style
 from recognition.learning.training_fonts import has_small_letters
+from recognition.recogniser.recogniser import CHARACTERS
 from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain

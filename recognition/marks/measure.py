@@ -13,7 +13,6 @@ import numpy as np
 
 from glyphs.fonts.glyph import Font
 from glyphs.surface.display import one_line
-from recognition.combine.read_line import ReadLine
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.pose import Floats
 from recognition.glyph_match.predicted import TemplateSet
@@ -25,6 +24,7 @@ from recognition.marks.laid_text import LaidText, laid_text
 from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import PlaceStrokes, strokes_of
 from recognition.marks.unknown_font import line_depths
+from recognition.recogniser.read_line import ReadLine
 from recognition.views.view import View
 from whisker_array.estimation.relief import Relief
 

@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
-from recognition.combine.read_line import ReadLine
+from recognition.find.part_lines import PartLines
 from recognition.glyph_match.felt_line import SETTLED, DepthStrip, FeltLine
 from recognition.glyph_match.pose import DEEP, PIXELS, Floats, points_at
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.laid_text import LaidText, laid_text
-from recognition.search.part_lines import PartLines
+from recognition.recogniser.read_line import ReadLine
 
 LIVE = 0.004
 """Minimum probability of a rival that strokes must exclude."""

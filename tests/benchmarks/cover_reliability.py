@@ -19,12 +19,12 @@ import torch
 
 from glyphs.errors import MarksError
 from pipeline.benchmark.exam.design import design_named
-from recognition.experts.recogniser import CHARACTERS, steps_of
 from recognition.learning.covers import cover_rivals
 from recognition.learning.train_recogniser import crop_for_reading, gather
 from recognition.learning.training_fonts import find_fonts
 from recognition.learning.training_parts import draw_part
 from recognition.learning.training_samples import TrainingStrip, strips_of
+from recognition.recogniser.recogniser import CHARACTERS, posteriors, steps_of
 
 SOILS = design_named("marks-exam-1").kept_out_soils
 """That nothing in this tree learns from."""
@@ -49,7 +49,7 @@ def read_places(strips: Sequence[TrainingStrip], *, covered: bool) -> Iterator[P
         chars = [c for c in strip.text.upper() if c != " "]
         if not all(c in _CHARS for c in chars):
             continue
-        (steps,) = steps_of([crop_for_reading(strip)], chars=_CHARS)
+        steps = steps_of(posteriors(crop_for_reading(strip)), chars=_CHARS)
         found = steps.places((_CHARS,) * len(chars))
         for char, log in zip(chars, found.log_belief if found is not None else (), strict=False):
             best = int(log.argmax())

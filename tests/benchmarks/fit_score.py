@@ -33,8 +33,9 @@ from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
 from pipeline.common.shares import CONFIDENCE_LEVEL
-from recognition.combine import fuse_lattices as fusion
-from recognition.combine.fuse_lattices import (
+from recognition.decide import fuse_lattices as fusion
+from recognition.decide import score as scoring
+from recognition.decide.fuse_lattices import (
     FusionWeights,
     contradict,
     fuse_lattices,
@@ -42,7 +43,6 @@ from recognition.combine.fuse_lattices import (
     possible_characters,
     relative_likelihood,
 )
-from recognition.decide import score as scoring
 from recognition.decide.risk_text import risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
 from recognition.language.lattice import Lattice

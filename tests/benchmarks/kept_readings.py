@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.combine.read_line import combine_experts
 from recognition.decide.decision import BROKEN, ReadingFlag
 from recognition.decide.score import Measure
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.recogniser.read_line import combine_experts
 
 KEPT = Path(__file__).with_name("readings.npz")
 CHARS = "#&()-./0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"

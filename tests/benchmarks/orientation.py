@@ -25,11 +25,11 @@ from glyphs.part import Part, stamp
 from glyphs.surface.maps import HeightMap
 from recognition.decide.evidence import Evidence
 from recognition.decide.reading import Reading
-from recognition.experts.recogniser import steps_of
+from recognition.find.finder import find_lines
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.lines.find import find_lines
 from recognition.reader import Reader
+from recognition.recogniser.recogniser import posteriors, steps_of
 from recognition.surface import Surface
 from recognition.views.levelling import level
 from recognition.views.view import View, heights_view, photo_view
@@ -146,7 +146,7 @@ def characters(*, texts: int = 4, seed: int = 1, fonts: str = FONTS) -> None:
             order = text[::-1] if way.reverses else text
             for view, height_mm in views_of(surface, photo, SHOWN[way.value]):
                 for line in find_lines(view, height_mm=height_mm)[:1]:
-                    steps = steps_of(view.strip(line.line), chars=ALPHANUMERIC)
+                    steps = steps_of(posteriors(view.strip(line.line)), chars=ALPHANUMERIC)
                     places = steps.places((ALPHANUMERIC,) * PLACES)
                     if places is None:
                         continue

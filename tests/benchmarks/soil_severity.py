@@ -39,7 +39,7 @@ from pipeline.benchmark.readers.peers import RapidOcr
 from pipeline.benchmark.readers.pictures import heights_picture
 from pipeline.workers.executors import ordered_map
 from pipeline.workers.pool import WorkPool
-from recognition.experts.ctc import place_belief
+from recognition.recogniser.ctc import place_belief
 
 EDITION: Final = "marks-exam-1"
 """Whose fonts are used; never those of a section that is kept out."""

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from recognition.combine.read_line import Floats, ReadLine
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
 from recognition.decide.reading import CharacterReading
+from recognition.find.part_lines import PartLines
 from recognition.language.lattice import Lattice
 from recognition.marks.measure import TextMarks
 from recognition.marks.strokes import PlaceStrokes
-from recognition.search.part_lines import PartLines
+from recognition.recogniser.read_line import Floats, ReadLine
 from recognition.settings import ReaderSettings
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 from tests.support.readings import reading_of
@@ -56,7 +56,7 @@ def believed_line(
         at: where it stands.
     """
     by_expert = MappingProxyType({"network": lattice})
-    return BelievedLine(at, lattice, _columns(lattice), 0.0, likely, by_expert, (), openly)
+    return BelievedLine(at, lattice, _columns(lattice), 0.0, likely, by_expert, (), openly=openly)
 
 
 def _columns(lattice: Lattice) -> Floats:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.formats.part_files import PartFiles
-    from recognition.search.first_pass import Feel
+    from recognition.find.first_pass import Feel
     from whisker_array.simulation.traces import Fidelity
 
 

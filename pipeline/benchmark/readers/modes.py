@@ -24,8 +24,8 @@ from recognition.decide.decision import BROKEN, MEASURE_FLAGS, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.decide.score import SOURCES, Measure, score_of
+from recognition.find.part_lines import PartLines
 from recognition.reader import Reader
-from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 
 EXPERTS = ("tactile network", "tactile templates", "vision network")

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from glyphs.fonts.serials import allowed_characters
 from pipeline.benchmark.readers.mode import Mode, ModeUnavailableError, PartReadings
 from pipeline.benchmark.readers.pictures import PICTURES
-from recognition.experts.steps import Steps
-from recognition.lines.networks import open_network
+from recognition.recogniser.networks import open_network
+from recognition.recogniser.steps import Steps
 
 if TYPE_CHECKING:
     from recognition.decide.reading import Reading

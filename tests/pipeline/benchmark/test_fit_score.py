@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit
 
-from recognition.combine.fuse_lattices import FusionWeights
+from recognition.decide.fuse_lattices import FusionWeights
 from recognition.decide.score import SOURCES, Measure, Score, Term
 from recognition.language.lattice import Lattice
 from tests.benchmarks import fit_score, kept_readings

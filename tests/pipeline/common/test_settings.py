@@ -14,7 +14,7 @@ from pipeline.reading.readers import open_reader
 from recognition.decide import risk as room
 from recognition.decide.risk_text import USUAL_RISK
 from recognition.decide.score import score_of
-from recognition.experts.steps import EXPERTS
+from recognition.recogniser.steps import EXPERTS
 from recognition.settings import ReaderSettings
 
 

@@ -78,10 +78,10 @@ def test_a_lexicon_counts_by_what_it_holds(tmp_path: Path) -> None:
 
 
 def test_it_does_not_hold_for_other_networks(tmp_path: Path) -> None:
-    versions = {**a_certificate().versions, "lines/finder.onnx": "another"}
+    versions = {**a_certificate().versions, "find/finder.onnx": "another"}
     settings = ReadSettings(certificate=written(tmp_path / "c.json", versions=versions))
     for use in (certificate_of, acceptance_of):
-        with pytest.raises(SettingsError, match=r"is not valid for this program \(lines/finder.onnx"):
+        with pytest.raises(SettingsError, match=r"is not valid for this program \(find/finder.onnx"):
             use(settings)
 
 

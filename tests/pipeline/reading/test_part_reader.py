@@ -25,11 +25,11 @@ from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.decide.verify import Verdict, VerifyError
+from recognition.find.part_lines import PartLines
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 from recognition.surface import MIRRORED_NOTE, Surface, evidence_of_surface
 from recognition.touch import TactileReader

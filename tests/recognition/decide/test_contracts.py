@@ -18,11 +18,11 @@ from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
 from recognition.decide.reading import Reading
 from recognition.decide.score_judges import certificate, other_texts
 from recognition.decide.stroke_judges import guessed_characters
+from recognition.find.part_lines import PartLines
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 from recognition.views.codes import Code
 from tests.support.codes import ENVELOPE, stamped_photo, with_code

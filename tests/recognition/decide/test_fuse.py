@@ -13,18 +13,18 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from recognition.combine.fuse_lattices import FusionWeights, fuse_lattices, lead_nats
 from recognition.decide import risk as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, SenseEvidence
+from recognition.decide.fuse_lattices import FusionWeights, fuse_lattices, lead_nats
 from recognition.decide.reading import Reading
+from recognition.find.part_lines import PartLines
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
-from recognition.search.part_lines import PartLines
 from recognition.settings import ReaderSettings
 from recognition.views.codes import Code
 from tests.support.evidence import believed_line, sense_of
@@ -252,7 +252,9 @@ def test_one_sense_alone() -> None:
 def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
     one = touch(of_text(text, 0.999) if text else None, seconds={"read": 2.0})
     other = vision(of_text("AB1234", 0.999), seconds={"read": 3.0})
-    assert fuse(one, other, SETTINGS).seconds == {"read": 2.0, "vision read": 3.0}
+    seconds = fuse(one, other, SETTINGS).seconds
+    assert seconds["decide"] > 0.0
+    assert seconds == {"read": 2.0, "vision read": 3.0, "decide": seconds["decide"]}
 
 
 LINES = replace(SETTINGS, lines={"lot": "AAA99"})

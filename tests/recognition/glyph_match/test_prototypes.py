@@ -13,7 +13,6 @@ from glyphs import Part, stamp
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import default_die
-from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     TemplateSet,
@@ -34,6 +33,7 @@ from recognition.glyph_match.prototypes import (
 )
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.recogniser.recogniser import FEATURE_COLUMNS, Features, features_of
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN
 from recognition.views.view import View, felt_view, photo_view, relief_of
 from tests.support.felt import felt, stamped_line

@@ -16,7 +16,6 @@ from cyclopts import App
 
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
-from recognition.experts.recogniser import CHARACTERS, FEATURE_COLUMNS, WIDER
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
@@ -44,6 +43,7 @@ from recognition.learning.training_samples import (
     rounds,
     write_samples,
 )
+from recognition.recogniser.recogniser import CHARACTERS, FEATURE_COLUMNS, WIDER
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import LAYERS, View, heights_view
 
@@ -112,7 +112,7 @@ def test_its_own_texts_are_read(trained: Path, folder: Path) -> None:
 
 
 def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) -> None:
-    from recognition.lines.networks import open_network
+    from recognition.recogniser.networks import open_network
 
     network = Recogniser(load_start(), CHARACTERS)
     network.load_state_dict(torch.load(trained.with_suffix(".pt"), weights_only=True))
@@ -270,9 +270,9 @@ def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Pa
 
 def test_the_finder_is_trained_by_the_same_command(tmp_path: Path) -> None:
     """A few seconds of training find no lines; what is written says of every cell of any view what the network says."""
+    from recognition.find.finder import CELL
     from recognition.learning.finder_network import FINDINGS, Finder
-    from recognition.lines.find import CELL
-    from recognition.lines.networks import open_network
+    from recognition.recogniser.networks import open_network
 
     rng = np.random.default_rng(0)
     views = [

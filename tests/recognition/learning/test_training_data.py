@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.training_fonts import family, kept_out
 from recognition.learning.training_parts import SOILS_LEARNED, TrainingPart, draw_part, draw_text
 from recognition.learning.training_samples import (
@@ -23,6 +22,7 @@ from recognition.learning.training_samples import (
     training_views,
     write_samples,
 )
+from recognition.recogniser.recogniser import CHARACTERS
 from recognition.views.view import KNOWN, LAYERS
 
 FONTS = ("gothic", "futuram")

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
 from recognition.decide.decision import Decision
-from recognition.lines import networks
+from recognition.find.template_lines import TemplateSearch
 from recognition.reader import Reader
+from recognition.recogniser import networks
+from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings
 from recognition.views.levelling import level
+from recognition.views.text_line import TextLine
 from tests.support.felt import felt
+from whisker_array.whisker.touch import Touch, default_touch
 
 READERS: dict[ReaderSettings, Reader] = {}
 
@@ -22,7 +29,7 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     def opened(*_: object) -> None:
         raise AssertionError("a network was opened")
 
-    for module in ("lines.find", "experts.recogniser"):
+    for module in ("find.finder", "recogniser.recogniser"):
         monkeypatch.setattr(f"recognition.{module}._session", opened)
     monkeypatch.setattr(networks, "open_network", opened)
 
@@ -87,3 +94,23 @@ def test_a_bare_plate_is_no_serial() -> None:
     noise = np.random.default_rng(8).normal(scale=0.002, size=(60, 120)).astype(np.float32)
     reading = reader(height_mm=4.0).read(HeightMap(noise, 0.1))
     assert (reading.text, reading.decision) == ("", Decision.REJECT)
+
+
+def test_another_orientation_is_judged_with_the_whisker_that_felt_the_part(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    surface = level(stamp("2345", fonts="gothic", height_mm=4.0, seed=3).height_map)
+    touch = replace(default_touch(4.0), preload_mm=0.6)
+    scan = felt(surface, 4.0, touch=touch)
+    turned: list[Touch | None] = []
+    read = TemplateSearch.read
+
+    def watched(search: TemplateSearch, lines: Iterable[TextLine]) -> list[ReadLine]:
+        turned.append(search.view.touch)
+        return read(search, lines)
+
+    monkeypatch.setattr(TemplateSearch, "read", watched)
+    reading = reader(height_mm=4.0, format="9999", orientation="any").read(scan)
+    assert reading.text == "2345"
+    assert reading.evidence.touch.lines.main.other_ways
+    assert set(turned) == {touch}

@@ -23,17 +23,17 @@ from pipeline.benchmark.readers.modes import (
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from recognition import surface
-from recognition.combine.read_line import ReadLine
 from recognition.decide.decide import decide
 from recognition.decide.decision import BROKEN, MEASURE_FLAGS, Decision, Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
 from recognition.decide.reading import Reading
 from recognition.decide.score import SOURCES, Measure, score_of
+from recognition.find.part_lines import PartLines
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.search.part_lines import PartLines
+from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.evidence import believed_line, sense_of
@@ -109,7 +109,7 @@ def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
 
     sure, unsure = (expert_alone(whole(line), name, FORMATTED) for name in ("network", "templates"))
     assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
-    assert sure.seconds == {"scan": 2.0}
+    assert sure.seconds["scan"] == 2.0
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
     silent = expert_alone(whole(replace(line, by_expert={}), "vision"), "network", FORMATTED)

@@ -1,1 +1,0 @@
-"""Posteriors of several looks and experts, combined."""

@@ -1,1 +1,0 @@
-"""The recogniser: from a strip to posteriors of characters."""

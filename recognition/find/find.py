@@ -1,0 +1,307 @@
+"""Find and read the lines of a part: which one is the serial, and the posteriors of each.
+
+    views --search--> the most promising line --more looks--> main, other lines --other orientations--> PartLines
+
+The format decides which of several lines is the serial. Other text on the part is kept as unassigned
+(`PartLines.others`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import permutations
+from types import MappingProxyType
+
+import numpy as np
+
+from recognition.find.finder import overlap
+from recognition.find.ink import on_ink
+from recognition.find.layouts import other_layout
+from recognition.find.line_variants import lengthen
+from recognition.find.looks import Looks
+from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, read_ways, ways_possible
+from recognition.find.part_lines import PartLines
+from recognition.find.promise import is_convincing, promise_of, rank
+from recognition.find.region import stands_in
+from recognition.find.request import LineFormat, LineRequest
+from recognition.find.search import UPSIDE_DOWN_DEG, Move, Search
+from recognition.language.constrained_decoding import choose
+from recognition.language.grammar import Grammar
+from recognition.language.orientation import readable
+from recognition.recogniser.read_line import ReadLine, combine_looks
+from recognition.views.text_line import TextLine
+from recognition.views.view import View
+
+MOVES: tuple[Move, ...] = ((0.08, 1.0, 2), (-0.08, 1.0, 5), (0.0, 1.1, 3), (0.0, 0.91, 2))
+"""Moves of further looks at a line."""
+BETWEEN: Move = (0.0, 1.0, 3)
+"""The move of a look whose steps fall halfway between those of the first."""
+
+
+def search_of(view: View, request: LineRequest, looks: Looks | None = None) -> Search:
+    """Search for lines of a view by the networks, or by templates if the request names their fonts."""
+    looks = looks or Looks(most=request.limits.most_looks, limit_s=request.limits.limit_s)
+    if request.templates is None:
+        return Search(view, request, looks)
+    from recognition.find.template_lines import TemplateSearch
+
+    return TemplateSearch(view, request, looks)
+
+
+def find(
+    views: Sequence[View], request: LineRequest, *, about: TextLine | None = None, twice: bool = False
+) -> PartLines:
+    """Find and read the lines of a part.
+
+    Args:
+        views: views of the part in one frame, under different lights. Those after the first are read if the ones before
+            are not enough.
+        request: what is looked for.
+        about: position of the line, if known.
+        twice: look a second time even if one look is sure: templates need accurate places.
+    """
+    searched: list[tuple[Search, list[ReadLine]]] = []
+    for view in views:
+        search = search_of(view, request, searched[0][0].looks if searched else None)
+        searched.append((search, search.lines() if about is None else search.read([about])))
+        # if only a later light is sure, that may be chance: then the line is read under all lights
+        if is_convincing(search.in_region(searched[-1][1]), request.limits.sure):
+            break
+    search, lines = max(
+        searched, key=lambda each: max(map(promise_of, each[0].in_region(each[1])), default=-np.inf)
+    )
+    candidates, part = search.in_region(lines), PartLines(None)
+    if candidates:
+        other_lights = [search.on(view) for view in views if view is not search.view]
+        closely = partial(_read_closely, search, others=other_lights, always=len(searched) > 1, twice=twice)
+        main = _main_line(search, candidates, partial(closely, grammar=request.grammar))
+        part = _with_other_lines(search, main, [line for line in lines if apart(line, main)])
+        part = replace(part, candidates=_places(search.view, candidates))
+    layout = other_layout(search, part.main, part.candidates)
+    return replace(part, layout=layout, looks=search.looks.count, stopped=search.looks.stopped)
+
+
+def _main_line(
+    search: Search, candidates: Sequence[ReadLine], closely: Callable[[ReadLine], ReadLine]
+) -> ReadLine:
+    """The serial's line, read closely.
+
+    Args:
+        search: search of a view.
+        candidates: lines in the serial's region, most promising first.
+        closely: reads a line again, from several looks.
+    """
+    first = _most_promising(search, candidates)
+    read = [closely(line) for line in first]
+    if search.request.grammar is not None and not any(map(search.is_plain, read)):
+        for line in (*_refined_freely(search, candidates), *_laid_anew(search, first[0], read[0])):
+            read.append(closely(line))
+            if search.is_plain(read[-1]):
+                break
+    return max(read, key=promise_of)
+
+
+def _most_promising(
+    search: Search, candidates: Sequence[ReadLine], *, most_lines: int = 3, chance_nats: float = 1.0
+) -> list[ReadLine]:
+    """The most promising line, and under a format others that are as promising by chance, each refined.
+
+    Args:
+        search: search of a view.
+        candidates: lines in the serial's region, most promising first.
+        most_lines: most lines that are compared.
+        chance_nats: difference in promise that a closer look may turn round.
+    """
+    lines = [_right_way_up(search, search.refine(candidates))]
+    for line in candidates if search.request.grammar is not None else ():
+        near = promise_of(line) > promise_of(candidates[0]) - chance_nats
+        if near and len(lines) < most_lines and all(apart(line, other) for other in lines):
+            lines.append(_right_way_up(search, search.refine([line])))
+    return lines
+
+
+def _right_way_up(search: Search, best: ReadLine) -> ReadLine:
+    """The line in the direction that is more promising; unchanged if there is no doubt."""
+    if search.is_plain(best) and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
+        return best
+    return rank([best, *search.read([best.line.reversed])])[0]
+
+
+def _refined_freely(search: Search, candidates: Sequence[ReadLine], *, most_lines: int = 3) -> list[ReadLine]:
+    """Lines that are text without the format: refined without it, and read under it.
+
+    The finder may see half of a serial at twice its height. The format fits that nowhere, but without it the line is
+    text, and grows to the whole serial.
+    """
+    freely = (combine_looks(line.line, line.looks, None) for line in candidates)
+    texts: list[ReadLine] = []
+    for line in rank(line for line in freely if line is not None):
+        clear = is_convincing([line], search.request.limits.some) and len(texts) < most_lines
+        if clear and all(apart(line, text) for text in texts):
+            texts.append(line)
+    return search.read([search.under(None).refine([text]).line for text in texts])
+
+
+def _laid_anew(
+    search: Search,
+    first: ReadLine,
+    closely: ReadLine,
+    *,
+    chance_nats: float = 1.0,
+    ends_heights: float = 0.5,
+) -> list[ReadLine]:
+    """The line refitted to its ink and lengthened, if a closer look doubts it; only where that is without doubt.
+
+    Args:
+        search: search of the view.
+        first: the line at the first look.
+        closely: the same at several looks.
+        chance_nats: difference in promise that counts as chance.
+        ends_heights: length that is added at both ends, character heights.
+    """
+    if promise_of(closely) > promise_of(first) - chance_nats:
+        return []
+    known = search.request.height_mm is not None
+    lines = on_ink(search.view, first.line, first.columns, height_known=known)
+    longer = [lengthen(line, ends_heights, ends_heights) for line in (first.line, *lines)]
+    return [line for line in search.read([*lines, *longer]) if search.is_plain(line)]
+
+
+def _read_closely(
+    search: Search,
+    best: ReadLine,
+    *,
+    grammar: Grammar | None,
+    others: Sequence[Search] = (),
+    always: bool = False,
+    twice: bool = False,
+) -> ReadLine:
+    """Read a line again under its grammar: from one look if that is sure, otherwise from several.
+
+    Args:
+        search: search of the view in which the line was read.
+        best: the line.
+        grammar: its format.
+        others: searches of the part under other lights.
+        always: whether to look several times even if one look is sure.
+        twice: whether to look at least twice.
+    """
+    if always or not best.is_agreed:
+        looks = search.more_looks(best, (BETWEEN, *MOVES))
+        for number, other in enumerate(others, start=1):
+            # under another light, look first without a move
+            looks += [replace(s, view=number) for s in other.more_looks(best, ((0.0, 1.0, 0), *MOVES))]
+    else:
+        looks = search.more_looks(best, (BETWEEN,)) if twice else []
+    return (combine_looks(best.line, (*best.looks, *looks), grammar) if looks else None) or best
+
+
+def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]) -> PartLines:
+    """The serial and the part's other lines, each in the orientations in which its text can be read."""
+    named: dict[str, ReadLine] = {}
+    for name, wanted in search.request.lines.items():
+        line = _line_named(search, others, wanted)
+        if line is not None:
+            named[name] = line
+            others = [other for other in others if apart(other, line)]
+    unassigned: list[ReadLine] = []
+    for line in others:
+        if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
+            unassigned.append(line)
+    request, serial = search.request, _serial_of(main, search.request.grammar)
+    ways = ways_possible(request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg)
+    unsure = not is_convincing([main], request.limits.settled)
+    main = read_ways(search, main, serial, ways, in_mirror=unsure)
+    # another line may exclude an orientation in which the serial reads about as well
+    lead_nats = {
+        way: other.lead_nats for way in ways if (other := other_reading(main, way, serial, request.grammar))
+    }
+    doubtful = [
+        way
+        for way in ways
+        if readable(serial, way, request.grammar) and lead_nats.get(way, 0.0) < LEAST_LEAD_NATS
+    ]
+    for name, line in named.items():
+        grammar = request.lines[name].grammar
+        text = choose(line.lattice, grammar, k=1).text
+        named[name] = read_ways(search.under(grammar), line, text, doubtful)
+    return PartLines(
+        main,
+        MappingProxyType(named),
+        tuple(read_ways(search.under(None), line, line.open_places[0].text, doubtful) for line in unassigned),
+    )
+
+
+def _serial_of(main: ReadLine, grammar: Grammar | None, *, least_places: int = 4, sure: float = 0.9) -> str:
+    """Text of the serial's line; empty if it may be none.
+
+    Args:
+        least_places: length from which a line without a format is text even if it is unsure.
+        sure: probability from which a shorter one is.
+    """
+    choice = choose(main.lattice, grammar, k=1)
+    short = grammar is None and len(choice.text) < least_places and choice.probability < sure
+    return choice.text if main.is_text and not short else ""
+
+
+def _line_named(
+    search: Search, lines: Iterable[ReadLine], wanted: LineFormat, *, least_evidence: float = -4.0
+) -> ReadLine | None:
+    """Line that matches a format and region; None if none does.
+
+    Args:
+        least_evidence: log probability of the format above which a line is the requested one.
+    """
+    fits = [
+        read
+        for line in lines
+        if stands_in(wanted.region, line.line, search.view)
+        and (read := combine_looks(line.line, line.looks, wanted.grammar)) is not None
+    ]
+    if not fits:
+        return None
+    best = _read_closely(search, max(fits, key=promise_of), grammar=wanted.grammar)
+    return best if best.evidence > least_evidence else None
+
+
+def _places(
+    view: View, candidates: Iterable[ReadLine], *, most_candidates: int = 4, most_across: float = 0.9
+) -> tuple[TextLine, ...]:
+    """The first few lines that do not overlap, without those across the whole view.
+
+    Args:
+        view: view of the part.
+        candidates: lines that may be the serial's, most promising first.
+        most_candidates: most lines.
+        most_across: greatest length of a line, as a share of the view's width.
+    """
+    places: list[ReadLine] = []
+    for line in candidates:
+        across = line.line.length_mm > most_across * view.size_mm[0]
+        if not across and len(places) < most_candidates and all(apart(line, other) for other in places):
+            places.append(line)
+    return tuple(line.line for line in places)
+
+
+def apart(line: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
+    """Whether two lines are different ink: there is room for the characters of both, one line above the other.
+
+    Args:
+        room: distance of two lines' middles, as a share of both heights, below which they are the same ink.
+    """
+    band_mm = room * (line.line.height_mm + other.line.height_mm)
+    return not any(overlap(a, b, band_mm=band_mm) for a, b in permutations((line.line, other.line)))
+
+
+def _is_clear_text(line: ReadLine, *, least_belief: float = 0.8, least_places: int = 3) -> bool:
+    """Whether a line can be read as any text.
+
+    Args:
+        least_belief: least mean probability of the characters.
+        least_places: least number of places.
+    """
+    lattice, _ = line.open_places
+    best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
+    return lattice.n_places >= least_places and float(best.mean()) > least_belief

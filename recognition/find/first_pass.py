@@ -1,0 +1,116 @@
+"""The first pass over an unknown part: coarse, and always at the same scale.
+
+    part --whiskers for 4 mm characters, every 0.15 mm, there and back--> view --find lines--> character heights
+                                                                                                     |
+                                                     whisker, preload and plan of the scan that is read
+
+On a bench, nothing else shows the height of the characters. A height map that is read by touch is treated the same way.
+If the height is known, there is no first pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from recognition.find.find import search_of
+from recognition.find.request import LineRequest
+from recognition.views.view import felt_view, relief_of
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+Feel = Callable[[HeightMap, float], Scan]
+"""A function that scans a level surface for characters of a height, mm."""
+
+FIRST_HEIGHT_MM = 4.0
+"""Character height for which the whiskers are made; they find characters of `LEAST_HEIGHT_MM` to 25 mm."""
+LEAST_HEIGHT_MM = 0.8
+"""Least height of characters that the first pass finds, mm."""
+
+
+class NothingFeltError(MapError):
+    """A scan in which nothing was felt."""
+
+
+def virtual_feel(
+    *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = "", **plan: Any
+) -> Feel:
+    """Make a function that scans with the virtual array, ideal sensors and the default plan for a character height.
+
+    Args:
+        fidelity: fidelity of the contact.
+        soil: dirt into which the tip sinks, and the part's friction, if known.
+        part_id: name of the part.
+        plan: further arguments of `whisker_array.whisker.array.default_plan`.
+    """
+
+    def feel(surface: HeightMap, height_mm: float) -> Scan:
+        raster = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm, **plan)
+        touch = default_touch(height_mm)
+        return trace_scan(surface, touch=touch, plan=raster, fidelity=fidelity, part_id=part_id, soil=soil)
+
+    return feel
+
+
+def felt_heights_mm(
+    request: LineRequest,
+    surface: HeightMap,
+    *,
+    fidelity: Fidelity = Fidelity.CONTACT,
+    soil: Soil | None = None,
+    feel: Feel | None = None,
+    most: int = 2,
+    first_lines: int = 26,
+) -> list[float]:
+    """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
+
+    Args:
+        request: lines that are looked for.
+        surface: the part, level.
+        fidelity: fidelity of the contact.
+        soil: dirt into which the tip sinks, and the part's friction, if known.
+        feel: function that scans the surface (default: a coarse plan with ideal sensors).
+        most: greatest number of heights; the part is scanned for one after the other until a reading is accepted.
+        first_lines: lines per height of `FIRST_HEIGHT_MM` of the coarse plan; characters half as high still have
+            thirteen.
+
+    Raises:
+        MapError: a map that cannot be scanned or is too small for characters, a soil on another grid.
+        NothingFeltError: the first pass has felt nothing.
+    """
+    if request.height_mm:
+        return [request.height_mm]
+    if max(surface.size_mm) < LEAST_HEIGHT_MM:
+        width, height = surface.size_mm
+        raise MapError(
+            f"the map is {width:.2g} x {height:.2g} mm: too small for characters",
+            hint="measure the whole serial; if the map is larger, correct its unit",
+        )
+    feel = feel or virtual_feel(
+        fidelity=fidelity,
+        soil=soil,
+        directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+        lines_per_height=first_lines,
+    )
+    scan = feel(surface, FIRST_HEIGHT_MM)
+    try:
+        edges = edge_map(scan)
+    except MapError as error:
+        raise NothingFeltError(error.what, hint=error.hint) from error
+    view = felt_view(edges, relief_of(scan, edges), scan.touch)
+    return of_other_scales(search_of(view, request).heights_mm())[:most]
+
+
+def of_other_scales(heights_mm: Iterable[float], *, ratio: float = 1.2) -> list[float]:
+    """Keep the heights that differ from all earlier ones by more than this ratio: each is worth its own scan."""
+    scales: list[float] = []
+    for height in heights_mm:
+        if all(abs(math.log(height / other)) > math.log(ratio) for other in scales):
+            scales.append(height)
+    return scales

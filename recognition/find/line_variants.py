@@ -1,0 +1,120 @@
+"""Variants of a found line (moved, turned, lengthened), and default lines of a view."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from recognition.views.text_line import TextLine, moved_across, points_along
+from recognition.views.view import View
+
+MOVES = (
+    (0.0, 0.8, 0.0),
+    (0.0, 1.25, 0.0),
+    (0.2, 1.0, 0.0),
+    (-0.2, 1.0, 0.0),
+    (0.0, 1.0, 5.0),
+    (0.0, 1.0, -5.0),
+)
+"""Moves of a doubtful line (down, factor of the height, rotation in degrees), as the finder may be inaccurate."""
+SIZES = (0.85, 1.18)
+"""Factors by which the height of a doubtful line of a photograph is changed. On 143 photographs of the calibration
+design they raise accepted ones from 65 to 68, none wrong. With the true lines still more would be accepted."""
+SAGS = (-0.95, -0.5, 0.5, 0.95)
+"""Sags by which a doubtful line is bent, character heights: under dirt the finder takes an arc for a straight line. On
+89 photographs of arcs of the calibration design, dirt from 0.3 on, they raise characters from 66 to 74 %."""
+GROWTHS = (1.0, 2.2)
+"""Character heights by which a line is lengthened if a character lies at its end."""
+LONGER = ((1.5, 0.0), (0.0, 1.5), (1.5, 1.5), (3.0, 0.0), (0.0, 3.0))
+"""Character heights added before and after a doubtful line."""
+CROPS = (0.85, 0.62)
+"""Character heights tried in a view that is cropped to one line, in view heights."""
+BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
+"""Fallback line positions when the finder fails: height and middle, in view heights."""
+
+
+def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
+    """Move a line down by a share of its height, scale its height, and turn it about its middle."""
+    along = line.centre_mm[-1] - line.centre_mm[0]
+    along = along / np.linalg.norm(along)
+    moved = line.centre_mm + down * line.height_mm * np.array([-along[1], along[0]])
+    if turn_deg:
+        cos, sin = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+        middle = 0.5 * (moved[0] + moved[-1])
+        moved = middle + (moved - middle) @ np.array([[cos, sin], [-sin, cos]])
+    return TextLine(moved, line.height_mm * size)
+
+
+def whole_view(view: View) -> list[TextLine]:
+    """Lines of a view that is cropped to one line."""
+    return _across(view, [(share, 0.5) for share in CROPS])
+
+
+def anywhere(
+    view: View, *, height_mm: float | None = None, blind_step: float = 0.6, most_blind: int = 10
+) -> list[TextLine]:
+    """Lines to try across a view in which none was found.
+
+    Args:
+        view: the view.
+        height_mm: height of the characters, if known.
+        blind_step: spacing of the lines if the height is known, character heights.
+        most_blind: maximum number of lines tried; characters lower than 1 / `most_blind` of the view are not looked
+            for.
+    """
+    if height_mm is None:
+        return _across(view, BLIND)
+    share = height_mm / view.size_mm[1]
+    if not 1.0 / most_blind < share <= 1.0:
+        return []
+    n = min(most_blind, math.ceil((1.0 - share) / (blind_step * share)) + 1)
+    return _across(view, [(share, middle) for middle in np.linspace(0.5 * share, 1.0 - 0.5 * share, n)])
+
+
+def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:
+    """Lines from left to right, with height and middle as shares of the view's height."""
+    width, height = view.size_mm
+    if width < 0.5 * height:
+        return []
+    x, y = view.origin_mm
+    return [
+        TextLine.straight(x, y + middle * height, length_mm=width, height_mm=share * height)
+        for share, middle in places
+    ]
+
+
+def longer(line: TextLine) -> list[TextLine]:
+    """Lengthen the line at either end or both: dirt hides characters from the finder."""
+    return [lengthen(line, before, after) for before, after in LONGER]
+
+
+def bend(line: TextLine, sag: float, *, points: int = 33) -> TextLine:
+    """Bend a line to a parabola about its mean position.
+
+    Args:
+        line: the line.
+        sag: how much lower the ends lie than the middle, character heights; negative if they lie higher.
+        points: number of points of the curve.
+    """
+    shares = np.linspace(0.0, 1.0, points)
+    down = sag * line.height_mm * ((2.0 * shares - 1.0) ** 2 - 1.0 / 3.0)
+    return TextLine(moved_across(points_along(line, shares), down), line.height_mm)
+
+
+def variants(line: TextLine) -> list[TextLine]:
+    """A doubtful line moved, sized, turned and lengthened."""
+    return [*(move_line(line, *move) for move in MOVES), *longer(line)]
+
+
+def lengthen(line: TextLine, before: float, after: float) -> TextLine:
+    """Extend a line straight beyond its ends, by a number of character heights."""
+    points, height = line.centre_mm, line.height_mm
+    first, last = points[0] - points[1], points[-1] - points[-2]
+    pieces = [points]
+    if before > 0.0:
+        pieces.insert(0, (points[0] + before * height * first / np.linalg.norm(first))[None])
+    if after > 0.0:
+        pieces.append((points[-1] + after * height * last / np.linalg.norm(last))[None])
+    return TextLine(np.concatenate(pieces), height)

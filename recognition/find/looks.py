@@ -1,0 +1,54 @@
+"""Looks of the recogniser at lines of views: each is run once, counted, and refused at a limit."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.recogniser.recogniser import WIDER, posteriors
+from recognition.views.text_line import TextLine
+from recognition.views.view import Layers, View
+
+
+class Looks:
+    """Posteriors along lines, kept while a part is read.
+
+    Attributes:
+        count: runs of the recogniser.
+        stopped: why a look was refused; empty if none was.
+    """
+
+    def __init__(self, *, most: int | None = None, limit_s: float | None = None) -> None:
+        """Start with a part.
+
+        Args:
+            most: most runs of the recogniser.
+            limit_s: seconds after which it is not run any more.
+        """
+        self.count, self.stopped = 0, ""
+        self._most, self._limit_s, self._start_s = most, limit_s, monotonic()
+        self._posteriors: dict[tuple[object, ...], NDArray[np.float32]] = {}
+        self._strip: tuple[tuple[object, ...], Layers] | None = None
+
+    def may_look(self) -> bool:
+        """Whether another look is allowed."""
+        if self._most is not None and self.count >= self._most:
+            self.stopped = f"stopped after {self.count} looks"
+        elif self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
+            self.stopped = f"stopped after {self._limit_s:g} s"
+        return not self.stopped
+
+    def posteriors(
+        self, view: View, line: TextLine, *, wider: float = WIDER, skip_columns: int = 0
+    ) -> NDArray[np.float32]:
+        """(steps, 1 + CHARACTERS) log posteriors along a line whose first columns are skipped."""
+        place = (view, line.centre_mm.tobytes(), line.height_mm)
+        look = (*place, wider, skip_columns)
+        if look not in self._posteriors:
+            if self._strip is None or self._strip[0] != place:
+                self._strip = place, view.strip(line)
+            self.count += 1
+            self._posteriors[look] = posteriors(self._strip[1][:, :, skip_columns:], wider=wider)
+        return self._posteriors[look]

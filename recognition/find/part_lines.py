@@ -1,0 +1,34 @@
+"""The lines of a part, as they were read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from recognition.find.layouts import Layout
+from recognition.recogniser.read_line import ReadLine
+from recognition.views.text_line import TextLine
+
+
+@dataclass(frozen=True, eq=False)
+class PartLines:
+    """Lines read on a part, each in every orientation in which its text can be read.
+
+    Attributes:
+        main: the line of the serial; None if there is none.
+        named: other requested lines that were found, by name.
+        others: unassigned lines that can be read as well.
+        candidates: places that look like the serial's line, the most promising first; they do not overlap.
+        layout: another layout in which a doubtful part reads well.
+        looks: runs of the recogniser.
+        stopped: why the search ended before it was complete; empty if it did not.
+    """
+
+    main: ReadLine | None
+    named: Mapping[str, ReadLine] = field(default_factory=lambda: MappingProxyType({}))
+    others: tuple[ReadLine, ...] = ()
+    candidates: tuple[TextLine, ...] = ()
+    layout: Layout | None = None
+    looks: int = 0
+    stopped: str = ""

@@ -1,0 +1,77 @@
+"""Fonts whose templates find and read lines, and how far they are searched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.faces import Face
+
+if TYPE_CHECKING:
+    from recognition.glyph_match.predicted import TemplateKey, TemplateSet
+
+
+@dataclass(frozen=True)
+class MarkStyle:
+    """Appearance of a font on a part: kind of face, and whether the marks are raised."""
+
+    face: Face = Face.FLAT
+    raised: bool = False
+
+
+STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
+"""Appearances that are searched, most frequent first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchingLimits:
+    """Resolution and range of a search by templates.
+
+    Attributes:
+        coarse_pixels: pixels for each character height in the search.
+        fine_pixels: pixels for each character height in reading.
+        smallest: least character height, as a share of the view's smaller side.
+        largest: greatest character height, as a share of the view's smaller side.
+        size_step: ratio between neighbouring heights.
+        first_sizes: number of heights that are searched first.
+        most_sizes: number of heights that are searched if those are not convincing, including them.
+        most_lines: number of lines that are read at full resolution.
+        apart_heights: least distance of two lines, character heights.
+        beyond_heights: margin that is read before and after a line, in case it has more characters; character heights.
+        most_rereads: greatest number of times that a line is read again along its characters.
+        off_heights: a line is read again if a character lies further from its row than this, character heights.
+    """
+
+    coarse_pixels: int = 16
+    fine_pixels: int = 32
+    smallest: float = 0.13
+    largest: float = 0.95
+    size_step: float = 1.1
+    first_sizes: int = 3
+    most_sizes: int = 9
+    most_lines: int = 3
+    apart_heights: float = 1.1
+    beyond_heights: float = 1.0
+    most_rereads: int = 3
+    off_heights: float = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class TemplateFonts:
+    """Fonts whose templates find and read lines.
+
+    Attributes:
+        fonts: fonts to compare.
+        predict: function that predicts the templates of a font's characters; it should cache them.
+        matching: resolution and range of the search.
+    """
+
+    fonts: Sequence[Font]
+    predict: Callable[[Font, str, TemplateKey], TemplateSet]
+    matching: MatchingLimits = MatchingLimits()
+
+    def in_style(self, style: MarkStyle) -> list[Font]:
+        """Fonts that can have a style: dots need strokes."""
+        return [font for font in self.fonts if style.face is not Face.DOTTED or font.stroke_ratio > 0.0]

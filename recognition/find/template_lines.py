@@ -1,0 +1,242 @@
+"""Line search by template matching: a font's templates find and read lines, without any network.
+
+view --at several sizes--> responses of all templates --rows that a chain explains well--> candidates
+candidate --at full resolution--> chain, its rows, its spacing --every template in every cell--> Steps --> ReadLine
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Font
+from recognition.find.finder import overlap
+from recognition.find.line_variants import anywhere
+from recognition.find.promise import rank
+from recognition.find.region import about_region
+from recognition.find.search import Move, Search
+from recognition.find.template_fonts import STYLES, MarkStyle, TemplateFonts
+from recognition.glyph_match.chain import Placed, place_bounds
+from recognition.glyph_match.correlation import (
+    GlyphImages,
+    Image,
+    beside,
+    cell_correlations,
+    chain_of,
+    glyph_images,
+    image_of,
+    responses,
+    steps_of,
+)
+from recognition.glyph_match.predicted import template_key
+from recognition.recogniser.read_line import ReadLine, combine_looks
+from recognition.recogniser.steps import Steps
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import View
+from whisker_array.whisker.touch import Touch, default_touch
+
+
+class TemplateSearch(Search):
+    """Search that uses only the templates of fonts; a look compares a line with those of one font and style."""
+
+    @property
+    def _fonts(self) -> TemplateFonts:
+        assert self.request.templates is not None
+        return self.request.templates
+
+    @property
+    def _tries(self) -> Sequence[tuple[MarkStyle, slice]]:
+        """Mark styles and ranks of sizes, tried in this order until a line is convincing."""
+        matching = self._fonts.matching
+        first = slice(0, matching.first_sizes)
+        usual, *others = STYLES
+        further = slice(matching.first_sizes, matching.most_sizes)
+        return ((usual, first), (usual, further), *((style, first) for style in others))
+
+    def heights_mm(self) -> list[float]:
+        """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
+        return self._sizes_mm(self._fonts.fonts[0], STYLES[0])
+
+    def candidates(self) -> list[TextLine]:
+        """Propose lines, most promising first, without reading them."""
+        return self._candidates(*self._tries[0])
+
+    def lines(self) -> list[ReadLine]:
+        """Read the lines of the view, most promising first; try raised and dotted marks if sunk ones fail."""
+        return self._until_sure((style, self._candidates(style, sizes)) for style, sizes in self._tries)
+
+    def read(self, lines: Iterable[TextLine]) -> list[ReadLine]:
+        """Read each line in each style; the most promising comes first."""
+        lines = list(lines)
+        return self._until_sure((style, lines) for style in STYLES)
+
+    def _until_sure(self, tries: Iterable[tuple[MarkStyle, Sequence[TextLine]]]) -> list[ReadLine]:
+        lines: list[ReadLine] = []
+        for style, proposed in tries:
+            lines = rank([*lines, *self._looks(proposed, style)])
+            if self._reaches(lines, self.request.limits.sure):
+                break
+        return lines
+
+    def refine(self, lines: Sequence[ReadLine]) -> ReadLine:
+        """Return the best line; `_look` has already moved it to its place."""
+        return lines[0]
+
+    def more_looks(self, read: ReadLine, moves: Iterable[Move]) -> list[Steps]:
+        """Return nothing: `_look` has already tried every position near the line."""
+        return []
+
+    def _glyphs(
+        self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int, touch: Touch | None = None
+    ) -> GlyphImages:
+        """Make a font's templates at a height, as felt with `touch` (default: the default touch for that height)."""
+        touch = touch if touch is not None else default_touch(height_mm)
+        key = template_key(font, touch, height_mm=height_mm, face=style.face, raised=style.raised)
+        templates = self._fonts.predict(font, self.request.chars_of(font), key)
+        return glyph_images(templates, pixels=pixels)
+
+    def _candidates(self, style: MarkStyle, sizes: slice) -> list[TextLine]:
+        placed = [
+            placed
+            for font in self._fonts.in_style(style)
+            for height_mm in self._sizes_mm(font, style)[sizes]
+            for placed in self._rows(font, style, height_mm, pixels=self._fonts.matching.coarse_pixels)
+            if placed.placed
+        ]
+        lines: list[TextLine] = []
+        for line in (row.through(row.ends) for row in sorted(placed, key=lambda row: -row.total)):
+            # parts of characters resemble others: two lines are at least this far apart
+            band_mm = self._fonts.matching.apart_heights * line.height_mm
+            if not any(overlap(line, other, band_mm=band_mm) for other in lines):
+                lines.append(line)
+        return lines[: self._fonts.matching.most_lines]
+
+    def _sizes_mm(self, font: Font, style: MarkStyle, *, sketch_pixels: int = 12) -> list[float]:
+        """Rank character heights by the most that templates explain along any row of the view.
+
+        Args:
+            sketch_pixels: pixels for each character height in this ranking; it is used if no height is known.
+        """
+        if self.request.height_mm is not None:
+            return [self.request.height_mm]
+        matching = self._fonts.matching
+        count = math.ceil(math.log(matching.largest / matching.smallest) / math.log(matching.size_step)) + 1
+        sizes = [matching.largest * min(self._near.size_mm) / matching.size_step**k for k in range(count)]
+
+        def explained_mm(height_mm: float) -> float:
+            rows = self.under(None)._rows(font, style, height_mm, pixels=sketch_pixels)
+            return height_mm * max((row.total for row in rows), default=0.0)
+
+        return sorted(sizes, key=explained_mm, reverse=True)
+
+    @property
+    def _near(self) -> View:
+        return about_region(self.request.region, self.view)
+
+    def _rows(self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int) -> list[_PlacedLine]:
+        """Place characters of one height along level rows of the view, which overlap."""
+        glyphs = self._glyphs(font, style, height_mm, pixels=pixels)
+        rows = anywhere(self._near, height_mm=height_mm, blind_step=0.5, most_blind=100)
+        return [self._place(row, font, glyphs) for row in rows]
+
+    def _looks(self, lines: Iterable[TextLine], style: MarkStyle) -> list[ReadLine]:
+        return [
+            read
+            for line in lines
+            for font in self._fonts.in_style(style)
+            if self.may_run(line) and self.looks.may_look()
+            if (read := self._look(line, font, style)) is not None
+        ]
+
+    def _look(self, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
+        """Read a line, after moving it to the line through its characters if they lie off it."""
+        self.looks.count += 1
+        matching = self._fonts.matching
+        glyphs = self._glyphs(font, style, line.height_mm, pixels=matching.fine_pixels, touch=self.view.touch)
+        best = self._place(line, font, glyphs)
+        for _ in range(matching.most_rereads):
+            if len(best.placed) < 2 or np.abs(best.off_heights).max() <= matching.off_heights:
+                break
+            again = self._place(best.through(), font, glyphs)
+            if again.total <= best.total:
+                break
+            best = again
+        if not best.placed:
+            return None
+        bounds = place_bounds(best.placed, glyphs.half_cols, best.image.shape[1], pixels=glyphs.pixels)
+        cells = np.array(
+            [
+                cell_correlations(best.image, glyphs, row=row, column=placed.column, bounds=bound)
+                for placed, row, bound in zip(best.placed, best.rows, bounds, strict=True)
+            ]
+        )
+        columns = best.columns - (matching.beyond_heights - MARGIN) * HEIGHT_ROWS
+        steps = steps_of(cells, glyphs.chars, columns, chars=self.request.chars, rare=self.request.rare)
+        return combine_looks(best.line, [steps], self.request.grammar)
+
+    def _place(
+        self, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3
+    ) -> _PlacedLine:
+        """Find the best chain of characters along a line.
+
+        Args:
+            slack_heights: largest distance of the line from the row where it was found, character heights.
+        """
+        pixels, beyond = glyphs.pixels, self._fonts.matching.beyond_heights
+        slack = round(slack_heights * pixels)
+        rows = HEIGHT_ROWS * (1.0 + 4.0 * slack_heights)
+        image = image_of(self.view, line, rows=rows, margin=beyond, pixels=pixels)
+        first = len(image) // 2 - slack
+        response = responses(image, glyphs, rows=slice(first, first + 2 * slack + 1))
+        best = response.max(axis=1)
+        total, chain = chain_of(best, glyphs, font, self.request.grammar)
+        placed = beside(best, glyphs, font, chain)
+        at_rows = [first + int(response[p.template, :, p.column].argmax()) for p in placed]
+        return _PlacedLine(line, image, total, placed, at_rows, glyphs, beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class _PlacedLine:
+    """Characters along a line, their total reward, and their rows in the line's image."""
+
+    line: TextLine
+    image: Image
+    total: float
+    placed: tuple[Placed, ...]
+    rows: list[int]
+    glyphs: GlyphImages
+    margin_heights: float
+
+    @property
+    def columns(self) -> NDArray[np.float64]:
+        """Columns of the line's strip, shape (places,), with the margin of the image."""
+        pixels = np.array([placed.column for placed in self.placed], dtype=np.float64)
+        return (pixels + 0.5) * HEIGHT_ROWS / self.glyphs.pixels - 0.5
+
+    @property
+    def off_heights(self) -> NDArray[np.float64]:
+        """Distance of each place below the line, shape (places,), character heights."""
+        return (np.array(self.rows) - (len(self.image) - 1) / 2) / self.glyphs.pixels
+
+    @property
+    def ends(self) -> NDArray[np.float64]:
+        """Columns at which the ink of the first character begins and that of the last one ends."""
+        half = self.glyphs.half_cols * (HEIGHT_ROWS / self.glyphs.pixels)
+        reach = -half[self.placed[0].template], half[self.placed[-1].template]
+        return np.asarray(self.columns[[0, -1]] + reach)
+
+    def through(self, ends: NDArray[np.float64] | None = None) -> TextLine:
+        """Fit the line through the characters, weighted by their rewards, between two columns (default: its own)."""
+        sure = [max(placed.reward, 1e-3) for placed in self.placed]
+        if ends is None:
+            margin = self.margin_heights * HEIGHT_ROWS
+            ends = np.array([margin, self.line.columns(margin=self.margin_heights) - margin]) - 0.5
+        fit = np.polyfit(self.columns, self.off_heights, min(1, len(sure) - 1), w=sure)
+        height = len(self.image) * HEIGHT_ROWS / self.glyphs.pixels
+        rows = np.asarray(np.polyval(fit, ends) * HEIGHT_ROWS + height / 2 - 0.5, dtype=np.float64)
+        points = self.line.places_mm(ends, rows, margin=self.margin_heights, of_rows=height)
+        return TextLine(points, self.line.height_mm)

@@ -1,1 +1,0 @@
-"""Find lines of text."""

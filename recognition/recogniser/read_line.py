@@ -1,0 +1,293 @@
+"""Posteriors of one line: the number of places, the character at each, and the gaps between words.
+
+    Steps of each look --places of the format--> posteriors --mean of looks--> the recogniser's lattice
+    lattices of recogniser and templates --geometric mean--> the lattice that the format decides on
+
+Looks are much alike: their logarithms are averaged, first at each view and then over the views. The same dirt lies
+under every light: counted as more than one look, a wrong serial was accepted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+from recognition.language.orientation import Way
+from recognition.recogniser.ctc import PlaceBelief
+from recognition.recogniser.steps import Steps
+from recognition.views.text_line import HEIGHT_ROWS, TextLine
+
+Floats = NDArray[np.float64]
+_LEAST = 1e-12
+LEAST_PROMISE = -0.8
+"""Promise per place from which a line is text. Under a format 2 of 200 photographs of bare dirty plates reach it, 1 of
+104 of other things, and 1 of 150 felt plates; a drawing of clutter reaches -0.86. Without a format short marks reach it
+as well; they count only if they are sure."""
+
+AGREED, AGREED_EVIDENCE = 0.99, -1.0
+"""Least probability of the best character at every place, and log probability of the format, of an agreed line."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReadLine:
+    """A line and its posteriors.
+
+    Attributes:
+        line: the line in its view.
+        lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
+        columns: (places,) of the lattice, where each stands on the strip.
+        evidence: log probability of all that the format allows together; 0 where nothing is known.
+        likely: probability that there are so many places; 1 where a format says so.
+        by_expert: lattices of each by itself.
+        looks: output of the recogniser along the line, for every look at it.
+        other_ways: the line as one look reads it in other orientations in which its text may be read; None where it
+            reads nothing.
+    """
+
+    line: TextLine
+    lattice: Lattice
+    columns: Floats
+    evidence: float
+    likely: float
+    by_expert: Mapping[str, Lattice]
+    looks: Sequence[Steps]
+    other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))
+
+    __repr__ = one_line
+
+    @cached_property
+    def open_places(self) -> tuple[Lattice, Floats]:
+        """Posteriors for the most probable number of places, of any characters, and their columns."""
+        first = self.looks[:1]
+        places = (first[0].chars,) * max(count_places(first)[0], 1)
+        lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
+        return combine_experts({first[0].expert: lattice}), columns
+
+    def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
+        """The same line with the posteriors of further experts."""
+        if not more:
+            return self
+        by_expert = MappingProxyType({**more, **self.by_expert})
+        return replace(self, lattice=combine_experts(by_expert), by_expert=by_expert)
+
+    def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
+        """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
+
+        Args:
+            grammar: the format.
+            alike: groups of characters that may stand for each other.
+        """
+        return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
+
+    def least_read(self) -> int:
+        """Place with the least probability of any known character: another sign may stand there."""
+        lattice, columns = self.lattice, self.columns
+        reach = 0.5 * float(np.diff(columns).min(initial=math.inf)) if lattice.n_places > 1 else math.inf
+        steps = self.looks[0]
+        any_char = np.logaddexp.reduce(steps.log_chars, axis=1)
+        near = np.abs(steps.columns[:, None] - columns) <= reach
+        return int(np.where(near, any_char[:, None], -50.0).max(axis=0).argmin())
+
+    @property
+    def is_agreed(self) -> bool:
+        """Whether all experts are surely of the same text, of the format."""
+        texts = {lattice.text for lattice in self.by_expert.values()}
+        least = float(np.exp(self.lattice.log_belief.max(axis=1)).min())
+        return len(texts) == 1 and least > AGREED and self.evidence > AGREED_EVIDENCE
+
+    @property
+    def advance(self) -> float:
+        """Mean distance from one character to the next, character heights; 0 with fewer than three."""
+        if self.columns.size < 3:
+            return 0.0
+        return float(self.columns[-1] - self.columns[0]) / (self.columns.size - 1) / HEIGHT_ROWS
+
+    @property
+    def promise(self) -> float:
+        """Evidence of the line against a guess, nats: the sum over its places."""
+        return self._promise_of(self.lattice)
+
+    def _promise_of(self, lattice: Lattice) -> float:
+        best = np.maximum(lattice.log_belief.max(axis=1, initial=-np.inf), -3.0)
+        return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the expert that looked at the line saw text (`LEAST_PROMISE`); templates match any dirt somehow."""
+        lattice = self.by_expert[self.looks[0].expert]
+        return self._promise_of(lattice) >= LEAST_PROMISE * lattice.n_places
+
+
+def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | None) -> ReadLine | None:
+    """Combine the recogniser's looks at a line; None where no text fits.
+
+    Args:
+        line: the line.
+        looks: at the line, all over the same characters.
+        grammar: format of the line.
+    """
+    likely, evidence = 1.0, 0.0
+    if grammar is None:
+        many, likely = count_places(looks)
+        posteriors = _posteriors(looks, (looks[0].chars,) * many)
+    else:
+        posteriors = _best_length(looks, grammar)
+        evidence = _evidence(posteriors)
+    averaged = _lattice(looks, posteriors)
+    if averaged is None:
+        return None
+    lattice, columns = averaged
+    by_expert = MappingProxyType({looks[0].expert: lattice})
+    return ReadLine(line, combine_experts(by_expert), columns, evidence, likely, by_expert, tuple(looks))
+
+
+Posteriors = Sequence[PlaceBelief | None]
+
+
+def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
+    """Return the posteriors of each look for these places."""
+    return [steps.places(allowed) for steps in looks]
+
+
+def _evidence(posteriors: Posteriors) -> float:
+    """Log probability of all allowed texts together, the mean of looks; -inf without room for one."""
+    logs = [posterior.log_evidence for posterior in posteriors if posterior is not None]
+    return float(np.mean(logs)) if logs else -math.inf
+
+
+def _best_length(
+    looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = (), *, most_lengths: int = 6
+) -> Posteriors:
+    """Return the posteriors for the length of the format with the most evidence.
+
+    Args:
+        most_lengths: lengths of a format that are tried: those nearest to the number counted.
+    """
+    lengths = grammar.lengths()
+    if lengths is None or len(lengths) > most_lengths:
+        usual, _ = count_places(looks)
+        nearest = sorted(lengths or {usual}, key=lambda n: abs(n - usual))
+        lengths = frozenset(nearest[:most_lengths])
+    by_length = [
+        _posteriors(looks, [chars + "".join(a for a in alike if set(a) & set(chars)) for chars in allowed])
+        for n in sorted(lengths)
+        if (allowed := grammar.places(n))
+    ]
+    return max(by_length, key=_evidence, default=[None] * len(looks))
+
+
+def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
+    """The likeliest number of characters, and its probability.
+
+    Args:
+        most_counts: looks by which characters are counted.
+    """
+    logs = [np.maximum(steps.count(), -50.0) for steps in looks[:most_counts]]
+    most = max(log.size for log in logs)
+    total = np.mean([np.pad(log, (0, most - log.size), constant_values=-50.0) for log in logs], axis=0)
+    many = int(np.argmax(total))
+    return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
+
+
+def combine_experts(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
+    """Geometric mean of the experts' posteriors; a place counts as read if any expert has read it.
+
+    Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.
+
+    Args:
+        lattices: lattices of as many places, over the same characters.
+        slip: least share of belief that all allowed characters have together, whatever the experts say.
+    """
+    first = next(iter(lattices.values()))
+    logs = np.array([lattice.log_belief for lattice in lattices.values()])
+    reads, allowed = np.logaddexp.reduce(logs, axis=2), np.isfinite(logs).all(axis=0)
+    total = np.where(allowed, logs - reads[:, :, None], -np.inf).mean(axis=0)
+    total -= np.logaddexp.reduce(total, axis=1)[:, None]
+    even = np.log(slip / allowed.sum(axis=1) + _LEAST)[:, None]
+    total = np.where(allowed, np.logaddexp(total + math.log1p(-slip), even), -np.inf)
+    read = np.exp(np.minimum(reads, 0.0)).max(axis=0)
+    total += np.log(np.maximum(read, _LEAST))[:, None] - np.logaddexp.reduce(total, axis=1)[:, None]
+    return replace(first, log_belief=np.minimum(total, 0.0))
+
+
+def _lattice(
+    looks: Sequence[Steps], posteriors: Posteriors, *, near_steps: float = 1.0
+) -> tuple[Lattice, Floats] | None:
+    """Average the looks, by view, to a lattice and its columns; None without posteriors.
+
+    Args:
+        near_steps: beside a place's middle, or its spread, where its character must show.
+    """
+    logs: dict[int, list[Floats]] = {}
+    columns, read = [], []
+    for steps, places in zip(looks, posteriors, strict=True):
+        if places is None:
+            continue
+        frames = np.clip(places.frame, 0, steps.columns.size - 1)
+        columns.append(np.interp(frames, np.arange(steps.columns.size), steps.columns))
+        logs.setdefault(steps.view, []).append(places.log_belief)
+        steps_at = np.arange(steps.log_blank.size)
+        near = (
+            np.abs(steps_at[None] - places.frame[:, None]) <= np.maximum(near_steps, places.spread)[:, None]
+        )
+        # a character may show half at one step and half at the next: only blanks at all of them say that none is there
+        unread = np.exp(np.where(near, steps.log_blank[None], 0.0).sum(axis=1))
+        read.append((1.0 - unread).clip(_LEAST, 1.0))
+    if not logs:
+        return None
+    log = np.mean([np.mean(of_view, axis=0) for of_view in logs.values()], axis=0)
+    log = log - np.logaddexp.reduce(log, axis=1)[:, None] + np.log(np.mean(read, axis=0))[:, None]
+    return Lattice(tuple(looks[0].chars), np.minimum(log, 0.0)), np.asarray(np.mean(columns, axis=0))
+
+
+def word_gaps(
+    columns: NDArray[np.float64],
+    looks: Sequence[Steps] = (),
+    *,
+    least_gap: float = 0.4,
+    least_wide_gap: float = 0.1,
+    wide_heights: float = 0.5,
+    wide_ratio: float = 1.45,
+) -> frozenset[int]:
+    """Find the places after which there is a space: a probable one, or a wide step with a less probable one.
+
+    Args:
+        columns: (places,) column of each place.
+        looks: the recogniser's outputs along the line.
+        least_gap: probability of a word gap between two places from which there is one.
+        least_wide_gap: the same if the step is wider than a narrow sign can explain.
+        wide_heights: a wide step exceeds the usual step by more than this many character heights.
+        wide_ratio: a wide step exceeds the usual step by more than this factor.
+    """
+    if columns.size < 3:
+        return frozenset()
+    step = np.diff(columns) / HEIGHT_ROWS
+    usual = float(np.median(step))
+    wide = (step > usual + wide_heights) & (step > wide_ratio * usual)
+    believed = greatest_between(list(pairwise(columns)), looks, "gap")
+    if believed is not None:
+        wide = (wide & (believed > least_wide_gap)) | (believed > least_gap)
+    return frozenset(int(k) for k in np.flatnonzero(wide))
+
+
+def greatest_between(
+    spans: Sequence[tuple[float, float]], looks: Sequence[Steps], what: Literal["gap", "small"]
+) -> NDArray[np.float64] | None:
+    """Find the greatest probability along each span, mean of all looks, shape (spans,); None if no look has it."""
+    each = [
+        [float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0)) for low, high in spans]
+        for look in looks
+        if (values := getattr(look, what)) is not None
+    ]
+    return np.mean(each, axis=0) if each else None

@@ -1,1 +1,0 @@
-"""Find and read the lines of a view: each search in turn, until a line is convincing."""

@@ -1,0 +1,207 @@
+"""Lines of whole views: the format picks the one that is meant, and what lies upside down is read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glyphs import stamp
+from glyphs.fonts.glyph import transform_glyph
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.layouts import Layout
+from glyphs.surface.maps import HeightMap
+from recognition.find.find import apart, find, search_of
+from recognition.find.line_variants import move_line
+from recognition.find.part_lines import PartLines
+from recognition.find.promise import promise_of
+from recognition.find.region import stands_in
+from recognition.find.request import LineFormat, LineRequest, SearchLimits
+from recognition.find.search import Search
+from recognition.language.grammar import Grammar
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.recogniser.recogniser import WIDER, wider_for, wider_of
+from recognition.views.levelling import level
+from recognition.views.text_line import TextLine
+from recognition.views.view import View, ViewKind, heights_view
+
+PART = stamp(
+    "KXB4071", fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
+    layout=Layout(other_text="2938174", gap=0.8),
+)  # fmt: skip
+VIEW = heights_view(level(PART.height_map))
+
+
+def request_of(format: str, **more: Any) -> LineRequest:
+    return LineRequest(Grammar(format=format), ALPHANUMERIC, **more)
+
+
+def search_in(view: View, format: str = "AAA9999", **limits: Any) -> Search:
+    return search_of(view, request_of(format, limits=SearchLimits(**limits)))
+
+
+def find_in(view: View, format: str, **more: Any) -> PartLines:
+    return find([view], request_of(format, **more))
+
+
+@pytest.mark.parametrize(
+    ("format", "meant", "other"), [("AAA9999", "KXB4071", "2938174"), ("9999999", "2938174", "KXB4071")]
+)
+def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
+    part = find_in(VIEW, format)
+    assert part.main is not None
+    assert part.main.lattice.text == meant
+    assert [one.open_places[0].text for one in part.others] == [other]
+
+
+def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
+    search = search_in(replace(VIEW, kind=ViewKind.PHOTO), most_refits=0)
+    best = search.refine(search.lines()).line
+    seen = search.read([move_line(best, 0.0, 1.7)])
+    refined = search.refine(seen)
+    assert promise_of(refined) > promise_of(seen[0])
+    assert refined.line.height_mm < 1.5 * best.height_mm
+
+
+def test_a_straight_line_over_an_arc_is_bent() -> None:
+    text, height_mm = "KXB4071", 5.0
+    part = stamp(
+        text, fonts="gothic", height_mm=height_mm, pitch_mm=height_mm / 60, seed=1,
+        layout=Layout(radius_mm=3.0 * height_mm),
+    )  # fmt: skip
+    view = heights_view(level(part.height_map))
+    boxes = np.array(part.stamped.boxes_mm)
+    middle_mm = (boxes[:, 1] + boxes[:, 3]).mean() / 2
+    straight = TextLine(np.array([(boxes[0, 0], middle_mm), (boxes[-1, 2], middle_mm)]), height_mm)
+    search = search_in(view, most_refits=0)
+    seen = search.read([straight])
+    assert seen[0].lattice.text != text
+    assert search.refine(seen).lattice.text == text
+
+
+@pytest.mark.parametrize("x_scale", [0.5, 3.0])
+def test_a_line_of_narrow_or_wide_characters_is_read_at_their_width(x_scale: float) -> None:
+    text, height_mm = "KXB4071", 5.0
+    font = load_font("gothic")
+    glyphs = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in text}
+    part = stamp(
+        text, fonts=replace(font, glyphs={**font.glyphs, **glyphs}), height_mm=height_mm,
+        pitch_mm=height_mm / 60, dirt=0.7, seed=1,
+    )  # fmt: skip
+    view = heights_view(level(part.height_map))
+    boxes = np.array(part.stamped.boxes_mm)
+    line = TextLine(
+        np.array([(boxes[0, 0], boxes[0, 1::2].mean()), (boxes[-1, 2], boxes[-1, 1::2].mean())]), height_mm
+    )
+    fitted, as_usual = (
+        search_in(view, rewidened=ratio).read([line])[0] for ratio in (SearchLimits().rewidened, math.inf)
+    )
+    assert fitted.lattice.text == text
+    assert promise_of(fitted) > promise_of(as_usual)
+    assert wider_of(fitted.looks[0]) == pytest.approx(wider_for(as_usual.advance))
+    assert wider_of(as_usual.looks[0]) == pytest.approx(WIDER)
+
+
+def test_a_line_that_says_nothing_is_left_as_it_was_found() -> None:
+    search = search_in(VIEW)
+    best = search.refine(search.lines()).line
+    beside = search.read([move_line(best, -1.4, 1.0)])
+    assert search.refine(beside) is beside[0]
+    assert search_in(VIEW, hopeless=-3.0).refine(beside) is not beside[0]
+
+
+UPPER, LOWER = (0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("asked", "region", "named"),
+    [
+        ("9999999", None, "2938174"),
+        ("9999999", LOWER, "2938174"),
+        ("9999999", UPPER, ""),
+        ("999", None, ""),  # of another line's seven no three are taken for it
+        ("AAAAAAA", None, ""),
+    ],
+)
+def test_another_line_is_named_where_it_reads_and_stands_as_asked(
+    asked: str, region: tuple[float, float, float, float] | None, named: str
+) -> None:
+    lines = {"lot": LineFormat(Grammar(format=asked), region)}
+    part = find_in(VIEW, "AAA9999", lines=lines)
+    assert [one.lattice.text for one in part.named.values()] == ([named] if named else [])
+    assert [one.open_places[0].text for one in part.others] == ([] if named else ["2938174"])
+
+
+@pytest.mark.parametrize(("region", "meant"), [(UPPER, "KXB4071"), (LOWER, "2938174")])
+def test_the_serial_stands_in_its_region(
+    region: tuple[float, float, float, float] | None, meant: str
+) -> None:
+    either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
+    part = find([VIEW], LineRequest(either, ALPHANUMERIC, region=region))
+    assert part.main is not None
+    assert part.main.lattice.text == meant
+    assert len(part.others) == 1
+
+
+@pytest.mark.parametrize(("region", "format"), [(LOWER, "AAA9999"), (UPPER, "9999999")])
+def test_a_line_is_not_moved_out_of_its_region(
+    region: tuple[float, float, float, float], format: str
+) -> None:
+    """The other line fits the format, and lies within reach of a line about the middle of the view."""
+    main = find_in(VIEW, format, region=region).main
+    assert main is None or stands_in(region, main.line, VIEW)
+
+
+def test_what_lies_upside_down_is_read() -> None:
+    over = HeightMap(np.rot90(stamp("KXB4071", fonts="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
+    part = find_in(heights_view(level(over)), "AAA9999")
+    assert part.main is not None
+    assert part.main.lattice.text == "KXB4071"
+    assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
+
+
+def test_two_lines_are_different_ink_where_their_characters_have_room() -> None:
+    main = find_in(VIEW, "AAA9999").main
+    assert main is not None
+    for down_mm, lower_mm, different in ((3.2, 5.0, False), (5.0, 5.0, True), (3.2, 2.0, True)):
+        upper, lower = (
+            replace(main, line=TextLine.straight(0.0, y_mm, length_mm=30.0, height_mm=height_mm))
+            for y_mm, height_mm in ((0.0, 5.0), (down_mm, lower_mm))
+        )
+        assert apart(upper, lower) == apart(lower, upper) == different
+
+
+@pytest.mark.parametrize("too_high", [1.6, 2.0])
+def test_a_line_that_is_text_without_the_format_grows_to_the_serial_of_the_format(too_high: float) -> None:
+    """The finder saw the end of the serial, too high: the format fits that nowhere."""
+    boxes = np.array(PART.stamped.boxes_mm)[4:7]
+    middle_mm = boxes[:, 1::2].mean()
+    half = TextLine(np.array([(boxes[0, 0], middle_mm), (boxes[-1, 2], middle_mm)]), too_high * 5.0)
+    (forced,) = search_in(VIEW).read([half])
+    assert forced.lattice.text != "KXB4071"
+    assert promise_of(forced) < 0.0
+    main = find([VIEW], request_of("AAA9999"), about=half).main
+    assert main is not None
+    assert main.lattice.text == "KXB4071"
+
+
+def test_looks_are_counted_and_end_at_a_limit() -> None:
+    whole = find_in(VIEW, "99AA99")
+    assert whole.looks > 20
+    assert whole.stopped == ""
+    cut = find_in(VIEW, "99AA99", limits=SearchLimits(most_looks=9))
+    assert (cut.looks, cut.stopped) == (9, "stopped after 9 looks")
+    assert cut.main is not None
+    late = find_in(VIEW, "99AA99", limits=SearchLimits(limit_s=0.0))
+    assert (late.main, late.looks, late.stopped) == (None, 0, "stopped after 0 s")
+
+
+def test_a_look_at_the_same_place_is_taken_once() -> None:
+    search = search_in(VIEW)
+    first = search.lines()
+    looks = search.looks.count
+    assert [read.lattice.text for read in search.lines()] == [read.lattice.text for read in first]
+    assert search.looks.count == looks > 0
