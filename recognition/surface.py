@@ -114,7 +114,8 @@ class _Looks:
     def surest(self) -> SenseEvidence:
         """The evidence that reads most, with the texts of the other looks."""
         assert self._surest is not None
-        return self._surest.logged(other_texts=self._texts - {self.reading.plain_text})
+        others = self._texts - {self.reading.plain_text}
+        return self._surest.logged(other_texts=others) if others else self._surest
 
 
 def _felt(touch: TactileReader, surface: Surface) -> SenseEvidence:

@@ -78,7 +78,8 @@ def _other_orientations(choice: Choice, settings: DecisionSettings) -> Iterator[
         if other is None:
             continue
         text = other.text
-        if not other.exact:
+        # an orientation that was not looked at, because the line had another text then, stays possible
+        if not other.exact and way in main.other_ways:
             there = other_reading(main, way, choice.text, settings.grammar)
             if there is None or there.text == choice.text or there.lead_nats >= LEAST_LEAD_NATS:
                 continue

@@ -71,14 +71,14 @@ class Marks:
     fonts: MarkFonts
     clipped_mm: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     samples: int = 0
-    _texts: dict[tuple[str, ...], TextMarks] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[object, TextMarks] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = one_line
 
     def of_text(
         self, text: Sequence[str], lattice: Lattice, boxes: Sequence[Box], *, slope: float
     ) -> TextMarks:
-        """Measure the marks of a text; depths and grades of the same text are measured once.
+        """Measure the marks of a text; the same is measured once.
 
         Args:
             text: one character per place.
@@ -86,13 +86,13 @@ class Marks:
             boxes: position of each character.
             slope: calibration slope of the posteriors, in log odds (`recognition.decide.score`).
         """
-        key = tuple(text)
-        if key not in self._texts:
-            self._texts[key] = _depths_of(self, key, boxes)
-        marks = self._texts[key]
-        if marks.laid is None:
-            return marks
-        return replace(marks, strokes=strokes_of(marks.laid, lattice, slope=slope))
+        chars, key = tuple(text), (tuple(text), lattice, slope)
+        if chars not in self._known:
+            self._known[chars] = _depths_of(self, chars, boxes)
+        marks = self._known[chars]
+        if marks.laid is not None and key not in self._known:
+            self._known[key] = replace(marks, strokes=strokes_of(marks.laid, lattice, slope=slope))
+        return self._known.get(key, marks)
 
 
 @dataclass(frozen=True, eq=False)

@@ -189,6 +189,19 @@ def test_both_senses_are_verified_together(folder: Path) -> None:
     assert found.touch.trace.verification is None
 
 
+@pytest.mark.parametrize(("earlier", "accepted"), [("", True), ("A1", True), ("A 1", True), ("B2", False)])
+def test_a_text_other_than_that_of_an_earlier_pass_must_be_surer(
+    earlier: str, accepted: bool, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reader, settings = FakeReader("A9"), ReadSettings(mode="tactile")
+    listed = replace(part(folder, "felt"), other_text=earlier)
+    score = PartReader(reader, settings).read(listed).confidence
+    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: score)
+    found = PartReader(reader, settings).read(listed)
+    assert (found.decision == "accept") is accepted
+    assert bool(found.flags & ReadingFlag.BELIEVED_OTHERWISE) is not accepted
+
+
 def test_an_expected_text_that_the_format_forbids_costs_no_reading(folder: Path) -> None:
     reader = FakeReader(format="A9")
     with pytest.raises(VerifyError, match="text expected of felt: is 'ZZ', but it does not fit"):

@@ -73,6 +73,13 @@ def test_what_a_look_settles_is_no_doubt() -> None:
     assert not reading_of(part, request).flags & ReadingFlag.ORIENTATION_UNKNOWN
 
 
+def test_an_orientation_that_was_not_looked_at_stays_possible() -> None:
+    part, request = read(view_of("471275"), "999999")
+    assert part.main is not None
+    unseen = replace(part, main=replace(part.main, other_ways={}))
+    assert reading_of(unseen, request).flags & ReadingFlag.ORIENTATION_UNKNOWN
+
+
 def test_a_text_that_no_other_way_can_show_is_read_one_way() -> None:
     part, _ = read(view_of("KD2746"), "AA9999")
     assert part.main is not None
