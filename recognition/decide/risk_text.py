@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-USUAL_RISK = 0.001
+USUAL_RISK = 0.01
 """Greatest share of wrong readings among those accepted, if no other is set."""
 CANNOT_PROMISE = "cannot promise"
 """Words of the message that a sense does not keep the risk; `pipeline.runs.summary` counts these messages."""
