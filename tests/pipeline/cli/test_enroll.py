@@ -218,7 +218,7 @@ def test_of_many_exemplars_the_last_are_kept(taught):
 def test_the_fonts_of_a_database_are_compared_with_what_is_felt(taught):
     reader = open_reader(ReadSettings(database=taught[0]))
     assert [f.name for f in reader.touch.fonts.fonts] == ["gothic", "press-7"]
-    assert reader.touch.named
+    assert reader.touch.fonts.named
 
 
 def test_the_command_takes_a_table(folder, tmp_path, capsys):
