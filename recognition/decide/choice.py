@@ -452,7 +452,7 @@ def _scored(
         choice,
         characters=characters,
         threshold=settings.least_score(evidence.source),
-        measures=MappingProxyType(known),
+        measures=known,
         score=score,
         scored_as=source,
         odds=odds,
