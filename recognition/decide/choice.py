@@ -430,7 +430,7 @@ def _scored(
         choice,
         accept_risk=settings.accept_risk,
         threshold=settings.least_score(source),
-        measures=MappingProxyType(known),
+        measures=known,
         score=score,
         scored_as=source,
     )

@@ -25,8 +25,8 @@ def violations(
 ) -> Iterator[Finding]:
     """Return the limits that a mark breaks; a limit that could not be measured counts as broken.
 
-    Depths are compared without their known error. A depth nearer to a limit than its standard deviation may break it,
-    and is said to (ISO 14253-1, with a guard band of one standard deviation, within which 76 % of depths lie).
+    Depths are compared without their known error, and the message gives their standard deviation. It moves no limit: it
+    is wide even on a clean plate, and a guard band of one standard deviation refuses good marks.
 
     Args:
         rule: the rule.
@@ -45,16 +45,18 @@ def violations(
     marks = [(k, c.depth) for k, c in enumerate(characters, start=1)]
     felt = [(k, depth) for k, depth in marks if depth is not None]
     burrs = {k: depth.burr_mm for k, depth in felt if depth.burr_mm is not None}
-    lows = {k: (depth.min_mm - depth.bias_mm, depth.sd_mm or 0.0) for k, depth in felt}
-    highs = {k: (depth.max_mm - depth.bias_mm, depth.sd_mm or 0.0) for k, depth in felt}
-    shallow = {k: f" {mm:.3f} mm" for k, (mm, sd_mm) in lows.items() if mm + sd_mm < least}
-    deep = {k: f" {mm:.3f} mm" for k, (mm, sd_mm) in highs.items() if mm - sd_mm > most}
-    maybe_shallow = {
-        k: f" {mm:.3f} +- {sd_mm:.3f} mm" for k, (mm, sd_mm) in lows.items() if abs(mm - least) <= sd_mm
-    }
-    maybe_deep = {
-        k: f" {mm:.3f} +- {sd_mm:.3f} mm" for k, (mm, sd_mm) in highs.items() if abs(mm - most) <= sd_mm
-    }
+    lows, highs = (
+        {
+            k: (mm - depth.bias_mm, f" {_with_sd(mm - depth.bias_mm, depth.sd_mm)} mm")
+            for k, depth, mm in values
+        }
+        for values in (
+            [(k, depth, depth.min_mm) for k, depth in felt],
+            [(k, depth, depth.max_mm) for k, depth in felt],
+        )
+    )
+    shallow = {k: words for k, (mm, words) in lows.items() if mm < least}
+    deep = {k: words for k, (mm, words) in highs.items() if mm > most}
     high = {k: f" {mm:.3f} mm" for k, mm in burrs.items() if mm > rim}
     lacking: dict[str, dict[int, str]] = {}
     unsized = rule.least_height_mm > 0.0 and not felt
@@ -64,9 +66,7 @@ def violations(
             lacking.setdefault((c.no_depth or NoDepth.NOT_FELT).message, {})[k] = ""
     for flag, what, places, hint in (
         (ReadingFlag.TOO_SHALLOW, "too shallow", shallow, f"at least {least:g}"),
-        (ReadingFlag.TOO_SHALLOW, "may be too shallow", maybe_shallow, f"at least {least:g}"),
         (ReadingFlag.TOO_DEEP, "too deep", deep, f"at most {most:g}"),
-        (ReadingFlag.TOO_DEEP, "may be too deep", maybe_deep, f"at most {most:g}"),
         (ReadingFlag.BURR_TOO_HIGH, "burr too high", high, f"at most {rim:g}"),
         *(
             (ReadingFlag.DEPTH_UNKNOWN, "depth not measured", places, todo)
@@ -82,6 +82,10 @@ def violations(
             ReadingFlag.TOO_SMALL,
             f"too small for {rule.name}: about {size:.2f} mm high at the bottoms (at least {rule.least_height_mm:g})",
         )
+
+
+def _with_sd(depth_mm: float, sd_mm: float | None) -> str:
+    return f"{depth_mm:.3f}" if sd_mm is None else f"{depth_mm:.3f} +- {sd_mm:.3f}"
 
 
 def print_size_mm(

@@ -205,7 +205,7 @@ class Reading:
     codes: tuple[Code, ...] = ()
     accept_risk: float | None = None
     threshold: float | None = None
-    measures: Mapping[Measure, float] = field(default_factory=lambda: MappingProxyType({}))
+    measures: Mapping[Measure, float] = field(default_factory=dict)
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
     evidence: Evidence | None = field(default=None, compare=False, repr=False)
 

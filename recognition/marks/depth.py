@@ -16,8 +16,9 @@ stamped parts with the default whisker and ball, gothic, 32 characters each; mic
     SHARP       -16.1 +- 2.1   -29.1 +- 4.4   -40.8 +- 4.2   -88.2 +- 11.1
     FLAT, under dirt of 0.3, 0.6 and 0.9 at 5.0 mm: +8.9 +- 6.8, +6.4 +- 17.5, -28.1 +- 42.5
 
-Depths are shown with these errors. A depth rule removes those of flat and round faces (`depth_bias_mm`) and allows for
-the standard deviation. Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of
+Depths are shown with these errors. A depth rule removes those of flat and round faces (`depth_bias_mm`).
+
+Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of
 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom: 13, 21, 29 and 54 micrometres at these
 heights. The true depth is that of the deepest point, where strokes of a V meet. So a SHARP mark is measured too
 shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.

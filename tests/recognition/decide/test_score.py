@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -112,6 +113,12 @@ def test_nothing_read_has_no_score_and_is_measured_all_the_same() -> None:
     empty = decide(Evidence.of(sense_of(None, "vision", photo=photo(10.0))), SETTINGS)
     assert (empty.confidence, empty.text) == (0.0, "")
     assert empty.measures[Measure.GRAIN] > 0.0
+
+
+def test_measures_travel_between_processes() -> None:
+    measures = of_photo(noise=10.0).measures
+    assert pickle.loads(pickle.dumps(measures)) == measures
+    assert measures[Measure.CONFIDENCE] == pytest.approx(of_photo(noise=10.0).confidence, abs=1e-6)
 
 
 def test_grain_does_not_depend_on_exposure() -> None:

@@ -32,6 +32,7 @@ from recognition.find.part_lines import PartLines
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings
@@ -87,7 +88,7 @@ def test_each_mode_is_also_read_without_each_rule() -> None:
         open_mode("tactile without luck", Reader(format="A9"))
 
 
-FORMATTED = ReaderSettings(format="A9")
+FORMATTED = ReaderSettings(format="A9", orientation=Orientation.UPRIGHT)
 BOXES = (Box(0.0, 0.0, 1.0, 2.0), Box(1.0, 0.0, 2.0, 2.0))
 
 
