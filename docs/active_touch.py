@@ -34,7 +34,7 @@ from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.views.levelling import level
+from recognition.see.levelling import level
 from whisker_array.estimation.edges import edge_map
 
 FORMAT, SEED, NUMBER, BUDGET_S = "AA999999", 11, 2, 60.0

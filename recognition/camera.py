@@ -19,12 +19,12 @@ from recognition.find.find import find
 from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
 from recognition.language.lattice import Lattice
 from recognition.recogniser.read_line import ReadLine
+from recognition.see.codes import Code, codes_of, without_codes
+from recognition.see.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
+from recognition.see.registered import photo_views, stainless_view
+from recognition.see.view import View
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
-from recognition.views.codes import Code, codes_of, without_codes
-from recognition.views.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
-from recognition.views.registered import photo_views, stainless_view
-from recognition.views.view import View
 
 CLEARLY_NATS = 0.5
 """Log odds by which a reading without stains must exceed that of the photograph itself, nats."""

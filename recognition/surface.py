@@ -18,9 +18,9 @@ from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.find.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
+from recognition.see.levelling import filled_note, level, square_to_plate
 from recognition.step_times import StepTimes
 from recognition.touch import TactileReader, nothing_felt
-from recognition.views.levelling import filled_note, level, square_to_plate
 from whisker_array.scan.session import StageSession
 
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"

@@ -32,10 +32,10 @@ from recognition.language.orientation import Way
 from recognition.marks.measure import MarkFonts, measure
 from recognition.marks.strokes import reject_false_lines
 from recognition.recogniser.read_line import ReadLine
+from recognition.see.text_line import TextLine
+from recognition.see.view import View, felt_relief, felt_view
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
-from recognition.views.text_line import TextLine
-from recognition.views.view import View, felt_relief, felt_view
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
 from whisker_array.scan.scan import Scan, positions_mm

@@ -60,7 +60,7 @@ def _read(out: Path) -> int:
     from pipeline.reading.simulated_scan import VirtualBench
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
-    from recognition.views.levelling import level
+    from recognition.see.levelling import level
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 

@@ -247,7 +247,7 @@ def heights_of_piece(piece: Piece | HeightMap) -> Heights:
     Raises:
         MapError: a map with holes.
     """
-    from recognition.views.levelling import level
+    from recognition.see.levelling import level
     from whisker_array.identification.piece_map import heights_of
 
     return piece.height_mm if isinstance(piece, Piece) else heights_of(level(piece))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from recognition.language.grammar import Grammar
     from recognition.language.lattice import Lattice
     from recognition.marks.grade import Action
-    from recognition.views.codes import Code
+    from recognition.see.codes import Code
     from whisker_array.scan.pass_log import PassLog
 
 MOST_RIVALS = 3

@@ -59,7 +59,7 @@ def pictures_of(reading: Reading, *, photo: bool = True) -> tuple[Picture, ...]:
 
 def photo_picture(photo: Photo) -> Picture:
     """The photograph, upright, in its own frame."""
-    from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
+    from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 
     pixels = photo.eight_bit[..., ::-1] if photo.pixels.ndim == 3 else photo.eight_bit
     return _encode(

@@ -53,7 +53,7 @@ def plan_of(
         field_mm: width and height of the stage's field.
         reason: why touch is needed.
     """
-    from recognition.views.photo_frame import photo_middle_mm
+    from recognition.see.photo_frame import photo_middle_mm
     from whisker_array.whisker.array import default_plan
     from whisker_array.whisker.touch import default_touch
 
@@ -100,7 +100,7 @@ def _around(
     vision: Reading, photo: Photo, height_mm: float | None
 ) -> tuple[tuple[float, float, float, float], float]:
     """The region of the line and its margin, else the whole picture, and the height of the characters."""
-    from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm
+    from recognition.see.photo_frame import photo_middle_mm, photo_origin_mm
 
     left, top = photo_origin_mm(photo)
     middle = photo_middle_mm(photo)

@@ -12,7 +12,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from recognition.decide.decision import Decision
 from recognition.reader import Reader
-from recognition.views.levelling import level, square_to_plate
+from recognition.see.levelling import level, square_to_plate
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration

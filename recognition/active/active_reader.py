@@ -23,8 +23,8 @@ from recognition.decide.decision import BESIDE_SERIAL, Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.marks.lines_felt import LackingLines, places_lacking_lines
+from recognition.see.text_line import TextLine
 from recognition.touch import TactileReader, bench_findings, nothing_felt, see_scan
-from recognition.views.text_line import TextLine
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults, flag_faults
 from whisker_array.scan.scan import Scan

@@ -16,8 +16,8 @@ from recognition.find.promise import is_convincing
 from recognition.find.request import LineRequest
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.recogniser.read_line import ReadLine
-from recognition.views.text_line import TextLine
-from recognition.views.view import View
+from recognition.see.text_line import TextLine
+from recognition.see.view import View
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,12 +41,12 @@ from recognition.marks.measure import TextMarks
 from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import PlaceStrokes
 from recognition.recogniser.read_line import ReadLine, word_gaps
-from recognition.views.places import boxes_of
+from recognition.see.places import boxes_of
 
 if TYPE_CHECKING:
     from recognition.find.layouts import Layout
     from recognition.marks.laid_text import LaidText
-    from recognition.views.codes import Code
+    from recognition.see.codes import Code
 
 DOUBTFUL = 0.5
 """Score below which a part may have a layout that is not read; one that has hardly exceeds 0.1."""

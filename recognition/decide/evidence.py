@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from recognition.language.grammar import Grammar
     from recognition.language.orientation import Orientation
     from recognition.marks.measure import Marks
-    from recognition.views.codes import Code
-    from recognition.views.view import View
+    from recognition.see.codes import Code
+    from recognition.see.view import View
     from whisker_array.scan.scan import Scan
 
 EVEN = 0.5

@@ -13,7 +13,7 @@ from recognition.find.layouts import Layout, LayoutKind
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, ways_possible
 from recognition.find.part_lines import PartLines
 from recognition.language.orientation import Way, other_text, readable
-from recognition.views.photo_sizes import shrunk
+from recognition.see.photo_sizes import shrunk
 
 _SET = {
     Way.UPSIDE_DOWN: "set orientation = upright if parts lie so",

@@ -30,7 +30,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
+from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.scan.scan import only
 

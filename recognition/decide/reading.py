@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from recognition.marks.laid_text import LaidText
     from recognition.marks.no_depth import NoDepth
     from recognition.marks.strokes import PlaceStrokes
-    from recognition.views.codes import Code
-    from recognition.views.text_line import TextLine
+    from recognition.see.codes import Code
+    from recognition.see.text_line import TextLine
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
 

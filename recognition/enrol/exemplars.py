@@ -28,9 +28,9 @@ from recognition.find.request import LineRequest
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.recogniser.recogniser import CHARACTERS
-from recognition.views.levelling import level, square_to_plate
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
-from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view, relief_of
+from recognition.see.levelling import level, square_to_plate
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.view import HEIGHTS, KNOWN, Layers, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan

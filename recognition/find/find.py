@@ -31,8 +31,8 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import readable
 from recognition.recogniser.read_line import ReadLine, combine_looks
-from recognition.views.text_line import TextLine
-from recognition.views.view import View
+from recognition.see.text_line import TextLine
+from recognition.see.view import View
 
 MOVES: tuple[Move, ...] = ((0.08, 1.0, 2), (-0.08, 1.0, 5), (0.0, 1.1, 3), (0.0, 0.91, 2))
 """Moves of further looks at a line."""

@@ -19,10 +19,10 @@ from scipy import ndimage
 
 from glyphs.surface.display import one_line
 from recognition.recogniser.networks import open_network
-from recognition.views.curves import arc_through, straight_through
-from recognition.views.resample import resample, turn_back, turn_view
-from recognition.views.text_line import TextLine, points_along
-from recognition.views.view import HEIGHTS, View
+from recognition.see.curves import arc_through, straight_through
+from recognition.see.resample import resample, turn_back, turn_view
+from recognition.see.text_line import TextLine, points_along
+from recognition.see.view import HEIGHTS, View
 
 WEIGHTS = Path(__file__).with_name("finder.onnx")
 FINDER_ROWS, CELL = 12, 4

@@ -18,7 +18,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from recognition.find.find import search_of
 from recognition.find.request import LineRequest
-from recognition.views.view import felt_view, relief_of
+from recognition.see.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity

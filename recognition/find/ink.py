@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine, moved_across, points_along
-from recognition.views.view import GREY, HEIGHTS, KNOWN, View
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine, moved_across, points_along
+from recognition.see.view import GREY, HEIGHTS, KNOWN, View
 
 Floats = NDArray[np.float64]
 

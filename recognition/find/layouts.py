@@ -23,8 +23,8 @@ from recognition.find.promise import is_convincing, promise_of
 from recognition.find.search import Search
 from recognition.language.constrained_decoding import choose
 from recognition.recogniser.read_line import ReadLine
-from recognition.views.text_line import TextLine
-from recognition.views.view import GREY, HEIGHTS, KNOWN, Layers, View
+from recognition.see.text_line import TextLine
+from recognition.see.view import GREY, HEIGHTS, KNOWN, Layers, View
 
 
 class LayoutKind(StrEnum):

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from recognition.views.text_line import TextLine, moved_across, points_along
-from recognition.views.view import View
+from recognition.see.text_line import TextLine, moved_across, points_along
+from recognition.see.view import View
 
 MOVES = (
     (0.0, 0.8, 0.0),

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.recogniser.recogniser import WIDER, posteriors
-from recognition.views.text_line import TextLine
-from recognition.views.view import Layers, View
+from recognition.see.text_line import TextLine
+from recognition.see.view import Layers, View
 
 
 class Looks:

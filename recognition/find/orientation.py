@@ -16,8 +16,8 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation, Way, readable
 from recognition.recogniser.read_line import ReadLine, combine_looks
-from recognition.views.text_line import TextLine
-from recognition.views.view import View
+from recognition.see.text_line import TextLine
+from recognition.see.view import View
 
 LEAST_LEAD_NATS = 4.0
 """Least lead, in log probability, of a text over that of another orientation. If a plate is shown the wrong way and

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from recognition.find.layouts import Layout
 from recognition.recogniser.read_line import ReadLine
-from recognition.views.text_line import TextLine
+from recognition.see.text_line import TextLine
 
 
 @dataclass(frozen=True, eq=False)

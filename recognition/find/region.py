@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from recognition.views.text_line import TextLine
-from recognition.views.view import View
+from recognition.see.text_line import TextLine
+from recognition.see.view import View
 
 Region = tuple[float, float, float, float]
 """Left, top, right and bottom as shares of a view."""

@@ -26,8 +26,8 @@ from recognition.language.orientation import Orientation
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.recogniser.recogniser import WIDER, steps_of, wider_for, wider_of
 from recognition.recogniser.steps import Steps
-from recognition.views.text_line import TextLine
-from recognition.views.view import View, ViewKind
+from recognition.see.text_line import TextLine
+from recognition.see.view import View, ViewKind
 
 Move = tuple[float, float, int]
 """Shift down, character heights; factor of the height; columns skipped at the start."""

@@ -35,8 +35,8 @@ from recognition.glyph_match.correlation import (
 from recognition.glyph_match.predicted import template_key
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.recogniser.steps import Steps
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import View
 from whisker_array.whisker.touch import Touch, default_touch
 
 

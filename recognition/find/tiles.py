@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.find.finder import CELL, FINDER_ROWS, FoundLine, findings, joined_cells, without_doubles
-from recognition.views.resample import resample
-from recognition.views.view import GREY, HEIGHTS, View
+from recognition.see.resample import resample
+from recognition.see.view import GREY, HEIGHTS, View
 
 Floats = NDArray[np.float32]
 

@@ -36,8 +36,8 @@ from recognition.find.region import about_region
 from recognition.find.request import LineRequest
 from recognition.find.tiles import find_in_tiles
 from recognition.recogniser.read_line import ReadLine
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View, ViewKind
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import View, ViewKind
 
 Lines = Sequence[ReadLine]
 

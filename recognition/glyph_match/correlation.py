@@ -27,8 +27,8 @@ from recognition.glyph_match.chain import Placed, best_chain, usual_spacing
 from recognition.glyph_match.predicted import PIXELS, TemplateSet
 from recognition.language.grammar import Grammar
 from recognition.recogniser.steps import Steps
-from recognition.views.text_line import HEIGHT_ROWS, TextLine
-from recognition.views.view import EDGES, KNOWN, View
+from recognition.see.text_line import HEIGHT_ROWS, TextLine
+from recognition.see.view import EDGES, KNOWN, View
 
 Image: TypeAlias = NDArray[np.float32]
 SMOOTH = 0.4

@@ -32,9 +32,9 @@ from recognition.glyph_match.pose import (
     PlaceSamples,
     spread_of_poses,
 )
-from recognition.views.places import boxes_of
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
-from recognition.views.view import HEIGHTS, KNOWN, View
+from recognition.see.places import boxes_of
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.view import HEIGHTS, KNOWN, View
 
 BESIDE_HEIGHTS = 1.2
 """Margin of land in a strip before and after its line, character heights."""

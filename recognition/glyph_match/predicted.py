@@ -26,8 +26,8 @@ from glyphs.stamping.die import die_glyph, shape_relief_mm
 from glyphs.stamping.faces import Die, Face, default_depth_mm, default_die
 from glyphs.surface.maps import HeightMap
 from recognition.glyph_match.kept_predictions import Arrays, kept
-from recognition.views.text_line import TextLine
-from recognition.views.view import (
+from recognition.see.text_line import TextLine
+from recognition.see.view import (
     DIRECTIONS,
     GREY,
     KNOWN,

@@ -30,8 +30,8 @@ from recognition.glyph_match.predicted import (
 )
 from recognition.language.lattice import Lattice
 from recognition.recogniser.recogniser import FEATURE_COLUMNS, Features, features_of
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import View
 
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Lights of predicted photographs: lamps from four sides, and a high one. Of 100 soiled photographs 41

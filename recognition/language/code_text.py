@@ -7,7 +7,7 @@
     https://id.gs1.org/01/09501101530003/21/KB7402    GS1 Digital Link; other addresses: last path segment and query
     SN: KB7402; 4711                                  anything else, split at separators
 
-Control characters appear as their Unicode pictures (U+2400 and up), as `recognition.views.codes` returns them.
+Control characters appear as their Unicode pictures (U+2400 and up), as `recognition.see.codes` returns them.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ from torch.nn import functional as f
 
 from recognition.learning.network import COLUMNS
 from recognition.recogniser.recogniser import WIDER
-from recognition.views.text_line import HEIGHT_ROWS, ROWS
-from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
+from recognition.see.text_line import HEIGHT_ROWS, ROWS
+from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN
 
 
 def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:

@@ -14,8 +14,8 @@ from torch import Tensor
 from torch.nn import functional as f
 
 from recognition.learning.augment import edges_of
-from recognition.views.text_line import HEIGHT_ROWS
-from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
+from recognition.see.text_line import HEIGHT_ROWS
+from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN
 
 Spot = tuple[float, float, float, float]
 

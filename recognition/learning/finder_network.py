@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from recognition.find.finder import FINDER_ROWS
 from recognition.learning.network import Normalise
-from recognition.views.view import LAYERS
+from recognition.see.view import LAYERS
 
 FINDINGS = 4
 _DILATIONS = (1, 2, 4, 1, 2)

@@ -18,8 +18,8 @@ from torch.nn import functional as f
 
 from recognition.learning.public_start import ROWS as PICTURE_ROWS
 from recognition.learning.public_start import PublicStart
-from recognition.views.text_line import HEIGHT_ROWS
-from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
+from recognition.see.text_line import HEIGHT_ROWS
+from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 _BROAD = 0.4
 """Sigma of the blur that is subtracted, character heights: broader structures belong to the plate, not the mark."""

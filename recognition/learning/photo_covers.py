@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from glyphs.opencv import cv2
 from glyphs.sketch import blur, noise, rough_noise
 from recognition.learning.training_samples import TrainingStrip
-from recognition.views.text_line import HEIGHT_ROWS
-from recognition.views.view import GREY, KNOWN
+from recognition.see.text_line import HEIGHT_ROWS
+from recognition.see.view import GREY, KNOWN
 
 Grey = NDArray[np.float32]
 _FINE = 4

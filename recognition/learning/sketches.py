@@ -18,8 +18,8 @@ from glyphs.opencv import cv2
 from glyphs.sketch import ROWS, Field, Sketch, blur, noise, rough_noise, sketch
 from recognition.learning.training_parts import draw_font, draw_text
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
-from recognition.views.text_line import HEIGHT_ROWS
-from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
+from recognition.see.text_line import HEIGHT_ROWS
+from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 _FINE = ROWS // TALL_ROWS
 """Pixels of the sketch per pixel of the strip."""

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from recognition.language.orientation import Way, images_of
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
-from recognition.views.text_line import HEIGHT_ROWS
-from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
+from recognition.see.text_line import HEIGHT_ROWS
+from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN
 
 
 def vary_surroundings(

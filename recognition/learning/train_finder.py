@@ -25,8 +25,8 @@ from recognition.learning.training_samples import (
     read_samples,
     rounds,
 )
-from recognition.views.text_line import TextLine, points_along
-from recognition.views.view import HEIGHTS, LAYERS
+from recognition.see.text_line import TextLine, points_along
+from recognition.see.view import HEIGHTS, LAYERS
 
 WINDOW = (72, 224)
 """Rows and columns of the largest window."""

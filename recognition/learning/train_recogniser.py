@@ -38,8 +38,8 @@ from recognition.learning.training_samples import (
     rounds,
 )
 from recognition.recogniser.recogniser import CHARACTERS, widen
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
-from recognition.views.view import LAYERS
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS
+from recognition.see.view import LAYERS
 
 _SIZES = (0.003, 0.1)
 """Limits of the root mean square of weights that scales their learning rate."""

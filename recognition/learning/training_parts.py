@@ -25,7 +25,7 @@ from glyphs.stamping.plates import PLATES
 from recognition.learning.parametric_face import draw_face, draw_style
 from recognition.learning.training_fonts import has_small_letters
 from recognition.recogniser.recogniser import CHARACTERS
-from recognition.views.levelling import level
+from recognition.see.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity

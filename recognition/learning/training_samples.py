@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
 from recognition.learning.training_parts import TrainingPart
-from recognition.views.curves import arc_through, straight_through
-from recognition.views.resample import resample
-from recognition.views.text_line import HEIGHT_ROWS, TextLine
-from recognition.views.view import (
+from recognition.see.curves import arc_through, straight_through
+from recognition.see.resample import resample
+from recognition.see.text_line import HEIGHT_ROWS, TextLine
+from recognition.see.view import (
     HEIGHTS,
     LAYERS,
     View,
@@ -49,7 +49,7 @@ class TrainingStrip:
     """A strip and its truth.
 
     Attributes:
-        layers: (LAYERS, TALL_ROWS, columns) float16, as in `recognition.views.view`.
+        layers: (LAYERS, TALL_ROWS, columns) float16, as in `recognition.see.view`.
         text: text on the strip.
         source: "felt", "photo" or "heights".
         severity: severity of the soil.

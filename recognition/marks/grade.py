@@ -27,7 +27,7 @@ from glyphs.surface.display import WordedEnum
 from recognition.glyph_match.correlation import SMOOTH, Image, correlate, glyph_images
 from recognition.glyph_match.predicted import PIXELS, TemplateSet
 from recognition.marks.laid_text import LaidText
-from recognition.views.view import EDGES, KNOWN
+from recognition.see.view import EDGES, KNOWN
 
 LIMITS = {
     "contrast": (0.7, 0.55, 0.4, 0.25),

@@ -12,7 +12,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
 from recognition.glyph_match.felt_line import FeltLine, LaidCharacter
 from recognition.glyph_match.pose import TALL, Floats, points_at
-from recognition.views.text_line import TextLine
+from recognition.see.text_line import TextLine
 
 STRUCK_FIT = 0.7
 """Mean correlation with a flat or sharp die below which a dotted one is tried as well."""

@@ -25,7 +25,7 @@ from recognition.marks.no_depth import NoDepth
 from recognition.marks.strokes import PlaceStrokes, strokes_of
 from recognition.marks.unknown_font import line_depths
 from recognition.recogniser.read_line import ReadLine
-from recognition.views.view import View
+from recognition.see.view import View
 from whisker_array.estimation.relief import Relief
 
 Predict = Callable[..., TemplateSet]

@@ -26,7 +26,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.recogniser.ctc import PlaceBelief
 from recognition.recogniser.steps import Steps
-from recognition.views.text_line import HEIGHT_ROWS, TextLine
+from recognition.see.text_line import HEIGHT_ROWS, TextLine
 
 Floats = NDArray[np.float64]
 _LEAST = 1e-12

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from glyphs.opencv import cv2
 from recognition.recogniser.networks import open_network
 from recognition.recogniser.steps import Steps
-from recognition.views.view import Layers
+from recognition.see.view import Layers
 
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
 """Characters that it distinguishes; the blank comes before them."""

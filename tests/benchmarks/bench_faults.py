@@ -16,7 +16,7 @@ from pipeline.benchmark.exam.design import design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.common.shares import share
 from recognition.reader import Reader
-from recognition.views.levelling import level
+from recognition.see.levelling import level
 from tests.support.bench_faults import recorded, with_whisker_of, worn
 from tests.support.felt import felt
 from whisker_array.estimation.faults import FaultKind, find_faults

@@ -21,7 +21,7 @@ from scipy.stats import binomtest, t
 
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Specimen
-from recognition.views.levelling import level
+from recognition.see.levelling import level
 from tests.benchmarks.plan_accuracy import read_right, trial_parts
 from tests.support.felt import felt
 from whisker_array.identification.bench import Unknown, nominal_bench, prior_sd

@@ -30,9 +30,9 @@ from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.reader import Reader
 from recognition.recogniser.recogniser import posteriors, steps_of
+from recognition.see.levelling import level
+from recognition.see.view import View, heights_view, photo_view
 from recognition.surface import Surface
-from recognition.views.levelling import level
-from recognition.views.view import View, heights_view, photo_view
 
 # characters of a text, its format
 ALPHABETS = (

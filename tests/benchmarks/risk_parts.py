@@ -32,7 +32,7 @@ from pipeline.formats.synth import SynthSpec, make_part
 from recognition.decide.reading import Reading
 from recognition.learning.sketches import photograph
 from recognition.reader import Reader
-from recognition.views.view import GREY
+from recognition.see.view import GREY
 
 GENERATORS = ("stamped", "sketched", "bevelled", "rusted")
 SEVERITIES, SHARES = (0.0, 0.3, 0.6, 0.9), (0.35, 0.3, 0.22, 0.13)

@@ -16,8 +16,8 @@ from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap
 from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
 from recognition.reader import Reader
+from recognition.see.view import View, felt_view
 from recognition.settings import ReaderSettings
-from recognition.views.view import View, felt_view
 from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import relief_from_edges

@@ -39,7 +39,7 @@ from recognition.language.check_digits import CheckDigit
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import choose
 from recognition.marks.grade import Action, MarkGrade, Parameter
-from recognition.views.view import heights_view
+from recognition.see.view import heights_view
 
 LONGEST = 200
 TEXT = "KX40725<&>"

@@ -18,8 +18,8 @@ from recognition.language.lattice import Lattice
 from recognition.marks.measure import TextMarks
 from recognition.marks.strokes import PlaceStrokes
 from recognition.recogniser.read_line import Floats, ReadLine
+from recognition.see.text_line import HEIGHT_ROWS, TextLine
 from recognition.settings import ReaderSettings
-from recognition.views.text_line import HEIGHT_ROWS, TextLine
 from tests.support.readings import reading_of
 
 LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
-from recognition.views.curves import straight_through
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import HEIGHTS, KNOWN, LAYERS, View, ViewKind
+from recognition.see.curves import straight_through
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import HEIGHTS, KNOWN, LAYERS, View, ViewKind
 from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan

@@ -35,7 +35,7 @@ from pipeline.formats.photos import write_photo
 from pipeline.formats.synth import write_surface
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
+from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 
 if TYPE_CHECKING:
     from pipeline.benchmark.readers.mode import FeltMaps

@@ -63,7 +63,7 @@ def feel_part(specimen: Specimen) -> FeltMaps:
         MapError: the surface cannot be scanned.
     """
     from pipeline.reading.simulated_scan import VirtualBench
-    from recognition.views.view import relief_of
+    from recognition.see.view import relief_of
     from whisker_array.estimation.edges import edge_map
 
     start = time.perf_counter()

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.exam.specimens import Box
 from pipeline.benchmark.readers.mode import PartReadings
-from recognition.views.photo_frame import photo_origin_mm
+from recognition.see.photo_frame import photo_origin_mm
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import EdgeMap, HeightMap

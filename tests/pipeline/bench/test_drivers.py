@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.bench.bench import Bench
-from recognition.views.levelling import level
+from recognition.see.levelling import level
 from tests.support.bench import FIRMWARE, HEIGHT_MM, PITCH_MM, a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
 from tests.support.emulator.grbl import EmulatedGrbl

@@ -12,7 +12,7 @@ from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
 from pipeline.formats.grid import part_map
 from pipeline.formats.raw_map import RawMap
-from recognition.views.levelling import square_to_plate
+from recognition.see.levelling import square_to_plate
 from tests.support.tilted import tilted
 
 PITCH_MM = 0.1

@@ -27,9 +27,9 @@ from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.marks.depth import MarkDepth
+from recognition.see.codes import Code
 from recognition.settings import ReaderSettings
 from recognition.surface import Surface
-from recognition.views.codes import Code
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 

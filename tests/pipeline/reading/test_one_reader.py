@@ -21,8 +21,8 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.runs.task import RunOrder, read_listed
+from recognition.see.photo_sizes import SIZES
 from recognition.settings import ReaderSettings
-from recognition.views.photo_sizes import SIZES
 
 SETTINGS = ReadSettings(font=("gothic",), format=("AA99",))
 FEW_PIXELS = 150_000
@@ -40,7 +40,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]]
     photo = pipeline.read_photo(stem.with_suffix(".png"))
     assert photo.shape[0] * photo.shape[1] > 1.5 * FEW_PIXELS, "or there is but one size to read it at"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("recognition.views.photo_sizes.SIZES", (FEW_PIXELS, SIZES[-1]))
+        patch.setattr("recognition.see.photo_sizes.SIZES", (FEW_PIXELS, SIZES[-1]))
         yield {"photo": stem.with_suffix(".png"), "height_map": stem.with_suffix(".npz")}
 
 

@@ -16,9 +16,9 @@ from recognition.active.policy import Ladder
 from recognition.active.watch import LineWatch
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.reader import Reader
+from recognition.see.levelling import level
+from recognition.see.text_line import TextLine
 from recognition.touch import TactileReader
-from recognition.views.levelling import level
-from recognition.views.text_line import TextLine
 from tests.support.jamming import Jamming
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.sweep import Sweep

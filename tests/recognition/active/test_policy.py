@@ -15,7 +15,7 @@ from recognition.active.active_reading import StopReason
 from recognition.active.gain import Gain, WayGain, fitted_gain, sureness
 from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, next_step
 from recognition.active.policy import Drawn, Greedy, Ladder, Progress
-from recognition.views.text_line import TextLine
+from recognition.see.text_line import TextLine
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.touch import default_touch

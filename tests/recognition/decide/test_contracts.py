@@ -23,8 +23,8 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
+from recognition.see.codes import Code
 from recognition.settings import ReaderSettings
-from recognition.views.codes import Code
 from tests.support.codes import ENVELOPE, stamped_photo, with_code
 from tests.support.evidence import believed_line, judged, sense_of, text_of
 

@@ -23,8 +23,8 @@ from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.recogniser.read_line import ReadLine, combine_looks, word_gaps
 from recognition.recogniser.steps import Steps
+from recognition.see.text_line import HEIGHT_ROWS, TextLine
 from recognition.settings import ReaderSettings
-from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 THRESHOLD = 0.9
 CHARS = "AB812"

@@ -25,8 +25,8 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
+from recognition.see.codes import Code
 from recognition.settings import ReaderSettings
-from recognition.views.codes import Code
 from tests.support.evidence import believed_line, sense_of
 
 CHARS = tuple("ABC12")

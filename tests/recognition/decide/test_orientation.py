@@ -22,9 +22,9 @@ from recognition.find.request import LineRequest
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.see.levelling import level
+from recognition.see.view import View, heights_view
 from recognition.settings import ReaderSettings
-from recognition.views.levelling import level
-from recognition.views.view import View, heights_view
 
 
 def view_of(text: str, *, mirrored: bool = False) -> View:

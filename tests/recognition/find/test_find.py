@@ -24,9 +24,9 @@ from recognition.find.search import Search
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.recogniser.recogniser import WIDER, wider_for, wider_of
-from recognition.views.levelling import level
-from recognition.views.text_line import TextLine
-from recognition.views.view import View, ViewKind, heights_view
+from recognition.see.levelling import level
+from recognition.see.text_line import TextLine
+from recognition.see.view import View, ViewKind, heights_view
 
 PART = stamp(
     "KXB4071", fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,

@@ -12,9 +12,9 @@ from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
 from recognition.find.finder import find_lines, overlap
-from recognition.views.levelling import level
-from recognition.views.text_line import TextLine
-from recognition.views.view import heights_view
+from recognition.see.levelling import level
+from recognition.see.text_line import TextLine
+from recognition.see.view import heights_view
 
 Make = Callable[..., StampedPart]
 HEIGHT_RATIO, MIDDLE_HEIGHTS, END_HEIGHTS = 1.12, 0.25, 0.8

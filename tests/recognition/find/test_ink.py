@@ -13,8 +13,8 @@ from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
 from recognition.find.ink import on_ink
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import heights_view
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import heights_view
 
 HEIGHT_MM = 5.0
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recognition.find.line_variants import bend
-from recognition.views.text_line import TextLine
+from recognition.see.text_line import TextLine
 
 
 @given(turn_deg=st.floats(-180.0, 180.0), sag=st.floats(-1.0, 1.0), height_mm=st.floats(1.0, 12.0))

@@ -14,7 +14,7 @@ from recognition.glyph_match import kept_predictions
 from recognition.glyph_match.kept_predictions import Arrays, kept
 from recognition.glyph_match.predicted import predict_templates, template_key
 from recognition.glyph_match.prototypes import felt_prototypes, lit_prototypes
-from recognition.views.view import View
+from recognition.see.view import View
 from whisker_array.whisker.touch import default_touch
 
 

@@ -19,8 +19,8 @@ from recognition.glyph_match.pose import DEEP, DOWN, PIXELS, RIGHT, TALL, TURN, 
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, predict_templates, template_key
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.views.text_line import TextLine
-from recognition.views.view import HEIGHTS, felt_view, relief_of
+from recognition.see.text_line import TextLine
+from recognition.see.view import HEIGHTS, felt_view, relief_of
 from tests.support.felt import felt, stamped_line
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch

@@ -23,8 +23,8 @@ from recognition.glyph_match.predicted import (
     round_to_ladder,
     template_key,
 )
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
-from recognition.views.view import DIRECTIONS, GREY, HEIGHTS, ViewKind
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS
+from recognition.see.view import DIRECTIONS, GREY, HEIGHTS, ViewKind
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan
 from whisker_array.whisker.array import RasterPlan, WhiskerArray

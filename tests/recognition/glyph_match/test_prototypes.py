@@ -34,8 +34,8 @@ from recognition.glyph_match.prototypes import (
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.recogniser.recogniser import FEATURE_COLUMNS, Features, features_of
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN
-from recognition.views.view import View, felt_view, photo_view, relief_of
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN
+from recognition.see.view import View, felt_view, photo_view, relief_of
 from tests.support.felt import felt, stamped_line
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch

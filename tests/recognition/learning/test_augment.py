@@ -12,8 +12,8 @@ from torch import Tensor
 from recognition.learning.augment import add_noise, augment
 from recognition.learning.network import COLUMNS
 from recognition.learning.training_samples import TALL_ROWS
-from recognition.views.text_line import ROWS
-from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
+from recognition.see.text_line import ROWS
+from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 
 def strips(seed: int, *, felt: bool = True) -> tuple[Tensor, Tensor]:

@@ -7,7 +7,7 @@ import pytest
 
 from recognition.learning.photo_covers import _COVERS, cover_photos
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
-from recognition.views.view import GREY, KNOWN, LAYERS
+from recognition.see.view import GREY, KNOWN, LAYERS
 
 KINDS = [cover.__name__ for cover in _COVERS]
 

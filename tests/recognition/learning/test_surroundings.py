@@ -6,7 +6,7 @@ import numpy as np
 
 from recognition.learning.surroundings import vary_surroundings
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
-from recognition.views.view import EDGES, KNOWN, LAYERS
+from recognition.see.view import EDGES, KNOWN, LAYERS
 
 FIRST, LAST = 30, 110
 

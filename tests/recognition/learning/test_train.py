@@ -44,8 +44,8 @@ from recognition.learning.training_samples import (
     write_samples,
 )
 from recognition.recogniser.recogniser import CHARACTERS, FEATURE_COLUMNS, WIDER
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
-from recognition.views.view import LAYERS, View, heights_view
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.view import LAYERS, View, heights_view
 
 STEPS = 60
 TEXTS = ("K7", "7K", "B2", "2B", "KB", "BK", "72", "27")

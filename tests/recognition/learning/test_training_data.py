@@ -23,7 +23,7 @@ from recognition.learning.training_samples import (
     write_samples,
 )
 from recognition.recogniser.recogniser import CHARACTERS
-from recognition.views.view import KNOWN, LAYERS
+from recognition.see.view import KNOWN, LAYERS
 
 FONTS = ("gothic", "futuram")
 SEED = 11

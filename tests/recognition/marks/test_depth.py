@@ -19,8 +19,8 @@ from glyphs.surface.maps import HeightMap
 from recognition.glyph_match.felt_line import FeltLine
 from recognition.marks.depth import MarkDepth, mark_depths
 from recognition.marks.laid_text import LaidText
-from recognition.views.levelling import level
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.levelling import level
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from tests.support.felt import felt, shallower, view_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief, Route, relief_from_edges

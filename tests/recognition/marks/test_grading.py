@@ -14,8 +14,8 @@ from recognition.glyph_match.felt_line import felt_line
 from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
 from recognition.marks.grade import Action, MarkGrade, edge_fit, edges_of, grades_of
 from recognition.marks.laid_text import LaidText, laid_text
-from recognition.views.text_line import HEIGHT_ROWS
-from recognition.views.view import EDGES, KNOWN, Layers, View
+from recognition.see.text_line import HEIGHT_ROWS
+from recognition.see.view import EDGES, KNOWN, Layers, View
 from tests.support.felt import stamped_line
 from whisker_array.whisker.touch import Touch
 

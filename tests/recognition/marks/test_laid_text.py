@@ -16,9 +16,9 @@ from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition.glyph_match.felt_line import felt_line
 from recognition.marks.laid_text import STRUCK_FIT, LaidText, laid_text
-from recognition.views.curves import arc_through
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import felt_view, relief_of
+from recognition.see.curves import arc_through
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import felt_view, relief_of
 from tests.support.felt import felt, stamped_line
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch

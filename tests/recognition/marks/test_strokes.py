@@ -21,7 +21,7 @@ from recognition.language.lattice import Lattice
 from recognition.marks.grade import Action, MarkGrade, Parameter
 from recognition.marks.laid_text import LaidText, laid_text
 from recognition.marks.strokes import LIVE, MOST_ABSENT, PlaceStrokes, RivalStrokes, strokes_of
-from recognition.views.text_line import ROWS
+from recognition.see.text_line import ROWS
 from tests.support.evidence import judged, text_of
 from tests.support.felt import stamped_line, view_of
 from whisker_array.estimation.relief import Relief, Route

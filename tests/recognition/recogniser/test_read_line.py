@@ -13,7 +13,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.recogniser.read_line import combine_experts, combine_looks, count_places
 from recognition.recogniser.steps import Steps
-from recognition.views.text_line import TextLine
+from recognition.see.text_line import TextLine
 
 CHARS = "AB8"
 LINE = TextLine.straight(0.0, 5.0, length_mm=20.0, height_mm=5.0)

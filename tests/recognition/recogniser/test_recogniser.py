@@ -13,8 +13,8 @@ from glyphs.stamping.stamp import StampedPart
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.recogniser.recogniser import CHARACTERS, STEP_COLUMNS, posteriors, steps_of
 from recognition.recogniser.steps import RARE
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import Layers, heights_view
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import Layers, heights_view
 
 
 def strip_of(part: StampedPart) -> Layers:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
-from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm, photo_pitch_mm
-from recognition.views.photo_sizes import ENOUGH_ROWS, SIZES, is_large_enough, shrunk, shrunk_versions
+from recognition.see.photo_frame import photo_middle_mm, photo_origin_mm, photo_pitch_mm
+from recognition.see.photo_sizes import ENOUGH_ROWS, SIZES, is_large_enough, shrunk, shrunk_versions
 
 
 def photo(pixels: int, *, pitch_mm: float | None = 0.01) -> Photo:

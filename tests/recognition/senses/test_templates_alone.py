@@ -15,9 +15,9 @@ from recognition.find.template_lines import TemplateSearch
 from recognition.reader import Reader
 from recognition.recogniser import networks
 from recognition.recogniser.read_line import ReadLine
+from recognition.see.levelling import level
+from recognition.see.text_line import TextLine
 from recognition.settings import ReaderSettings
-from recognition.views.levelling import level
-from recognition.views.text_line import TextLine
 from tests.support.felt import felt
 from whisker_array.whisker.touch import Touch, default_touch
 

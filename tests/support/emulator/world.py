@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.bench.moves import Ramp
 from pipeline.bench.settings import BenchSettings
-from recognition.views.levelling import level
+from recognition.see.levelling import level
 from whisker_array.scan.mounting import mount
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.passes import SweepPlan

@@ -32,7 +32,6 @@ from recognition.find.part_lines import PartLines
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
-from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.recogniser.read_line import ReadLine
 from recognition.settings import ReaderSettings

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.language.box import Box
-from recognition.views.text_line import HEIGHT_ROWS, ROWS, TextLine
+from recognition.see.text_line import HEIGHT_ROWS, ROWS, TextLine
 
 _WIDEST = 0.42
 """Greatest reach of a box to either side, character heights."""

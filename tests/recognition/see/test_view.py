@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
-from recognition.views.view import (
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.view import (
     DIRECTIONS,
     EDGES,
     GREY,

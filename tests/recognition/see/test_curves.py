@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.views.curves import arc_through, straight_through
+from recognition.see.curves import arc_through, straight_through
 
 BEFORE, AFTER = 1.0, 2.0
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recognition.views.slopes import slope_picture
+from recognition.see.slopes import slope_picture
 
 Floats = NDArray[np.float32]
 GROOVES = Path(__file__).parents[4] / "shared" / "data" / "grooves"

@@ -9,7 +9,7 @@ import pytest
 import zxingcpp
 
 from glyphs.camera.photo import Photo
-from recognition.views.codes import Code, codes_of, without_codes
+from recognition.see.codes import Code, codes_of, without_codes
 from tests.support.codes import ENVELOPE, GS1, stamped_photo, with_code
 
 TEXT = "KB740215"

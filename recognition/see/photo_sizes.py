@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from glyphs.camera.photo import Photo
-from recognition.views.photo_frame import photo_middle_mm, photo_pitch_mm
+from recognition.see.photo_frame import photo_middle_mm, photo_pitch_mm
 
 SIZES = (600_000, 4_000_000)
 """Sizes at which a photograph is read, pixels, in turn until its characters are high enough."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.views.view import EDGES, GREY, KNOWN, View, turned_edges
+from recognition.see.view import EDGES, GREY, KNOWN, View, turned_edges
 
 
 def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.float32]:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from recognition.views.slopes import slope_picture
-from recognition.views.stains import without_stains
-from recognition.views.view import GREY, KNOWN, View, photo_view
+from recognition.see.slopes import slope_picture
+from recognition.see.stains import without_stains
+from recognition.see.view import GREY, KNOWN, View, photo_view
 
 Floats = NDArray[np.float32]
 _PIXELS = 480

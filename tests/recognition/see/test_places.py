@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.views.places import boxes_of
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.places import boxes_of
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 
 MIDDLE = 0.5 * (ROWS - 1)
 """The row in the middle of a strip."""

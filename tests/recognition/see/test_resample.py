@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.views.resample import resample, turn_back, turn_view
-from recognition.views.view import GREY, HEIGHTS, KNOWN, LAYERS, View, ViewKind
+from recognition.see.resample import resample, turn_back, turn_view
+from recognition.see.view import GREY, HEIGHTS, KNOWN, LAYERS, View, ViewKind
 
 PITCH_MM = 0.1
 PIXEL_SHARE = 1.0 / 32.0

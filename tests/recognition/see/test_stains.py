@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from recognition.views.registered import photo_views, stainless_view
-from recognition.views.stains import without_stains
-from recognition.views.view import GREY, KNOWN
+from recognition.see.registered import photo_views, stainless_view
+from recognition.see.stains import without_stains
+from recognition.see.view import GREY, KNOWN
 
 Floats = NDArray[np.float64]
 SHAPE = (120, 300)

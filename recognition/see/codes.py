@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from recognition.language.box import Box
-from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
+from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 
 DOT_GAPS = (5, 9)
 """Gaps over which the dots of a code are joined, px.

@@ -26,8 +26,8 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief, relief_from_edges
 from whisker_array.scan.scan import Scan

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 
 EXACT = 1e-9
 MIDDLE = (ROWS - 1) / 2

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.stamping.stamp import StampedPart
-from recognition.views.registered import photo_views
-from recognition.views.view import GREY, KNOWN
+from recognition.see.registered import photo_views
+from recognition.see.view import GREY, KNOWN
 
 SHIFT, TURN_DEG = (5.0, -3.0), 0.8
 WITHIN_PIXELS = 0.4
