@@ -52,7 +52,7 @@ def ways_possible(
 
 
 def other_reading(line: ReadLine, way: Way, text: str, grammar: Grammar | None) -> OtherReading | None:
-    """Compare a line's text with the best one in another orientation; None if none was read there.
+    """Compare a line's text with the best one in another orientation; None without a text here or there.
 
     Args:
         line: the line, read in both orientations.
@@ -61,7 +61,7 @@ def other_reading(line: ReadLine, way: Way, text: str, grammar: Grammar | None) 
         grammar: format of the line.
     """
     there = line.other_ways.get(way)
-    if there is None:
+    if there is None or not text:
         return None
     here, other = combine_looks(line.line, line.looks[:1], grammar), choose(there.lattice, grammar, k=1).text
     if here is None or not other:
