@@ -12,6 +12,7 @@ is chosen whose true risk is higher is at most 1 - confidence.
 
 Readings may belong to groups, such as generators of parts. Then a threshold must also keep `group_factor` times the
 risk in each group by itself: a hypothesis for each, all of which must be refuted, each at the whole of 1 - confidence.
+A group of which too few readings are accepted for any answer is not tested by itself.
 
 Two things are assumed: the parts are independent and like future parts, and less sure readings are not right more
 often. Thresholds that accept too few parts for any answer are skipped; only the number of parts decides this.
@@ -129,12 +130,12 @@ def threshold_tests(
         ]
     tests, going = [], True
     for k, threshold in enumerate(thresholds):
-        if any(column.too_few(k) for column in columns):
+        if columns[0].too_few(k):
             shown = Shown.TOO_FEW
         elif not going:
             shown = Shown.NOT_TESTED
         else:
-            shown = Shown.YES if all(column.keeps(k) for column in columns) else Shown.NO
+            shown = Shown.YES if all(column.keeps(k) for column in columns if column.is_tested(k)) else Shown.NO
             going = shown is Shown.YES
         count, accepted = columns[0].counts[k]
         tests.append(ThresholdTest(threshold, accepted, count, columns[0].bound(k), shown))
@@ -159,10 +160,14 @@ class _Column:
         most = max((total for _, total in self.counts), default=0)
         needed = [parts_needed(risk, confidence=confidence, wrong=allowed) for allowed in ALLOWED_WRONG]
         self.least = next((total for total in needed if total <= start_share * most), needed[-1])
+        self.least_of_group = needed[-1]
         self.risk, self.confidence = risk, confidence
 
     def too_few(self, k: int) -> bool:
         return self.counts[k][1] < self.least
+
+    def is_tested(self, k: int) -> bool:
+        return self.counts[k][1] >= self.least_of_group
 
     def bound(self, k: int) -> float:
         return share_bounds(*self.counts[k], confidence=self.confidence)[1]
