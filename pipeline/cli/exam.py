@@ -43,7 +43,7 @@ def run(
     experts: str = "",
     ablate: str = "",
     fidelity: FidelityName = "contact",
-    accept_risk: str = "1 in 1000",
+    accept_risk: str = "1 in 100",
     certificate: Path | None = None,
     cluster: str | None = None,
 ) -> None:

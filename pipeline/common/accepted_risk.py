@@ -135,7 +135,9 @@ def threshold_tests(
         elif not going:
             shown = Shown.NOT_TESTED
         else:
-            shown = Shown.YES if all(column.keeps(k) for column in columns if column.is_tested(k)) else Shown.NO
+            shown = (
+                Shown.YES if all(column.keeps(k) for column in columns if column.is_tested(k)) else Shown.NO
+            )
             going = shown is Shown.YES
         count, accepted = columns[0].counts[k]
         tests.append(ThresholdTest(threshold, accepted, count, columns[0].bound(k), shown))

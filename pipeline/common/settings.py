@@ -19,7 +19,6 @@ from pydantic.fields import FieldInfo
 from glyphs.errors import MarksError
 from pipeline.common.parsed import Strict, advice, json_of, shown
 from pipeline.common.texts import split_commas
-from recognition.decide.risk_text import USUAL_RISK
 
 
 class SettingsError(MarksError):
@@ -376,8 +375,8 @@ class ReadSettings(MapSettings):
     height=1.6". A part that breaks one is read all the same and goes to review."""
     min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
-    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = USUAL_RISK
-    """Greatest share of wrong readings among those accepted: 0.001, 1/1000 or "1 in 1000". A sense that was not shown
+    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.01
+    """Greatest share of wrong readings among those accepted: 0.01, 1/100 or "1 in 100". A sense that was not shown
     to keep it accepts nothing, and the part's messages say so. See certify for your own parts."""
     certificate: Path | None = None
     """Certificate (.json, see certify): readings that it does not cover are not accepted, and parts unlike the

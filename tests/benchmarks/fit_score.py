@@ -17,6 +17,7 @@ Three fits, each by maximum likelihood with a weak penalty:
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
@@ -47,6 +48,7 @@ from recognition.decide.risk_text import risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
 from recognition.language.lattice import Lattice
 from tests.benchmarks.kept_readings import KEPT, KeptPart, load
+from tests.benchmarks.risk_parts import SOILS
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -65,7 +67,7 @@ RISKS = (0.1, 0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
 """Risks whose thresholds are tested."""
 THRESHOLDS = tuple(float(f"{1.0 / (1.0 + np.exp(-odds)):.6f}") for odds in np.arange(9.2, -3.0, -0.05))
 """Scores that are tested as thresholds: every twentieth of a nat, fixed before anything was read."""
-START_SHARE = 0.15
+START_SHARE = 0.5
 """See `threshold_tests`: a seventh of the readings is wrong, with low scores."""
 
 
@@ -573,8 +575,10 @@ def main(readings: Path = KEPT, *, write: bool = False) -> None:
     for line in report(parts, fitted, judged, thresholds):
         print(line)
     if write:
-        _write(scoring.FITTED, {"parts": len(parts), "scores": _scores(fitted, thresholds)})
-        _write(fusion.FITTED, {"parts": len(parts), "weights": asdict(fitted.weights)})
+        what = "weights and thresholds of the score (recognition/decide/score.py)"
+        _write(scoring.FITTED, what, parts, {"scores": _scores(fitted, thresholds)})
+        what = "weights of fusion (recognition/decide/fuse_lattices.py)"
+        _write(fusion.FITTED, what, parts, {"weights": asdict(fitted.weights)})
 
 
 def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
@@ -591,8 +595,14 @@ def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
     }
 
 
-def _write(path: Path, values: Mapping[str, Any]) -> None:
-    heading = {"command": "python tests/benchmarks/fit_score.py --write"}
+def _write(path: Path, what: str, parts: Sequence[KeptPart], values: Mapping[str, Any]) -> None:
+    heading = {
+        "what": what,
+        "command": "python tests/benchmarks/fit_score.py --write",
+        "fonts": sorted({part.font for part in parts}),
+        "soils": SOILS,
+        "editions": dict(sorted(Counter(part.generator for part in parts).items())),
+    }
     path.write_text(json.dumps({**heading, **values}, indent=1) + "\n", encoding="utf-8")
 
 

@@ -189,7 +189,7 @@ def test_thresholds_of_risks_keep_them_and_fall_with_the_risk(start_share: float
     st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans(), st.sampled_from(["A", "B", "AC"])), max_size=120)
 )
 def test_the_sequence_of_tests_is_fixed(readings: list[tuple[float, bool, str]]) -> None:
-    """Too few, then shown, then one not shown, then none tested; what is shown keeps the bound in every tested group."""
+    """Too few, then shown, then one not shown, then none tested; the tested groups keep the bound where it is shown."""
     scores, right, groups = (
         (list(column) for column in zip(*readings, strict=True)) if readings else ([],) * 3
     )
