@@ -348,7 +348,7 @@ def test_a_camera_that_does_not_keep_the_risk_is_accepted_only_with_touch(
     seen = vision(of_text("AB1234", 0.99999))
     for by_camera in (alone(seen), fuse(touch(None), seen, SETTINGS)):
         assert (by_camera.text, by_camera.decision) == ("AB1234", Decision.REVIEW)
-        assert by_camera.messages()[0].startswith("the camera cannot promise 1 in 1,000 (touch the part, or")
+        assert by_camera.messages()[0].startswith("the camera cannot promise 1 in 100 (touch the part, or")
     both = fuse(touch(of_text("AB1234", 0.99999)), seen, SETTINGS)
     assert (both.decision, both.messages()) == (Decision.ACCEPT, ())
 

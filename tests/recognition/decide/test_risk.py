@@ -17,7 +17,7 @@ from recognition.decide.risk import (
     risk_findings,
     threshold_of,
 )
-from recognition.decide.risk_text import USUAL_RISK, parse_risk, risk_in_words
+from recognition.decide.risk_text import parse_risk, risk_in_words
 from recognition.decide.score import SOURCES, RiskThreshold, Score, score_of
 from recognition.settings import ReaderSettings
 
@@ -84,19 +84,19 @@ def test_each_sense_has_its_own_threshold(source: str) -> None:
 
 @pytest.mark.usefixtures("camera_without_small_risks")
 def test_a_sense_that_keeps_no_such_risk_says_what_to_do() -> None:
-    assert threshold_of("vision", USUAL_RISK) is None
-    (finding,) = risk_findings("vision", USUAL_RISK)
+    assert threshold_of("vision", 0.001) is None
+    (finding,) = risk_findings("vision", 0.001)
     assert finding.flag is ReadingFlag.RISK_NOT_KEPT
     assert finding.text == (
         "the camera cannot promise 1 in 1,000 (touch the part, or allow 1 in 500 with accept_risk)"
     )
-    assert least_score("vision", USUAL_RISK) == 1.0 - USUAL_RISK
+    assert least_score("vision", 0.001) == 0.999
     assert not risk_findings("vision", 0.002)
-    require_kept(USUAL_RISK)  # touch keeps it
+    require_kept(0.001)  # touch keeps it
     with pytest.raises(
         MarksError, match=r"the camera cannot promise 1 in 1,000; allow 1 in 500 with accept_risk"
     ):
-        require_kept(USUAL_RISK, ("vision",))
+        require_kept(0.001, ("vision",))
 
 
 def test_a_risk_that_no_sense_keeps_is_refused_at_once() -> None:
