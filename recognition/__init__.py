@@ -4,7 +4,7 @@
 
 The rooms in the order in which a part walks through them::
 
-    views        what is looked at: a scan, a height map or a photograph as layers on one grid
+    see          what is looked at: a scan, a height map or a photograph as layers on one grid
     recogniser   the network that reads a strip, and the posteriors of a line's places
     glyph_match  templates of named fonts, compared with a line
     find         lines are found, read and moved until one is convincing --> the part's lines

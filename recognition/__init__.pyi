@@ -19,11 +19,11 @@ from .language.orientation import Orientation
 from .marks.depth import MarkDepth
 from .marks.grade import MarkGrade
 from .reader import Reader
+from .see.codes import Code
+from .see.text_line import TextLine
+from .see.view import View
 from .settings import ReaderSettings
 from .touch import TactileReader
-from .views.codes import Code
-from .views.text_line import TextLine
-from .views.view import View
 
 __all__ = [
     "ActiveReader",

@@ -67,7 +67,7 @@ RISKS = (0.1, 0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
 """Risks whose thresholds are tested."""
 THRESHOLDS = tuple(float(f"{1.0 / (1.0 + np.exp(-odds)):.6f}") for odds in np.arange(9.2, -3.0, -0.05))
 """Scores that are tested as thresholds: every twentieth of a nat, fixed before anything was read."""
-START_SHARE = 0.5
+START_SHARE = 0.3
 """See `threshold_tests`: a seventh of the readings is wrong, with low scores."""
 
 

@@ -72,7 +72,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         ReadingFlag.NONE,
     )
     assert found.rotation_deg == pytest.approx(0.0, abs=1.5)
-    steps = "mount, first pass, scan, see, find, measure, orientation, layout, decide"
+    steps = "mount, first pass, scan, see, find, measure, decide"
     assert set(found.seconds) == set(steps.split(", "))
     assert all(t >= 0.0 for t in found.seconds.values())
     boxes = [c.box for c in found.characters]
