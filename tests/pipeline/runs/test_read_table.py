@@ -18,6 +18,7 @@ from pipeline.common.reading_records import (
     ReasonRecord,
     RivalRecord,
 )
+from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import notes, print_table, table_lines
@@ -189,7 +190,9 @@ def test_verified_parts_and_the_exit_status(
     if table is not None and "," in table:
         Path("wanted.csv").write_text(table, encoding="utf-8")
         verify = "wanted.csv"
-    assert read(str(parts), run=RunOptions(verify=verify, repeats=True)) == status
+    # made-up lines were read one way up only
+    upright = ReadSettings(orientation="upright")
+    assert read(str(parts), run=RunOptions(verify=verify, repeats=True), reading=upright) == status
     assert told in capsys.readouterr().out
 
 
