@@ -64,7 +64,7 @@ app = App(
     help_flags=_HELP,
     help_epilogue=(
         "Exit status: 0 all is well; 1 a part, file or machine failed; 2 wrong arguments or settings; 70 a fault of "
-        "the program, please report it; 130 interrupted; 141 nobody reads the output."
+        "the program; 130 interrupted; 141 nobody reads the output."
     ),
     help_format="plaintext",  # each command has its own: the module of Markdown is slow to import
     suppress_keyboard_interrupt=False,

@@ -330,10 +330,9 @@ class ReadSettings(MapSettings):
 
     mode: Annotated[Literal["tactile", "vision", "fused", "auto"], BeforeValidator(_mode)] = "auto"
     """Senses to read with: touch (tactile), the camera (vision), both together (fused), or those that each part has
-    files for (auto). A photograph beside a named map or scan is read with vision and fused only."""
+    files for (auto); a photograph beside a named map only with vision and fused."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
-    """Built-in font or TTF/OTF file; may be repeated. Any font is read; marks are also compared with the shapes of the
-    fonts named here."""
+    """Built-in font or TTF/OTF file to compare the marks with; may be repeated. Any font is read."""
     experts: Annotated[Names, AfterValidator(_split), _where_given(_experts)] = ()
     """Experts to read with, separated by commas: network (any font), templates (the named fonts, and the die learned
     from a lot; alone they read by touch only). Default: both."""
@@ -376,8 +375,7 @@ class ReadSettings(MapSettings):
     min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
     accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.01
-    """Greatest share of wrong readings among those accepted: 0.01, 1/100 or "1 in 100". A sense that was not shown
-    to keep it accepts nothing, and the part's messages say so. See certify for your own parts."""
+    """Greatest share of wrong readings among those accepted, such as 1/100."""
     certificate: Path | None = None
     """Certificate (.json, see certify): readings that it does not cover are not accepted, and parts unlike the
     certified ones raise a warning."""

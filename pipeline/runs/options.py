@@ -20,14 +20,14 @@ class RunOptions:
             font; any of them may be missing; may be repeated. File names are relative to the table.
         recurse: Search the subfolders of folders, too. Their parts have the subfolder in their names.
         verify: Text that the parts should read, or a table with the columns part and text. Each part is confirmed,
-            refuted or undecided; the exit status is 1 unless all are confirmed.
+            refuted or undecided.
         order: Production order: a file of serials one per line, or ranges such as KX400000..KX409999. A part that is
             read with certainty and is not in it goes to review.
         repeats: Accept parts with the same serial. Default: if several parts of a run are read with the same serial,
             all of them go to review.
         truth: Table with the columns part and text, to print the accuracy and the wrong parts.
         out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
-            Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
+            Parts that cannot be read are listed in the manifest NAME.quarantine.csv.
         force: Replace the finished table of an earlier run, which is kept as NAME~.
         evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
         learn_die: Learn the shapes of the lot's own die from the parts that were read with certainty, read the others
