@@ -13,8 +13,8 @@ import os
 import pickle
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -77,32 +77,35 @@ def draw_part(number: int, fonts: list[Path], others: Path, *, seed: int = 61) -
     severity = float(rng.choice(SEVERITIES, p=SHARES))
     font, format = fonts[int(rng.integers(len(fonts)))], str(rng.choice(FORMATS))
     height_mm = float(np.exp(rng.uniform(*np.log(HEIGHTS_MM))))
-    draw: Callable[..., tuple[str, HeightMap, Photo, Soil | None, str]] = {
-        "stamped": _stamped,
-        "sketched": _sketched,
-        "bevelled": _bevelled,
-        "rusted": _rusted,
-    }[generator]
     if generator == "bevelled":
         height_mm = 5.0
-    text, surface, photo, layer, soil = draw(
-        rng, number, format=format, font=font, height_mm=height_mm, severity=severity, others=others
-    )
-    return DrawnPart(
-        number, generator, severity, font.stem, format, soil, text, height_mm, surface, photo, layer
-    )
+    elif generator == "rusted":
+        height_mm = 3.0 + 2.0 * (height_mm - HEIGHTS_MM[0]) / (HEIGHTS_MM[1] - HEIGHTS_MM[0])
+    wanted = _Wanted(number, generator, severity, font, format, height_mm, others)
+    draw = {"stamped": _stamped, "sketched": _sketched}.get(generator, _by_other_generator)
+    return draw(wanted, rng)
 
 
-def _stamped(
-    rng: np.random.Generator,
-    number: int,
-    *,
-    format: str,
-    font: Path,
-    height_mm: float,
-    severity: float,
-    others: Path,
-) -> tuple[str, HeightMap, Photo, Soil | None, str]:
+@dataclass(frozen=True)
+class _Wanted:
+    number: int
+    generator: str
+    severity: float
+    font: Path
+    format: str
+    height_mm: float
+    others: Path
+
+    def part(
+        self, text: str, surface: HeightMap, photo: Photo, *, soil: str = "", layer: Soil | None = None
+    ) -> DrawnPart:
+        return DrawnPart(
+            self.number, self.generator, self.severity, self.font.stem, self.format, soil or self.generator,
+            text, self.height_mm, surface, photo, layer,
+        )  # fmt: skip
+
+
+def _stamped(wanted: _Wanted, rng: np.random.Generator) -> DrawnPart:
     soil_number, die = int(rng.integers(DRAWN_SOILS)), str(rng.choice(DIES))
     if soil_number >= len(SOILS):
         raise ValueError("the soil of this part is kept out of every fit")
@@ -110,85 +113,44 @@ def _stamped(
     plate, layout = str(rng.choice(PLATES)), str(rng.choice(LAYOUTS))
     spec = SynthSpec(
         seed=int(rng.integers(2**31)),
-        soiling=Soiling((soil,), severity),
-        format=format,
-        font=str(font),
-        height_mm=round(height_mm, 2),
+        soiling=Soiling((soil,), wanted.severity),
+        format=wanted.format,
+        font=str(wanted.font),
+        height_mm=round(wanted.height_mm, 2),
         die=die,
         plate=plate,
         layout=layout,
     )
-    part = make_part(spec, number)
-    return part.stamped.text, part.height_map, spec.photograph(part), part.soil, soil
+    part = make_part(spec, wanted.number)
+    return wanted.part(part.stamped.text, part.height_map, spec.photograph(part), soil=soil, layer=part.soil)
 
 
-def _sketched(
-    rng: np.random.Generator,
-    number: int,
-    *,
-    format: str,
-    font: Path,
-    height_mm: float,
-    severity: float,
-    others: Path,
-) -> tuple[str, HeightMap, Photo, Soil | None, str]:
-    text = random_text(format, rng=rng)
-    drawn = sketch(load_font(str(font)), text, rng)
+def _sketched(wanted: _Wanted, rng: np.random.Generator) -> DrawnPart:
+    text = random_text(wanted.format, rng=rng)
+    drawn = sketch(load_font(str(wanted.font)), text, rng)
     grey = np.kron(photograph(drawn, rng)[GREY], np.ones((2, 2)))
-    pitch_mm, land = height_mm / ROWS_PER_HEIGHT, ROWS_PER_HEIGHT // 2
-    z_mm = np.pad(drawn.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
+    pitch_mm, land = wanted.height_mm / ROWS_PER_HEIGHT, ROWS_PER_HEIGHT // 2
+    z_mm = np.pad(drawn.surface, ((land, land), (0, 0)), mode="edge") * np.float32(wanted.height_mm)
     pixels = np.asarray(np.clip(255.0 * grey, 0.0, 255.0), dtype=np.uint8)
-    return text, HeightMap(z_mm, pitch_mm), Photo(pixels, pitch_mm=pitch_mm), None, "sketched"
+    return wanted.part(text, HeightMap(z_mm, pitch_mm), Photo(pixels, pitch_mm=pitch_mm))
 
 
-def _text(module: Any, format: str, rng: np.random.Generator) -> str:
-    return "".join(str(rng.choice(list(module.LETTERS if f == "A" else module.DIGITS))) for f in format)
-
-
-def _bevelled(
-    rng: np.random.Generator,
-    number: int,
-    *,
-    format: str,
-    font: Path,
-    height_mm: float,
-    severity: float,
-    others: Path,
-) -> tuple[str, HeightMap, Photo, Soil | None, str]:
+def _by_other_generator(wanted: _Wanted, rng: np.random.Generator) -> DrawnPart:
     from fontTools.ttLib import TTFont
 
-    sys.path.insert(0, str(others)) if str(others) not in sys.path else None
-    import make_parts as module  # type: ignore[import-not-found]
-
-    text = _text(module, format, rng)
-    z_mm, reflectance = module.soil(module.plate(text, TTFont(font), rng), rng, severity)
-    pixels = module.photo(z_mm, reflectance, rng, severity)
+    if str(wanted.others) not in sys.path:
+        sys.path.insert(0, str(wanted.others))
+    rusted = wanted.generator == "rusted"
+    module = import_module("make_parts2" if rusted else "make_parts")
+    text = "".join(
+        str(rng.choice(list(module.LETTERS if place == "A" else module.DIGITS))) for place in wanted.format
+    )
+    size = (wanted.height_mm, 0.04 * wanted.height_mm) if rusted else ()
+    clean = module.plate(text, TTFont(wanted.font), rng, *size)
+    z_mm, reflectance = module.soil(clean, rng, wanted.severity)
+    pixels = module.photo(z_mm, reflectance, rng, wanted.severity)
     surface = HeightMap(z_mm.astype(np.float32), module.PITCH)
-    return text, surface, Photo(pixels, pitch_mm=module.PITCH), None, "bevelled"
-
-
-def _rusted(
-    rng: np.random.Generator,
-    number: int,
-    *,
-    format: str,
-    font: Path,
-    height_mm: float,
-    severity: float,
-    others: Path,
-) -> tuple[str, HeightMap, Photo, Soil | None, str]:
-    from fontTools.ttLib import TTFont
-
-    sys.path.insert(0, str(others)) if str(others) not in sys.path else None
-    import make_parts2 as module  # type: ignore[import-not-found]
-
-    height_mm = 3.0 + 2.0 * (height_mm - HEIGHTS_MM[0]) / (HEIGHTS_MM[1] - HEIGHTS_MM[0])
-    text = _text(module, format, rng)
-    clean = module.plate(text, TTFont(font), rng, height_mm, 0.04 * height_mm)
-    z_mm, reflectance = module.soil(clean, rng, severity)
-    pixels = module.photo(z_mm, reflectance, rng, severity)
-    surface = HeightMap(z_mm.astype(np.float32), module.PITCH)
-    return text, surface, Photo(pixels, pitch_mm=module.PITCH), None, "rusted"
+    return wanted.part(text, surface, Photo(pixels, pitch_mm=module.PITCH))
 
 
 def kept_of(reading: Reading) -> dict[str, Any]:
