@@ -84,10 +84,10 @@ class Reader:
 
     def after_photo(self) -> Reader:
         """A reader whose regions apply only to photographs: a scan covers only the line that the camera found."""
-        made = Reader(self.settings)
+        reader = Reader(self.settings)
         lines = {name: replace(line, region=None) for name, line in self.settings.asked.items()}
-        made._touch_settings = replace(self.settings, region=None, lines=lines)
-        return made
+        reader._touch_settings = replace(self.settings, region=None, lines=lines)
+        return reader
 
     def read(
         self,

@@ -110,7 +110,7 @@ class TactileReader:
         return SenseEvidence("tactile", (view,), part, marks, log)
 
     def reading_of(self, evidence: SenseEvidence) -> Reading:
-        """What touch alone reads, to choose the surest of several looks."""
+        """The reading by touch alone, to choose the surest of several looks."""
         return decide(Evidence.of(evidence), self.settings)
 
     def with_unknown_rows(self) -> TactileReader:

@@ -212,8 +212,8 @@ def risk_thresholds(
         groups=groups,
         start_share=start_share,
     )
-    found = {risk: proven_threshold(tests_of(risk=risk)) for risk in risks}
-    return {risk: test for risk, test in found.items() if test is not None}
+    proven = {risk: proven_threshold(tests_of(risk=risk)) for risk in risks}
+    return {risk: test for risk, test in proven.items() if test is not None}
 
 
 def parts_missing(

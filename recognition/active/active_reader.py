@@ -260,7 +260,7 @@ class _Part:
         return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
 
     def _reading_of(self, evidence: SenseEvidence) -> Reading:
-        """What touch alone reads, after the texts of earlier full readings."""
+        """The reading by touch alone, after the texts of earlier full readings."""
         reading = self.active.reader.reading_of(evidence)
         if reading.confidence > EVEN:
             self.texts.add(reading.plain_text)

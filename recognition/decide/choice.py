@@ -373,7 +373,9 @@ def _measured(choice: Choice) -> Choice:
         return choice
     slope = score_of("fused" if choice.is_fused else choice.sense.source).slope
     posteriors = lattice if choice.is_fused else choice.line.lattice
-    found = marks.of_text(choice.text, posteriors, [place.box for place in choice.characters], slope=slope)
+    text_marks = marks.of_text(
+        choice.text, posteriors, [place.box for place in choice.characters], slope=slope
+    )
     characters = tuple(
         replace(
             place,
@@ -381,9 +383,9 @@ def _measured(choice: Choice) -> Choice:
             no_depth=depth if isinstance(depth, NoDepth) else None,
             grade=grade,
         )
-        for place, depth, grade in zip(choice.characters, found.depths, found.grades, strict=True)
+        for place, depth, grade in zip(choice.characters, text_marks.depths, text_marks.grades, strict=True)
     )
-    return replace(choice, marks=found, characters=characters)
+    return replace(choice, marks=text_marks, characters=characters)
 
 
 def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:

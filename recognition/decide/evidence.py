@@ -36,7 +36,7 @@ Source = Literal["tactile", "vision"]
 
 
 class DecisionSettings(Protocol):
-    """What a decision needs of the settings."""
+    """Settings that a decision needs."""
 
     @property
     def fonts(self) -> Sequence[object]:
@@ -72,7 +72,7 @@ class DecisionSettings(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What a sense was given and what happened on the way.
+    """Notes, seconds and faults of a sense, beside what it read.
 
     Attributes:
         findings: faults of scan, bench and stage.

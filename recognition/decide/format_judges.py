@@ -61,11 +61,11 @@ def format_not_met(evidence: Evidence, choice: Choice, settings: DecisionSetting
     """Report that the line may hold another text than the format allows; of two senses only if both say so."""
     if not choice.characters or choice.decoding is None:
         return
-    found = [tuple(_format_findings(sense, settings)) for sense in choice.senses]
-    agreed = reduce(and_, map(flags_of, found))
+    by_sense = [tuple(_format_findings(sense, settings)) for sense in choice.senses]
+    agreed = reduce(and_, map(flags_of, by_sense))
     if choice.layout:
         agreed &= ~ReadingFlag.FORMAT_NOT_MET
-    findings = [finding for finding in found[0] if finding.flag & agreed]
+    findings = [finding for finding in by_sense[0] if finding.flag & agreed]
     yield from findings
     low = choice.decoding.valid_mass < LEAST_VALID_MASS
     if low and not flags_of(findings) & ReadingFlag.FORMAT_OVERRULED:

@@ -85,8 +85,8 @@ def read_ways(
     """
     grammar, seen = search.request.grammar, {}
     for way in ways:
-        likely = readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
-        if likely or (in_mirror and way is Way.ROWS_REVERSED):
+        by_likely_images = readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
+        if by_likely_images or (in_mirror and way is Way.ROWS_REVERSED):
             there = search.on(search.view.mirrored if way.mirrors else search.view)
             seen[way] = next(iter(there.read([_line_in_view(line.line, search.view, way)])), None)
     return replace(line, other_ways=MappingProxyType(seen))

@@ -43,7 +43,7 @@ Lines = Sequence[ReadLine]
 
 
 class Start(Enum):
-    """What a try starts from."""
+    """Start of a try."""
 
     VIEW = auto()
     FIRST_LINES = auto()

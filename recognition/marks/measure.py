@@ -164,15 +164,17 @@ def _depths_along(marks: Marks, text: tuple[str, ...]) -> TextMarks:
         laid if font is laid.font else along.in_font(font) for font in fonts.every if font is not along.font
     ]
     line = line_depths(marks.relief, along, others, named=fonts.named)
-    found = TextMarks(line.depths, nothing, laid, along, font_fits=line.font_fits)
+    text_marks = TextMarks(line.depths, nothing, laid, along, font_fits=line.font_fits)
     if not line.font_fits:
-        return found
+        return text_marks
     view, raised = along.felt.view, along.felt.raised
     edges = edges_of(along, fonts.predict(along.font, view, along.height_mm, raised=raised, face=along.face))
     if not fonts.named and edge_fit(edges) < OWN_FIT:
-        return found
+        return text_marks
     grades = zip(grades_of(edges), line.same_strokes, strict=True)
-    return replace(found, in_own_font=along, grades=tuple(grade if same else None for grade, same in grades))
+    return replace(
+        text_marks, in_own_font=along, grades=tuple(grade if same else None for grade, same in grades)
+    )
 
 
 def _clipped_places(

@@ -18,7 +18,7 @@ from pipeline.common.shares import Share, share
 
 @dataclass(frozen=True)
 class RiskAcceptance:
-    """What a reader accepts if its threshold is fitted to other parts.
+    """Readings that a reader accepts at a threshold fitted to other parts.
 
     Attributes:
         key: mode and levels of the trials.
