@@ -159,7 +159,7 @@ def processor_limit(limit_s: float) -> Iterator[None]:
     Only in the main thread of a system with such a timer, if it is not in use.
 
     Raises:
-        DataError: the time is over; raised again each second, for code that catches every exception.
+        DataError: the time is over; raised again five times a second, for code that catches every exception.
     """
     main = threading.current_thread() is threading.main_thread()
     if not (main and hasattr(signal, "setitimer") and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL):
@@ -171,7 +171,7 @@ def processor_limit(limit_s: float) -> Iterator[None]:
         raise DataError(what, "export it again, or in another format")
 
     signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, limit_s, 1.0)
+    signal.setitimer(signal.ITIMER_PROF, limit_s, 0.2)
     try:
         yield
     finally:

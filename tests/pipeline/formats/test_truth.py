@@ -244,4 +244,4 @@ def test_the_time_for_a_table_is_limited(tmp_path: Path, monkeypatch: pytest.Mon
     start = time.process_time()
     with pytest.raises(FileError, match=r"order\.xlsx: takes more than 0 s to decode"):
         read_order(path)
-    assert time.process_time() - start < 3.0
+    assert time.process_time() - start < 10.0
