@@ -1,14 +1,17 @@
-"""Draw parts of four generators, read them with every sense, and keep what was read, one file a part::
+"""Draw parts of four generators once, and read them with every sense as often as the reader changes::
 
-    python tests/benchmarks/risk_parts.py FONTS OTHER_GENERATORS --out readings --first 0 --step 2
+    python tests/benchmarks/risk_parts.py draw FONTS OTHER_GENERATORS --out drawn --first 0 --step 2
+    python tests/benchmarks/risk_parts.py read drawn --out readings
 
 FONTS is a folder of font files that the recogniser has not learned from; OTHER_GENERATORS holds `make_parts.py` and
-`make_parts2.py`. A part is determined by its number alone, so several runs may share one folder, and a run that was
-stopped goes on where it ended. `tests/benchmarks/fit_score.py` fits the score to what was kept.
+`make_parts2.py`. Drawn parts are kept with what the virtual array feels of them (`drawn_parts.py`), what was read one
+file a part. A part is determined by its number alone, so several runs may share one folder, and a run that was stopped
+goes on where it ended. `tests/benchmarks/fit_score.py` fits the score to what was read.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import sys
@@ -19,7 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cyclopts import App
 
+from glyphs.atomic import replacing
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.fonts.outlines import load_font
@@ -30,9 +35,12 @@ from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.synth import SynthSpec, make_part
 from recognition.decide.reading import Reading
+from recognition.find.first_pass import NothingFeltError, felt_heights_mm, virtual_feel
 from recognition.learning.sketches import photograph
 from recognition.reader import Reader
+from recognition.see.levelling import level, square_to_plate
 from recognition.see.view import GREY
+from tests.benchmarks.drawn_parts import DrawnPart, KeptSweeps, load_part, save_part
 
 GENERATORS = ("stamped", "sketched", "bevelled", "rusted")
 SEVERITIES, SHARES = (0.0, 0.3, 0.6, 0.9), (0.35, 0.3, 0.22, 0.13)
@@ -46,23 +54,6 @@ LAYOUTS = ("straight", "turned", "arc")
 HEIGHTS_MM = (2.0, 12.0)
 FREE = 4
 """Of so many parts one is read without its format."""
-
-
-@dataclass(frozen=True)
-class DrawnPart:
-    """A part with everything that it was drawn from."""
-
-    number: int
-    generator: str
-    severity: float
-    font: str
-    format: str
-    soil: str
-    text: str
-    height_mm: float
-    height_map: HeightMap
-    photo: Photo
-    soil_layer: Soil | None = None
 
 
 def draw_part(number: int, fonts: list[Path], others: Path, *, seed: int = 61) -> DrawnPart:
@@ -169,7 +160,68 @@ def kept_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-def main(
+def is_free(number: int) -> bool:
+    """Whether a part is read without its format."""
+    return (number // len(GENERATORS)) % FREE == 0
+
+
+def feel_part(part: DrawnPart, reader: Reader, *, least_ratio: float = 0.6) -> KeptSweeps:
+    """What the virtual array feels of a part at the heights of characters that a reader scans it for.
+
+    Args:
+        part: the part.
+        reader: reader that will read it.
+        least_ratio: least height, in heights of the most promising one: scans for smaller characters are large, and few
+            readings need them.
+
+    Raises:
+        MapError: the part cannot be scanned.
+    """
+    sweeps, fidelity = KeptSweeps(), reader.settings.fidelity
+    with sweeps.in_place_of_simulation(), contextlib.suppress(NothingFeltError):
+        squared, soil = square_to_plate(part.height_map, part.soil_layer)
+        surface = level(squared)
+        heights = felt_heights_mm(reader.touch.request, surface, fidelity=fidelity, soil=soil)
+        for height_mm in heights:
+            if height_mm >= least_ratio * heights[0]:
+                virtual_feel(fidelity=fidelity, soil=soil)(surface, height_mm)
+    return sweeps
+
+
+def read_part(part: DrawnPart, sweeps: KeptSweeps, reader: Reader) -> dict[str, Any]:
+    """What is kept of the readings of a part with every sense.
+
+    Raises:
+        MarksError: the part cannot be read.
+    """
+    start = time.process_time()
+    with sweeps.in_place_of_simulation():
+        touch = reader.read(part.height_map, soil=part.soil_layer)
+    felt = time.process_time()
+    vision = reader.read(part.photo)
+    seconds = (felt - start, time.process_time() - felt)
+    readings = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
+    kept = {source: kept_of(reading) for source, reading in readings.items()}
+    return part.facts | {"format": reader.settings.format or "", "seconds": seconds, "readings": kept}
+
+
+class _Readers(dict[str, Reader]):
+    """Readers by format; each keeps its templates."""
+
+    def __missing__(self, format: str) -> Reader:
+        self[format] = Reader(format=format) if format else Reader()
+        return self[format]
+
+    def of(self, part: DrawnPart) -> Reader:
+        """The reader of a part: one in `FREE` does not know the format."""
+        return self["" if is_free(part.number) else part.format]
+
+
+app = App()
+
+
+@app.command
+def draw(
     fonts: Path,
     others: Path,
     *,
@@ -179,24 +231,22 @@ def main(
     step: int = 1,
     hours: float = 2.0,
 ) -> None:
-    """Draw, read and keep.
+    """Draw and feel parts, and keep them.
 
     Args:
         fonts: folder of font files.
         others: folder of the other generators.
-        out: folder of what is kept.
+        out: folder of the drawn parts.
         parts: number of parts.
         first: number of the first part.
         step: distance of the numbers.
         hours: time after which the run stops.
     """
-    os.nice(19)
     files = sorted(path for path in fonts.iterdir() if path.suffix in (".woff", ".ttf", ".otf"))
+    readers, end = _Readers(), time.monotonic() + 3600.0 * hours
     out.mkdir(parents=True, exist_ok=True)
-    readers = {format: Reader(format=format) for format in dict.fromkeys(FORMATS)}
-    free, end = Reader(), time.monotonic() + 3600.0 * hours
     for number in range(first, parts, step):
-        path = out / f"{number:06d}.pkl"
+        path = out / f"{number:06d}.h5"
         if path.exists():
             continue
         if time.monotonic() > end:
@@ -207,32 +257,46 @@ def main(
         except (MarksError, ValueError, KeyError):
             continue
         drawn = time.process_time()
-        kept: dict[str, Any] = {
-            name: getattr(part, name)
-            for name in ("number", "generator", "severity", "font", "format", "soil", "text", "height_mm")
-        }
-        is_free = (number // len(GENERATORS)) % FREE == 0
-        reader = free if is_free else readers[part.format]
         try:
-            touch = reader.read(part.height_map, soil=part.soil_layer)
-            felt = time.process_time()
-            vision = reader.read(part.photo)
-            seen = time.process_time()
-            readings = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
+            sweeps = feel_part(part, readers.of(part))
         except MarksError as error:
             print(f"part {number}: {error}", flush=True)
             continue
-        kept |= {
-            "format": "" if is_free else part.format,
-            "seconds": (drawn - start, felt - drawn, seen - felt),
-        }
-        kept["readings"] = {source: kept_of(reading) for source, reading in readings.items()}
-        temporary = path.with_suffix(".tmp")
-        temporary.write_bytes(pickle.dumps(kept))
-        temporary.replace(path)
+        seconds = {"seconds_drawn": drawn - start, "seconds_felt": time.process_time() - drawn}
+        save_part(path, part, sweeps, **seconds)
+
+
+@app.command
+def read(drawn: Path, *, out: Path, first: int = 0, step: int = 1, hours: float = 2.0) -> None:
+    """Read parts that were drawn, and keep what was read.
+
+    Args:
+        drawn: folder of the drawn parts.
+        out: folder of the readings.
+        first: number of the first part.
+        step: distance of the numbers.
+        hours: time after which the run stops.
+    """
+    readers, end, simulated = _Readers(), time.monotonic() + 3600.0 * hours, 0
+    out.mkdir(parents=True, exist_ok=True)
+    for source in sorted(drawn.glob("*.h5")):
+        number, path = int(source.stem), out / f"{source.stem}.pkl"
+        if number < first or (number - first) % step or path.exists():
+            continue
+        if time.monotonic() > end:
+            break
+        part, sweeps = load_part(source)
+        try:
+            kept = read_part(part, sweeps, readers.of(part))
+        except MarksError as error:
+            print(f"part {number}: {error}", flush=True)
+            continue
+        simulated += sweeps.simulated > 0
+        with replacing(path) as temporary:
+            temporary.write_bytes(pickle.dumps(kept))
+    print(f"{simulated} parts needed scans that were not kept with them")
 
 
 if __name__ == "__main__":
-    from cyclopts import run
-
-    run(main)
+    os.nice(19)
+    app()

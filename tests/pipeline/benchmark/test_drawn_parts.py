@@ -1,0 +1,81 @@
+"""Parts that were drawn and kept come back to the last bit, and nothing is simulated when they are read."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glyphs import stamp
+from glyphs.surface.maps import HeightMap
+from recognition.find.first_pass import virtual_feel
+from recognition.reader import Reader
+from tests.benchmarks import drawn_parts
+from tests.benchmarks.drawn_parts import SOIL_ARRAYS, DrawnPart, load_part, save_part
+from tests.benchmarks.risk_parts import feel_part, kept_of, read_part
+
+
+@pytest.fixture(scope="module")
+def reader() -> Reader:
+    return Reader(format="A9")
+
+
+@pytest.fixture(scope="module")
+def part() -> DrawnPart:
+    """A part with soft dirt."""
+    dirty = stamp("K7", seed=4, dirt=0.3)
+    facts = (8, "stamped", 0.3, "gothic", "A9", "workshop", "K7", 5.0)
+    return DrawnPart(*facts, dirty.height_map, dirty.photograph(), dirty.soil)
+
+
+@pytest.fixture(scope="module")
+def kept(part: DrawnPart, reader: Reader, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("drawn") / "000008.h5"
+    save_part(path, part, feel_part(part, reader), seconds_drawn=1.5)
+    return path
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two records are equal to the last bit."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple | list):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    return bool(a == b)
+
+
+def test_a_part_comes_back_as_it_was(part: DrawnPart, kept: Path) -> None:
+    loaded, _ = load_part(kept)
+    assert loaded.facts == part.facts
+    assert same(loaded.height_map.z_mm, part.height_map.z_mm)
+    assert loaded.height_map.pitch_mm == part.height_map.pitch_mm
+    assert same(vars(loaded.photo), vars(part.photo))
+    assert all(same(getattr(loaded.soil_layer, name), getattr(part.soil_layer, name)) for name in SOIL_ARRAYS)
+    assert set(SOIL_ARRAYS) == {f.name for f in fields(loaded.soil_layer)}  # type: ignore[arg-type]
+
+
+def test_a_kept_part_is_read_without_simulation_as_one_drawn_afresh(
+    part: DrawnPart, kept: Path, reader: Reader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touch, vision = reader.read(part.height_map, soil=part.soil_layer), reader.read(part.photo)
+    afresh = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
+    monkeypatch.setattr(drawn_parts, "mount", None)
+    loaded, sweeps = load_part(kept)
+    readings = read_part(loaded, sweeps, reader)["readings"]
+    assert same(readings, {source: kept_of(reading) for source, reading in afresh.items()})
+    assert sweeps.simulated == 0
+
+
+def test_another_surface_is_simulated(part: DrawnPart, kept: Path) -> None:
+    _, sweeps = load_part(kept)
+    raised = HeightMap(-part.height_map.z_mm, part.height_map.pitch_mm)
+    with sweeps.in_place_of_simulation():
+        scan = virtual_feel()(raised, part.height_mm)
+    assert sweeps.simulated == len(scan.sweeps)
+    again = virtual_feel()(raised, part.height_mm)
+    assert same([s.moment_n_mm for s in scan.sweeps], [s.moment_n_mm for s in again.sweeps])
