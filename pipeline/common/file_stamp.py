@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 FileStamp = tuple[int, int]
 """Size and modification time of a file, ns, at one look."""
@@ -11,6 +12,14 @@ FileStamp = tuple[int, int]
 def stamp_of(status: os.stat_result) -> FileStamp:
     """The stamp of a file, from the system's answer."""
     return status.st_size, status.st_mtime_ns
+
+
+def stamp_if_there(path: Path) -> FileStamp | None:
+    """The stamp of a file; None if it cannot be looked at."""
+    try:
+        return stamp_of(path.stat())
+    except OSError:
+        return None
 
 
 def picture_key(path: str, stamp: FileStamp) -> str:

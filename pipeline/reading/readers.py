@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 
 from glyphs.errors import FileError
 from glyphs.fonts.glyph import Font
+from pipeline.common.file_stamp import FileStamp, stamp_if_there
+from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
@@ -22,7 +23,7 @@ MOST_KEPT = 8
 
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
-    """The reader for these settings and the present content of their database.
+    """The reader for these settings and the present content of the files that they name.
 
     Args:
         settings: settings of the readers.
@@ -32,20 +33,14 @@ def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
         FileError: the lexicon cannot be used.
         ValueError: the database or a font cannot be used.
     """
-    return _cached_reader(settings, _changed_ns(settings.database), after_photo)
+    # a file that is not there is reported when the reader is opened
+    return _cached_reader(settings, tuple(map(stamp_if_there, files_of(settings))), after_photo)
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _cached_reader(settings: ReadSettings, _: int, after_photo: bool) -> Reader:
-    found = open_reader(settings)
-    return found.after_photo() if after_photo else found
-
-
-def _changed_ns(path: Path | None) -> int:
-    try:
-        return path.stat().st_mtime_ns if path is not None else 0
-    except OSError:
-        return 0  # reported when the reader is opened
+def _cached_reader(settings: ReadSettings, _: tuple[FileStamp | None, ...], after_photo: bool) -> Reader:
+    reader = open_reader(settings)
+    return reader.after_photo() if after_photo else reader
 
 
 def open_reader(settings: ReadSettings) -> Reader:

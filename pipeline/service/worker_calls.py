@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import structlog
 
 from glyphs.errors import FileError
-from pipeline.common.file_stamp import FileStamp, stamp_of
+from pipeline.common.file_stamp import stamp_if_there
 from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
 from pipeline.errors import FaultError, OwnFileError
@@ -28,8 +28,6 @@ from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pipeline.common.settings import Limits, ReadSettings
     from pipeline.service.jobs import JobFolder
     from pipeline.service.metrics import Metrics
@@ -96,7 +94,7 @@ class WorkerCalls:
 
     async def _check_again(self, job: str, database: str) -> None:
         settings = await self._settings_with(database, job)
-        stamps = tuple(_stamp_if_there(path) for path in files_of(settings))
+        stamps = tuple(stamp_if_there(path) for path in files_of(settings))
         check = (settings, stamps, time.monotonic() // UNCHANGED_S)
         if self._last_checks.get((job, database)) == check:
             raise OwnProblem(self._troubles[job, database])
@@ -212,13 +210,6 @@ class WorkerCalls:
         if self._troubles.pop(key, None) is not None:
             self._last_checks.pop(key, None)
             log.info("parts can be read again", job=job, database=database)
-
-
-def _stamp_if_there(path: Path) -> FileStamp | None:
-    try:
-        return stamp_of(path.stat())
-    except OSError:
-        return None
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
