@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 from glyphs.plain_text import visible
 
@@ -19,7 +20,10 @@ class MarksError(Exception):
         what: the problem.
         where: the file, setting or place concerned; empty if `what` names it.
         hint: remedy; empty if there is none.
+        is_usage: an argument or setting is at fault; False: a file, machine or process.
     """
+
+    is_usage: ClassVar[bool] = True
 
     def __init__(self, what: str, *, where: str = "", hint: str = "") -> None:
         # BaseException.__new__ has stored the positional arguments; unpickling calls the class with them
@@ -37,6 +41,8 @@ class FileError(MarksError):
     Attributes:
         path: the file.
     """
+
+    is_usage = False
 
     def __init__(self, path: str | Path, what: str, hint: str) -> None:
         super().__init__(what, where=str(path), hint=hint)

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import MarksError
 
 FAILED = 1
 """A part, file, store or machine failed."""
@@ -36,11 +36,6 @@ class UsageError(CommandError):
 _SERVICE = "fastapi uvicorn starlette sqlalchemy alembic structlog prometheus_client httpx"
 _EXTRAS = {**dict.fromkeys(_SERVICE.split(), "service"), "ezdxf": "drawing"}
 """Libraries that only some commands need, and the extra that brings them."""
-_FAILURES = {
-    *("NothingFoundError", "StageError", "StoreError", "ClusterError", "WorkerLostError"),
-    *("NotServingError", "ServiceError"),
-}
-"""Errors of inputs, machines and processes, beside those of files; by name, as their modules are slow to import."""
 
 
 @contextlib.contextmanager
@@ -55,13 +50,8 @@ def failures_reported() -> Iterator[None]:
         raise
     except ModuleNotFoundError as error:
         raise UsageError(_missing(error)) from error
-    except Exception as error:
-        kinds = {kind.__name__ for kind in type(error).__mro__}
-        if isinstance(error, FileError) or ("UnfitError" not in kinds and kinds & _FAILURES):
-            raise CommandError(str(error)) from error
-        if isinstance(error, MarksError):
-            raise UsageError(str(error)) from error
-        raise
+    except MarksError as error:
+        raise CommandError(str(error), status=USAGE if error.is_usage else FAILED) from error
 
 
 @contextlib.contextmanager

@@ -47,6 +47,8 @@ _HINTS = (
 class NothingFoundError(MarksError):
     """The inputs name no part at all."""
 
+    is_usage = False
+
     def __init__(self, inputs: Sequence[str | Path], passed_over: str = "") -> None:
         super().__init__(
             "no height map (.npz, .x3p, .sdf, .sur ...), no scan (.h5) and no photograph (.png, .jpg ...) in "

@@ -49,6 +49,8 @@ class ServiceError(MarksError):
         problem: problem details of the answer (RFC 9457); empty if it has none.
     """
 
+    is_usage = False
+
     def __init__(self, status: int, problem: Mapping[str, Any], message: str = "") -> None:
         words = message or problem.get("detail") or problem.get("title") or "the service gives no reason"
         super().__init__(f"{status}: {words}" if status else str(words))

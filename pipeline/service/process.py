@@ -22,6 +22,8 @@ _END_PATIENCE_S = 30.0
 class NotServingError(MarksError):
     """A service did not start; the message ends with its last log lines."""
 
+    is_usage = False
+
 
 @dataclass(frozen=True)
 class ServiceProcess:

@@ -21,6 +21,8 @@ _UNFIT = re.compile("[\x00\ud800-\udfff]")
 class StoreError(MarksError):
     """The store cannot carry out the operation."""
 
+    is_usage = False
+
 
 class UnwritableError(StoreError):
     """The database answers, but takes no changes."""
@@ -54,6 +56,8 @@ class AlreadyDoneError(ConflictError):
 
 class UnfitError(StoreError):
     """A value that no store can hold or that makes no sense: the caller's mistake."""
+
+    is_usage = True
 
 
 def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:

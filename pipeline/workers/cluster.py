@@ -37,6 +37,8 @@ _ONE_AT_A_TIME = threading.Lock()
 class ClusterError(MarksError):
     """The cluster cannot be used, or is lost."""
 
+    is_usage = False
+
 
 class ClusterExecutor(Executor):
     """The workers of a Dask scheduler."""

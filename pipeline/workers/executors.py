@@ -38,6 +38,8 @@ class WorkerLostError(MarksError):
         tried: whether the task was retried already; another try is useful only if others were lost with it.
     """
 
+    is_usage = False
+
     def __init__(
         self,
         what: str,

@@ -12,6 +12,7 @@ class StageError(MarksError):
         later: whether the same command may succeed later.
     """
 
+    is_usage = False
     later = False
 
     def __init__(self, what: str, hint: str = "") -> None:
