@@ -6,6 +6,7 @@ once, until the parts are alike again.
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -35,7 +36,9 @@ def watch_of(settings: ReadSettings) -> DriftWatch | None:
 
 
 class DriftWatch:
-    """Running comparison of the parts being read with those of a certificate.
+    """Running comparison of the parts being read with those of a certificate; threads may share it.
+
+    A comparison takes some tenths of a second, the first one seconds, as it imports SciPy's statistics.
 
     Attributes:
         certificate: certificate to compare with.
@@ -48,6 +51,7 @@ class DriftWatch:
         self.certificate = certificate
         self._latest: deque[Mapping[Measure, float]] = deque(maxlen=WINDOW)
         self._waiting = 0
+        self._lock = threading.Lock()
         self.parts = 0
         self.found: tuple[Unlike, ...] = ()
         self.first = ""
@@ -61,10 +65,11 @@ class DriftWatch:
         """
         if not measures or source not in self.certificate.sources:
             return False
-        self._latest.append(measures)
-        self.parts += 1
-        self._waiting += 1
-        return self._waiting >= EVERY and self.compare()
+        with self._lock:
+            self._latest.append(measures)
+            self.parts += 1
+            self._waiting += 1
+            return self._waiting >= EVERY and self.compare()
 
     def compare(self) -> bool:
         """Compare now, unless no part was added since; return whether a difference is new."""

@@ -479,20 +479,20 @@ class Intake:
         sent: Sequence[Upload],
         part: NewPart | PartRecord,
     ) -> PartRecord:
-        """Store the files, then write the decided part in one transaction; count and log it.
+        """Store the files, then write the decided part in one transaction; compare, count and log it.
 
         Raises:
             FileError: no room for the files.
             StoreError: as in `write`.
         """
 
-        def keep() -> PartRecord:
+        def keep() -> tuple[PartRecord, str]:
             files = [_evidence(one, self.evidence.keep(one.path, sha256=one.sha256)) for one in sent]
             files += [
                 replace(_evidence(one, self.evidence.keep_content(one.content)), meta=one.meta)
                 for one in done.pictures
             ]
-            return write(
+            written = write(
                 **self._decide(done, part),
                 readings=done.readings,
                 evidence=files,
@@ -500,23 +500,25 @@ class Intake:
                 audit=self.policy.draw_audit(),
                 rules=self._rules,
             )
+            watch = self.calls.jobs.watch(written.job)
+            drifts = watch is not None and watch.add(done.record.source, done.measures)
+            return written, watch.message() if watch is not None and drifts else ""
 
-        kept = await asyncio.to_thread(keep)
+        kept, drift = await asyncio.to_thread(keep)
         self._announce(kept)
-        self._count(kept, done)
+        self._count(kept, done, drift)
         return kept
 
-    def _count(self, part: PartRecord, done: ReadPart) -> None:
+    def _count(self, part: PartRecord, done: ReadPart, drift: str) -> None:
         """Count a part's new readings, and log them with findings about serials, whiskers and drift."""
         for reason in part.reading.reasons if part.reading is not None else ():
             if reason.code in set(SerialAlarm):
                 self.metrics.serial_alarms.inc()
                 log.warning("serial alarm", part=part.id, name=part.name, text=part.text, why=reason.code)
-        last, watch = done.record, self.calls.jobs.watch(part.job)
-        if last.source != "vision" and self.bench.add(last.faults):
+        if done.record.source != "vision" and self.bench.add(done.record.faults):
             log.warning("whiskers or bench faulty", why=self.bench.message())
-        if watch is not None and watch.add(last.source, done.measures):
-            log.warning("parts unlike the certified ones", job=part.job, why=watch.message())
+        if drift:
+            log.warning("parts unlike the certified ones", job=part.job, why=drift)
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()
             self.metrics.reading_seconds.labels(reading.source).observe(reading.seconds)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,8 +12,10 @@ from pipeline.common.people_records import Person
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.drift import EVERY
+from pipeline.reading.triage import ReadPart
 from tests.support.certificates import measured, written
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
+from tests.support.store_samples import reading
 
 SETTINGS = ReadSettings(format=(FORMAT,), font=("gothic",), height_mm=5.0)
 NOBODY = "http://127.0.0.1:9/none"
@@ -61,6 +65,32 @@ def test_drift_is_told_at_readyz_in_the_metrics_and_on_the_page(
         assert "unlike the certified ones" in answer.json()["drift"]
         assert "tactile_marks_drift 1.0" in client.get("/metrics").text
         assert 'class="drift"' in client.get("/dashboard").text
+
+
+def test_parts_are_compared_beside_the_event_loop(
+    certified: ReadSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A comparison imports SciPy's statistics, for seconds in which no other request would be answered."""
+    read, threads = list(measured(EVERY, rough_um=5.0)), list[threading.Thread]()
+
+    def unlike(*_: Any) -> tuple[()]:
+        threads.append(threading.current_thread())
+        return ()
+
+    def work(*_: object) -> ReadPart:
+        return ReadPart((reading("KX40", "tactile"),), measures=read.pop())
+
+    monkeypatch.setattr("pipeline.reading.drift.unlike", unlike)
+    with inline_service(tmp_path, reading=certified, instead=work) as (service, client):
+        assert client.portal is not None
+        loop = client.portal.call(threading.current_thread)
+        while read:
+            assert client.post("/v1/parts", files={"scan": ("part.h5", b"\x89HDF\r\n\x1a\n")}).is_success
+        watch = service.jobs.watch("")
+    assert watch is not None
+    assert watch.parts == EVERY
+    assert len(threads) == 1
+    assert threads[0] is not loop
 
 
 def test_a_certificate_of_other_settings_does_not_start_a_service(tmp_path: Path) -> None:
