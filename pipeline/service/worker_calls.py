@@ -39,6 +39,8 @@ T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
 # Seconds that the check of a job may take; most take a tenth of a second.
 CHECK_S = 10.0
+# Seconds that it may wait for a worker; a part takes a second or two.
+FREE_S = 5.0
 UNCHANGED_S = 60.0
 """Seconds between two checks of unusable files that have not changed: the cause may have passed."""
 MOST_LOST = 2
@@ -158,14 +160,16 @@ class WorkerCalls:
         raise AssertionError("no try")
 
     def call_blocking(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function that checks a job in a worker, from a thread that waits for at most `CHECK_S`.
+        """Call a function that checks a job in a worker, before the parts that wait.
+
+        The calling thread waits for at most `FREE_S` and `CHECK_S`.
 
         Raises:
-            Problem: a full queue, a lost worker.
+            Problem: a full queue, no worker in time, a lost worker.
             MarksError: as in the function.
         """
         try:
-            found: T = self.pool.submit(function, *arguments, timeout_s=CHECK_S).result()
+            checked: T = self.pool.call(function, *arguments, free_s=FREE_S, timeout_s=CHECK_S)
         except BusyError as error:
             raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
@@ -175,7 +179,7 @@ class WorkerCalls:
             if error.crashed:
                 raise Problem(422, f"the worker that checked it was lost: {error}") from error
             raise _lost_problem(error, 1) from error
-        return found
+        return checked
 
     async def _call_once(self, function: Callable[..., T], *arguments: Any) -> T:
         try:

@@ -24,6 +24,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -134,13 +135,44 @@ class WorkPool(Executor):
     def __exit__(self, *_: object) -> None:
         self.close(0.0)
 
-    def submit(self, function: Callable[..., Any], *args: Any, timeout_s: float | None = None) -> Future[Any]:
+    def call(self, function: Callable[..., Any], *args: Any, free_s: float, timeout_s: float) -> Any:
+        """Let a worker call the function before all waiting jobs, and return its result.
+
+        Args:
+            function: function to call.
+            args: its arguments.
+            free_s: longest wait for a worker, seconds.
+            timeout_s: longest time of the call, seconds.
+
+        Raises:
+            BusyError: the queue is full, or no worker was free in time.
+            WorkerLostError: the worker was lost.
+            Exception: any exception of the function.
+        """
+        future = self.submit(function, *args, timeout_s=timeout_s, first=True)
+        with suppress(TimeoutError):
+            return future.result(free_s)
+        with self._changed:
+            for job in self._waiting:
+                if job.future is future:
+                    self._waiting.remove(job)
+                    raise BusyError(min(max(free_s, _LEAST_RETRY_S), _MOST_RETRY_S))
+        return future.result()
+
+    def submit(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        timeout_s: float | None = None,
+        first: bool = False,
+    ) -> Future[Any]:
         """Let a worker call the function.
 
         Args:
             function: function to call.
             args: its arguments.
             timeout_s: seconds that the job may take (default: the limit of the pool).
+            first: whether it goes before the waiting jobs.
 
         Returns:
             Future with the function's result or exception, or WorkerLostError. It cannot be cancelled.
@@ -161,7 +193,7 @@ class WorkPool(Executor):
                 raise WorkerLostError(_STOPPING)
             if (busy_s := self.retry_after_s()) is not None:
                 raise BusyError(busy_s)
-            self._waiting.append(job)
+            (self._waiting.appendleft if first else self._waiting.append)(job)
             if len(self._slots) < min(self.waiting + self.running, self.workers):
                 self._add_slot()
             self._changed.notify()

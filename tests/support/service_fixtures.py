@@ -37,13 +37,14 @@ class InlinePool:
         self.jobs: list[tuple[Any, ...]] = []
         self.instead: Callable[..., Any] | None = None
 
-    def submit(
-        self, function: Callable[..., Any], *arguments: Any, timeout_s: float | None = None
-    ) -> Future[Any]:
+    def call(self, function: Callable[..., Any], *arguments: Any, **_: float) -> Any:
         if self.full:
             raise BusyError(3.0)
-        if timeout_s is not None:  # not a part: jobs are checked so
-            return self._threads.submit(function, *arguments)
+        return self._threads.submit(function, *arguments).result()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        if self.full:
+            raise BusyError(3.0)
         self.jobs.append((function, *arguments))
         return self._threads.submit(self.instead or function, *arguments)
 

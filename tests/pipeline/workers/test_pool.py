@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -75,6 +76,28 @@ def test_more_than_may_wait_are_refused_at_once(pool: WorkPool, tmp_path: Path) 
     assert first.result(PATIENCE_S) == second.result(PATIENCE_S) == third.result(PATIENCE_S)
     wait_until(lambda: pool.running == 0)
     assert pool.submit(os.getpid).result(PATIENCE_S)
+
+
+def test_a_call_goes_before_the_waiting_jobs_and_waits_no_longer_than_it_may(
+    pool: WorkPool, tmp_path: Path
+) -> None:
+    go, mark, second_mark = tmp_path / "go", tmp_path / "mark", tmp_path / "second"
+    first = pool.submit(calls.mark_and_wait, str(mark), str(go))
+    wait_until(mark.exists)
+    second = pool.submit(calls.mark_and_wait, str(second_mark), str(go))
+    with pytest.raises(BusyError):  # the worker is at the first job
+        pool.call(os.getpid, free_s=0.05, timeout_s=PATIENCE_S)
+    assert pool.waiting == 1  # what nobody waits for is not done
+    with ThreadPoolExecutor(1) as thread:
+        later = thread.submit(
+            pool.call, calls.is_there, str(second_mark), free_s=PATIENCE_S, timeout_s=PATIENCE_S
+        )
+        wait_until(lambda: pool.waiting == 2)
+        go.touch()
+        assert later.result() is False  # before the second job
+    assert first.result(PATIENCE_S) == second.result(PATIENCE_S)
+    with pytest.raises(TimeoutError, match="of the function"):
+        pool.call(calls.time_out, free_s=PATIENCE_S, timeout_s=PATIENCE_S)
 
 
 def test_killed_worker_costs_its_own_job_only_and_an_idle_one_none(pool: WorkPool, tmp_path: Path) -> None:
