@@ -90,9 +90,14 @@ class WorkerCalls:
                 await self._call_once(warm_up, self.jobs.settings(""), self.limits)
                 log.info("a clean part is read again: the parts that have lost the workers are to blame")
         for job, database in tuple(self._troubles):
-            with contextlib.suppress(Problem, WorkerLostError):
+            try:
                 async with self._note_fault(job, database):
                     await self._check_again(job, database)
+            except Problem as problem:
+                if problem.is_final:  # removed for good: there is nothing left to be put right
+                    self._forget(job, database)
+            except WorkerLostError:
+                pass
 
     async def _check_again(self, job: str, database: str) -> None:
         settings = await self._settings_with(database, job)
@@ -211,9 +216,13 @@ class WorkerCalls:
                 log.error("parts cannot be read", job=job, database=database, why=problem.detail)
             self._troubles[key] = problem.detail
             raise
-        if self._troubles.pop(key, None) is not None:
-            self._last_checks.pop(key, None)
+        if self._forget(job, database):
             log.info("parts can be read again", job=job, database=database)
+
+    def _forget(self, job: str, database: str) -> bool:
+        """Forget a fault; return whether there was one."""
+        self._last_checks.pop((job, database), None)
+        return self._troubles.pop((job, database), None) is not None
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:

@@ -293,7 +293,7 @@ def test_the_first_signal_drains_and_the_second_stops() -> None:
     assert asyncio.run(at_once.on_tick(1)) is True
 
 
-def test_an_unusable_database_is_opened_again_once_it_changes(
+def test_an_unusable_database_is_opened_again_once_it_changes_and_forgotten_once_it_is_removed(
     tmp_path: Path, plate: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worker_calls, "UNCHANGED_S", 1e9)
@@ -311,6 +311,11 @@ def test_an_unusable_database_is_opened_again_once_it_changes(
         path.unlink()
         client.portal.call(service.intake.calls.recheck)  # type: ignore[union-attr]
         assert "die has disappeared" in service.intake.calls.troubles["die"]
+        # after an hour it counts as removed: nobody can put it right, so it is no fault any more
+        monkeypatch.setattr("pipeline.service.jobs.MOST_AWAY_S", 0.0)
+        client.portal.call(service.intake.calls.recheck)  # type: ignore[union-attr]
+        assert service.intake.calls.troubles == {}
+        assert "unusable" not in client.get("/readyz").json()
 
 
 def checks(service: Any) -> int:
