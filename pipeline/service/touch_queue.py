@@ -119,6 +119,9 @@ class TouchQueue:
             key: self._deadlines.get(key, now + self._left_s(part.changed_at, part.until))
             for key, part in waiting.items()
         }
+        # a part that another service or a person has dealt with waits no more
+        waits = self._attempts.keys() | {part.part_id for part in waiting.values()}
+        self._failures = {part_id: why for part_id, why in self._failures.items() if part_id in waits}
         for (part_id, _), deadline in self._deadlines.items():
             if deadline <= now and part_id not in self._attempts:
                 await self._give_up(part_id, NOBODY)

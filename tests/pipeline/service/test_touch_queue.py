@@ -138,6 +138,18 @@ def test_why_a_part_is_not_felt_is_noted_once_and_again_if_it_changes(store: Sto
     assert events == ["no part", "no air"]
 
 
+def test_a_failure_is_forgotten_once_another_service_has_felt_the_part(store: Store) -> None:
+    part, other = waiting(store), waiting(store)
+    bench = Bench(store, knows_place=True, retry_s=LONG_S)
+    bench.fails = lambda: StageError("no air")
+    asyncio.run(bench.until(lambda: len(bench.queue._failures) == 2))
+    assert bench.queue.trouble.startswith("2 parts wait for the stage")
+    store.add_readings(part.id, readings=(reading("KX4", "fused"),), state=PartState.ACCEPTED)
+    asyncio.run(bench.queue.look())
+    assert bench.queue.trouble.startswith("1 part waits for the stage")
+    assert bench.queue._failures.keys() == {other.id}
+
+
 def test_who_asks_while_the_stage_is_at_the_part_gets_what_comes_of_it(store: Store) -> None:
     part, bench = waiting(store), Bench(store)
 
