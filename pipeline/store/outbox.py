@@ -10,7 +10,7 @@ than `LONGEST_WAIT_S`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -106,6 +106,11 @@ def waiting_results(tx: Transaction) -> Mapping[str, WaitingResults]:
     """Results that wait to be sent, by target."""
     asked = sa.select(outbox.c.target, sa.func.count(), sa.func.min(outbox.c.created_at))
     return {name: WaitingResults(n, since) for name, n, since in tx.execute(asked.group_by(outbox.c.target))}
+
+
+def still_waiting(tx: Transaction, ids: Collection[int]) -> frozenset[int]:
+    """Those of the deliveries that have not arrived yet, whoever sends them."""
+    return frozenset(tx.execute(sa.select(outbox.c.id).where(outbox.c.id.in_(ids))).scalars())
 
 
 def undelivered(tx: Transaction) -> int:

@@ -100,6 +100,7 @@ class Store(Database):
     release = _writes(outbox.release)
     delivered = _writes(outbox.delivered)
     postpone = _writes(outbox.postpone)
+    still_waiting = _reads(outbox.still_waiting)
     undelivered = _reads(outbox.undelivered)
     waiting_results = _reads(outbox.waiting_results)
 

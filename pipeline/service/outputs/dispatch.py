@@ -221,6 +221,7 @@ class Dispatcher:
                     lease_s=pace.lease_s,
                     limit=1 if rests else pace.together,
                 )
+                await self._drop_arrived(self.states[target].refused)
                 if loop.time() + pace.send_s > until_s:
                     leased = ()  # leasing took too long; the outbox gives them again
                 if not leased:
@@ -249,6 +250,13 @@ class Dispatcher:
         waiting = await asyncio.to_thread(self._outbox.waiting_results)
         for target in sorted(set(waiting) - set(self._senders)):
             _log.warning("results wait to be sent to %s, which is not set up here", target)
+
+    async def _drop_arrived(self, refused: dict[int, str]) -> None:
+        """Forget refused results that another service has delivered since."""
+        if refused:
+            waiting = await asyncio.to_thread(self._outbox.still_waiting, tuple(refused))
+            for delivery_id in refused.keys() - waiting:
+                del refused[delivery_id]
 
     async def _ping(self, target: str, sender: Sender) -> None:
         try:

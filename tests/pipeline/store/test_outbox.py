@@ -21,8 +21,9 @@ def test_a_result_waits_until_it_has_arrived(store: Store, clock: Clock) -> None
     clock.go_on(seconds=10)
     (again,) = due(store)
     assert (again.id, again.payload, again.attempts) == (sent.id, sent.payload, 1)
+    assert store.still_waiting([again.id, again.id + 1]) == {again.id}
     store.delivered(again.id)
-    assert (due(store), store.undelivered()) == ((), 0)
+    assert (due(store), store.undelivered(), store.still_waiting([again.id])) == ((), 0, frozenset())
     # a second dispatcher had it as well
     store.delivered(again.id)
     store.postpone(again.id, "tests", error="", wait_s=10.0)

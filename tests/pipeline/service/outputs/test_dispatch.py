@@ -180,6 +180,22 @@ async def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries_and_is_sai
     assert "results wait to be sent to mqtt, which is not set up here" in caplog.text
 
 
+async def test_a_refused_result_that_another_service_delivers_is_no_longer_counted(outbox: Outbox) -> None:
+    async def refuse(_: Delivery) -> None:
+        raise DeliveryError("no such field", lasting=True)
+
+    outbox.fill(2, 1, "webhook")
+    pace = Pace(look_s=0.01, longest_wait_s=100.0)
+    here = dispatcher_of(outbox, pace, webhook=Recorder(refuse))
+    here.start()
+    await until(lambda: here.states["webhook"].state == "refuses 2 results")
+    first = min(here.states["webhook"].refused)
+    await asyncio.to_thread(outbox.delivered, first)  # as another service does that shares the store
+    await until(lambda: here.states["webhook"].state == "refuses 1 result")
+    assert first not in here.states["webhook"].refused
+    await here.stop()
+
+
 async def test_waiting_grows_to_its_limit_and_is_never_all_at_once(outbox: Outbox) -> None:
     pace = Pace(first_wait_s=1.0, longest_wait_s=300.0)
     assert [pace.wait_s(n) for n in (1, 2, 3, 9, 10, 1000)] == [1.0, 2.0, 4.0, 256.0, 300.0, 300.0]
