@@ -40,6 +40,7 @@ from pipeline.workers.pool import WorkPool
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
     from pipeline.common.settings import ReadSettings
+    from pipeline.service.inputs.watch_folder import WatchedFolder
     from pipeline.service.settings import ServiceSettings
 
 log = structlog.get_logger("tactile-marks")
@@ -58,6 +59,8 @@ READY_S = 2.0
 ORPHAN_AGE_S = 3600.0
 # Days after which a request that is sent again makes a new part.
 KEYS_KEPT_DAYS = 7.0
+# Days after which a file that has left the watched folder, and comes back unchanged, makes a new part.
+FILE_KEYS_KEPT_DAYS = 90.0
 
 
 class Input(Protocol):
@@ -99,6 +102,7 @@ class Ports:
         intake.targets = () if settings.shadow else tuple(senders)
         self._dispatcher = Dispatcher(intake.store, senders)
         self._inputs: dict[str, Input] = {}
+        self._watched: WatchedFolder | None = None
         self._on_review: Callable[[PartRecord], Coroutine[None, None, None]] | None = None
         self._open: list[Connection] = []
         if settings.tcp.port is not None:
@@ -113,7 +117,7 @@ class Ports:
         if settings.watch.folder is not None:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
-            self._inputs["watch"] = WatchedFolder(
+            self._inputs["watch"] = self._watched = WatchedFolder(
                 settings.watch, intake, most_bytes=settings.limits.upload_bytes, at_once=settings.jobs
             )
 
@@ -121,6 +125,14 @@ class Ports:
     def trouble(self) -> str:
         """Why an input brings no parts, in words; empty without a fault."""
         return "; ".join(port.trouble for port in self._inputs.values() if port.trouble)
+
+    def renew_keys(self, *, before: datetime) -> bool:
+        """Renew the keys of files as in `WatchedFolder`; return whether those of other files may be forgotten.
+
+        Raises:
+            StoreError: the store does not answer.
+        """
+        return self._watched is None or self._watched.renew_keys(before=before)
 
     def connections(self) -> tuple[Connection, ...]:
         """The present connections.
@@ -328,7 +340,11 @@ class Service:
         if days:
             expired = self.store.expire_evidence(now - timedelta(days=days))
         n_removed = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S)
-        self.store.forget_keys(now - timedelta(days=KEYS_KEPT_DAYS))
+        renewed = self.ports.renew_keys(before=now - timedelta(days=1))
+        self.store.forget_keys(
+            now - timedelta(days=KEYS_KEPT_DAYS),
+            files_before=now - timedelta(days=FILE_KEYS_KEPT_DAYS) if renewed else None,
+        )
         if n_removed or expired:
             log.info("evidence swept", expired=expired, removed=n_removed)
 

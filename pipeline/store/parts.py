@@ -8,8 +8,8 @@ Idempotency keys: a request that is sent again, or a run that is given again, is
 * A key is written in the transaction that writes the part it made: both are there, or neither.
 * Of requests with one key that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
 * A key stands for one request: a fingerprint of the request is kept with it, and the caller compares.
-* Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of runs
-  and of watched files are kept for ever.
+* Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of files
+  are kept as long as `renew_keys` finds the files, and a while longer; keys of runs are kept for ever.
 
 Serials are checked in the transaction that writes the part. SQLite has one writer at a time; on PostgreSQL the check
 takes a lock of its own until its transaction ends, so that of two services one is first with a serial.
@@ -53,8 +53,9 @@ from pipeline.store.tables import parts
 
 AUDIT_WAITS = "waiting"
 _SHA256 = re.compile("[0-9a-f]{64}")
-# begins the fingerprint of a key that is kept for ever; those of requests are hexadecimal
+# begins the fingerprint of a key of a run or of files; those of requests are hexadecimal
 _KEPT = "kept "
+_OF_FILES = f"{_KEPT}files"
 _LOCK = 0x5E81A1
 # number of parts among which those read with certainty are searched
 _LOOKED_BACK = 4 * WINDOW
@@ -292,7 +293,7 @@ class IdempotencyKey:
     def of_files(cls, files: Iterable[str]) -> IdempotencyKey:
         """The key of a part that is read from files, from their keys, so that it is read from them only once."""
         files = tuple(files)
-        return cls("|".join(files), f"{_KEPT}files", files)
+        return cls("|".join(files), _OF_FILES, files)
 
 
 def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
@@ -312,10 +313,26 @@ def known_keys(tx: Transaction, asked: Iterable[str]) -> frozenset[str]:
     return frozenset(hashes[one] for one in found)
 
 
-def forget_keys(tx: Transaction, before: datetime) -> int:
-    """Delete idempotency keys of requests before a time; return their number."""
-    of_request = keys.c.fingerprint.not_like(f"{_KEPT}%")
-    return tx.execute(sa.delete(keys).where(keys.c.at < before, of_request)).rowcount
+def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> None:
+    """Renew the keys of files that are still there, if they were last renewed before a time."""
+    hashes = [_hash(key) for key in present]
+    for k in range(0, len(hashes), MAX_ROWS):
+        old = sa.and_(keys.c.key_hash.in_(hashes[k : k + MAX_ROWS]), keys.c.at < before)
+        tx.execute(sa.update(keys).where(old).values(at=tx.now))
+
+
+def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | None = None) -> int:
+    """Delete idempotency keys; return their number.
+
+    Args:
+        tx: the transaction.
+        before: time before which keys of requests are deleted.
+        files_before: time before which keys of files were last renewed that are deleted; None: none of them.
+    """
+    old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_KEPT}%"))
+    if files_before is not None:
+        old = sa.or_(old, sa.and_(keys.c.at < files_before, keys.c.fingerprint == _OF_FILES))
+    return tx.execute(sa.delete(keys).where(old)).rowcount
 
 
 def _claim_key(tx: Transaction, asked: IdempotencyKey | None, part_id: str) -> None:

@@ -69,6 +69,7 @@ class Store(Database):
     # requests that are sent again
     find_request = _reads(_parts.find_request)
     known_keys = _reads(_parts.known_keys)
+    renew_keys = _writes(_parts.renew_keys)
     forget_keys = _writes(_parts.forget_keys)
 
     # people: claims, reviews, audits of accepted parts

@@ -11,7 +11,8 @@
 * Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
   all its files are, and there are as many as expected, or none was added or changed for a while. One that is added
   later makes it another set, which is read anew.
-* The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for ever.
+* The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for as
+  long as they are in the folder, and some months longer.
 * A photograph that cannot be read, or that ends two workers, is a part for a person, and is not tried again until it
   changes; of a set, the others are read. What is no photograph is named in the log. Nothing in the folder is changed.
 * Only a fault of the file itself is final. While the queue is full, or a job or file of the service cannot be used,
@@ -31,6 +32,7 @@ import stat
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -133,6 +135,8 @@ class WatchedFolder:
         self._known: set[str] = set()
         # keys of files that were there before the folder was watched; None until it is
         self._older: set[str] | None = None
+        # keys of the files at the last look; None before, and while the folder cannot be looked at
+        self._present: frozenset[str] | None = None
         # files and folders that are no photographs, as they stood, with the reason: named in the log once
         self._passed_over: dict[str, tuple[FileStamp, str]] = {}
         # attempts that came to nothing, by the part's key: why, and when the next one is due by the monotonic clock
@@ -150,6 +154,17 @@ class WatchedFolder:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._looking.acquire(), grace_s)
         await end_tasks([] if self._task is None else [self._task])
+
+    def renew_keys(self, *, before: datetime) -> bool:
+        """Renew the store's keys of the files in the folder that are from before a time; return whether they are known.
+
+        Raises:
+            StoreError: the store does not answer.
+        """
+        if (present := self._present) is None:
+            return False
+        self._intake.store.renew_keys(present, before=before)
+        return True
 
     async def look(self) -> float:
         """Look once, and submit what is complete.
@@ -182,7 +197,7 @@ class WatchedFolder:
         """Parts whose files are new and unchanged since the last look, the oldest first."""
         began_s, groups = time.monotonic(), dict[str, dict[str, FileStamp]]()
         if (now := self._photographs()) is None:
-            self._older = None
+            self._older = self._present = None
             return []
         for path, status in sorted(now.items()):
             # the files of a set stand under a name that no file can have
@@ -190,7 +205,8 @@ class WatchedFolder:
             groups.setdefault(several, {})[path] = stamp_of(status)
         keys = {path: picture_key(path, stamp_of(status)) for path, status in now.items()}
         moved = {path: _moved_key(status) for path, status in now.items()}
-        self._known.intersection_update([*keys.values(), *moved.values()])
+        self._present = frozenset([*keys.values(), *moved.values()])
+        self._known &= self._present
         self._older = set(keys.values()) if self._older is None else self._older
         before, self._seen, found = self._seen, {}, list[WatchedPart]()
 

@@ -302,7 +302,9 @@ def test_a_store_that_has_gone_away(store_url: str) -> None:
     store.close()
 
 
-def test_files_that_a_part_was_read_from_stand_for_it_for_ever(store: Store, clock: Clock) -> None:
+def test_files_that_a_part_was_read_from_stand_for_it_as_long_as_they_are_there(
+    store: Store, clock: Clock
+) -> None:
     first = received(store, idempotency=IdempotencyKey.of_files(["a"]))
     both = IdempotencyKey.of_files(["a", "b"])
     second = received(store, idempotency=both)
@@ -315,3 +317,12 @@ def test_files_that_a_part_was_read_from_stand_for_it_for_ever(store: Store, clo
     assert done.value.part_id == second.id
     assert store.forget_keys(clock() + timedelta(days=1)) == 0
     assert store.known_keys(map(str, range(25_000))) == frozenset()
+    run = IdempotencyKey.of_run("run", "part", "digest")
+    received(store, idempotency=run)
+    clock.go_on(days=100)
+    later = {"before": clock.at, "files_before": clock.at - timedelta(days=90)}
+    store.renew_keys(["a", "c"], before=clock.at - timedelta(days=200))
+    store.renew_keys(["b"], before=clock.at - timedelta(days=1))
+    assert store.forget_keys(**later) == 2  # a, and the key of both
+    assert store.known_keys(["a", "b", "c"]) == {"b"}
+    assert store.find_request(run.key) is not None

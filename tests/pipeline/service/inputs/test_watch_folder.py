@@ -7,6 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -480,6 +481,27 @@ def test_what_has_left_is_forgotten_and_what_comes_back_is_not_read_again(
     for k in range(7):
         os.rename(aside / f"{k}.png", bench.folder / f"{k}.png")
     assert len(bench.look(3)) == 8
+
+
+def test_keys_are_kept_as_long_as_their_files_are_in_the_folder_and_some_months(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a", "b", "c"):
+        bench.put(f"{name}.png")
+    assert not bench.watched.renew_keys(before=datetime.now(UTC))  # nothing is known before the first look
+    assert bench.look(3) == ["a", "b", "c"]
+    for name in ("b", "c"):
+        os.rename(bench.folder / f"{name}.png", bench.folder.parent / f"{name}.png")
+    for name, days in (("b", 80), ("c", 100)):
+        later = datetime.now(UTC) + timedelta(days=days)
+        monkeypatch.setattr(bench.store, "_now", lambda later=later: later)
+        bench.look(1)
+        assert bench.watched.renew_keys(before=later - timedelta(days=1))
+        bench.store.forget_keys(later, files_before=later - timedelta(days=90))
+        os.rename(bench.folder.parent / f"{name}.png", bench.folder / f"{name}.png")
+        bench.anew()
+        bench.look(3)
+    assert bench.names == ["a", "b", "c", "c"]  # c was away for more than 90 days
 
 
 def test_a_store_that_does_not_answer_is_asked_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
