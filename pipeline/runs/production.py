@@ -17,9 +17,11 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import SerialRules
 from pipeline.common.settings import ReadSettings
 from pipeline.common.texts import first_of
-from pipeline.common.version import file_sha256, program_version
+from pipeline.common.version import file_sha256, key_of, program_version
+from pipeline.errors import is_url, without_secrets
 from pipeline.formats.find_parts import Listing, discover
-from pipeline.formats.part_files import PartFiles
+from pipeline.formats.manifest import is_manifest, names_no_files
+from pipeline.formats.part_files import PartFiles, local_name
 from pipeline.formats.truth import Accuracy, PartTexts, load_truth, read_order
 from pipeline.reading.expected import load_expected
 from pipeline.runs.options import RunOptions
@@ -121,6 +123,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         "learn_die": learning,
         "files": {str(path): file_sha256(path) for path in files_of(settings)},
         "order": str(options.order or ""),
+        "tables": _contents_of_tables(inputs, options, parts),
         "certified": watch and watch.certificate.threshold,
     }
     shown: dict[str, ReadingRecord] = {}
@@ -179,6 +182,22 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
             )
     wanted = len(parts) if expected is not None else sum(bool(part.expected) for part in parts)
     return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0
+
+
+def _contents_of_tables(
+    inputs: Sequence[str], options: RunOptions, parts: Sequence[PartFiles]
+) -> dict[str, str]:
+    """Hash of each table that readings depend on, by name; of a manifest on the web, that of all its parts."""
+    manifests = [name for name in map(local_name, inputs) if is_manifest(name) and not names_no_files(name)]
+    manifests += map(local_name, options.manifest)
+    named = [
+        str(name) for name in (options.verify, options.order) if name is not None and Path(name).is_file()
+    ]
+    contents = {name: file_sha256(Path(name)) for name in (*manifests, *named) if not is_url(name)}
+    if remote := [without_secrets(name) for name in manifests if is_url(name)]:
+        entries = [[part.name, *part.files, part.expected, part.format, part.font] for part in parts]
+        contents |= dict.fromkeys(remote, key_of({"parts": entries}))
+    return contents
 
 
 def _check(order: RunOrder, executor: Executor) -> None:

@@ -157,7 +157,9 @@ def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: b
         FileError: the table belongs to another run, is being written, or cannot be written.
         StoreError: the store cannot be opened.
     """
-    key = key_of({**description, "store": options.store})
+    # a part's own entry in a table is in its own key in the store
+    known = {name: value for name, value in description.items() if name != "tables"}
+    key = key_of({**known, "store": options.store})
     with ExitStack() as stack:
         if options.out is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tactile-marks-"))

@@ -106,6 +106,36 @@ def test_a_run_that_has_read_all_its_parts_ends_without_a_worker(
     assert len(read_rows(flat.with_name("rows.csv"))) == 1
 
 
+@pytest.mark.parametrize("edited", ["manifest.csv", "expected.csv", "order.txt"])
+def test_a_run_does_not_go_on_with_a_table_that_was_edited(
+    edited: str, flat: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parts from before and after the edit do not belong in one table."""
+    monkeypatch.chdir(flat.parent)
+    tables = {
+        "manifest.csv": "part,height_map\nb,a.npz\n",
+        "expected.csv": "part,text\nb,AB12\n",
+        "order.txt": "AB12\n",
+    }
+    for name, text in tables.items():
+        Path(name).write_text(text, encoding="utf-8")
+
+    def run() -> None:
+        options = RunOptions(out="rows.csv", verify="expected.csv", order=Path("order.txt"))
+        run_batch(["manifest.csv"], ORDER.settings, options, Executor())
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunJournal, "finish", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            run()
+    Path(edited).write_text(tables[edited].replace("b,", "c,").replace("AB12\n", "AB13\n"), encoding="utf-8")
+    with pytest.raises(FileError, match=rf"holds another run \(tables\.{edited} was"):
+        run()
+    Path(edited).write_text(tables[edited], encoding="utf-8")
+    run()
+    assert [row.part for row in read_rows(Path("rows.csv"))] == ["b"]
+
+
 def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:
     for own in ({"format": "re:["}, {"font": "nosuchfont"}):
         read = read_listed(ORDER, PartFiles("a", str(flat), **own))
