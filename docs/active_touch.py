@@ -28,13 +28,14 @@ from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.pictures import styled
-from pipeline.reading.simulated_scan import VirtualBench
 from recognition.active.active_reader import scan_of
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.see.levelling import level
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from whisker_array.estimation.edges import edge_map
 
 FORMAT, SEED, NUMBER, BUDGET_S = "AA999999", 11, 2, 60.0
@@ -77,7 +78,7 @@ def _feel() -> FeltPart:
     spec = SynthSpec(FORMAT, seed=SEED, height_mm=5.0, soiling=Soiling(severity=0.5))
     part, height_mm = make_part(spec, NUMBER), spec.height_mm
     reader = Reader(format=FORMAT, fonts=(spec.font,), height_mm=height_mm, orientation=Orientation.UPRIGHT)
-    session = VirtualBench(part.height_map, height_mm, sensor_seed=SEED, soil=part.soil).open_session()
+    session = VirtualBench(part.height_map, height_mm, VirtualArray(seed=SEED), part.soil).open_session()
     try:
         found = read_kept(reader.touch, session, budget_s=BUDGET_S)
     finally:

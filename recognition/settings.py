@@ -23,7 +23,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.recogniser.steps import EXPERTS
-from whisker_array.simulation.traces import Fidelity
+from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
 
 STAND_INS = ("gothic", "futuram", "timesr")
 """Built-in fonts that stand in for an unnamed one: depths are measured along their strokes."""
@@ -35,7 +35,7 @@ class ReaderOptions(TypedDict, total=False):
     fonts: Sequence[str | Font]
     format: str | Grammar | None
     height_mm: float | None
-    fidelity: Fidelity
+    array: VirtualArray
     accept_risk: float
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
@@ -55,7 +55,7 @@ class ReaderSettings:
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
         height_mm: character height, if known.
-        fidelity: fidelity with which the virtual array feels a height map.
+        array: the virtual array that feels a height map.
         accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
             was tested to keep it (`recognition.decide.risk`), and nothing if there is none.
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
@@ -75,7 +75,7 @@ class ReaderSettings:
     fonts: Sequence[str | Font] = ()
     format: str | Grammar | None = None
     height_mm: float | None = None
-    fidelity: Fidelity = Fidelity.CONTACT
+    array: VirtualArray = USUAL_ARRAY
     accept_risk: float = USUAL_RISK
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()

@@ -40,7 +40,7 @@ class Surface:
         rows_known: whether the order of its rows is known. If not, a serial that reads differently mirrored goes to
             review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
         part_id: name of the part.
-        feel: function that scans the surface (default: the default plan with ideal sensors).
+        feel: function that scans the surface (default: the virtual array of the reader by the default plan).
         stage: opens a stage on which the part is felt pass by pass instead; it goes with `budget_s`.
         budget_s: most stage seconds.
         region_mm: region of the line on the map, if known; used pass by pass only.
@@ -128,20 +128,18 @@ def _felt(touch: TactileReader, surface: Surface) -> SenseEvidence:
 
 def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
     """Scan a surface by a whole plan, at one height of characters after the other until the serial is sure."""
-    times, fidelity = StepTimes(), touch.settings.fidelity
+    times, array = StepTimes(), touch.settings.array
     with times.step("mount"):
         squared, soil = square_to_plate(surface.height_map, surface.soil)
         levelled = level(squared)
     with times.step("first pass"):
         try:
-            heights = felt_heights_mm(
-                touch.request, levelled, fidelity=fidelity, soil=soil, feel=surface.feel
-            )
+            heights = felt_heights_mm(touch.request, levelled, array=array, soil=soil, feel=surface.feel)
         except NothingFeltError as error:
             return nothing_felt(error, Log(seconds=times.seconds, surface=levelled))
     if not heights:
         return SenseEvidence("tactile", log=Log(seconds=times.seconds, surface=levelled))
-    feel = surface.feel or virtual_feel(fidelity=fidelity, soil=soil, part_id=surface.part_id)
+    feel = surface.feel or virtual_feel(array, soil=soil, part_id=surface.part_id)
     looks = _Looks(touch)
     for height_mm in heights:
         with times.step("scan"):
@@ -163,7 +161,7 @@ def _felt_actively(touch: TactileReader, surface: Surface, stage: OpenStage) -> 
     squared, soil = square_to_plate(surface.height_map, surface.soil)
     levelled, spent_s, looks = level(squared), 0.0, _Looks(touch)
     try:
-        heights = felt_heights_mm(touch.request, levelled, fidelity=touch.settings.fidelity, soil=soil)
+        heights = felt_heights_mm(touch.request, levelled, array=touch.settings.array, soil=soil)
     except NothingFeltError:
         return None
     for height_mm in heights:

@@ -57,10 +57,11 @@ def _read(out: Path) -> int:
     from glyphs.part import stamp
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
-    from pipeline.reading.simulated_scan import VirtualBench
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
     from recognition.see.levelling import level
+    from recognition.see.virtual_array import VirtualArray
+    from recognition.see.virtual_bench import VirtualBench
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 
@@ -71,7 +72,8 @@ def _read(out: Path) -> int:
     for number, (name, stamping) in enumerate(PLATES.items()):
         made = stamp(**stamping, seed=(_SEED, number))
         write_npz(out / f"{name}.npz", made.height_map)
-        scan = VirtualBench(made.height_map, made.height_mm, sensor_seed=_SEED + number, part_id=name).scan()
+        array = VirtualArray(seed=_SEED + number)
+        scan = VirtualBench.mount(made.height_map, made.height_mm, array, part_id=name).scan()
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
         save_calibration(recording, calibrate_scan(scan).calibration)

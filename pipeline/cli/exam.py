@@ -121,6 +121,7 @@ def run(
     from pipeline.reading.perturbation import PERTURBATIONS
     from recognition.decide.risk_text import parse_risk
     from recognition.language.orientation import Orientation
+    from recognition.see.virtual_array import VirtualArray
     from recognition.settings import ReaderSettings
     from whisker_array.simulation.traces import Fidelity
 
@@ -137,7 +138,10 @@ def run(
         raise SettingsError(f"--accept-risk is {accept_risk!r}: {error}") from error
     try:
         reading = ReaderSettings(
-            fidelity=Fidelity(fidelity), accept_risk=risk, orientation=lie, experts=split_commas(experts)
+            array=VirtualArray(fidelity=Fidelity(fidelity)),
+            accept_risk=risk,
+            orientation=lie,
+            experts=split_commas(experts),
         )
     except ValueError as error:
         raise SettingsError(f"--experts is {experts!r}: {error}") from error

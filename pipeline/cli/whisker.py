@@ -12,7 +12,7 @@ from cyclopts.validators import Number
 
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.settings import MAPS, Maps
-from pipeline.cli.shared import FidelityName, Flag, write_picture
+from pipeline.cli.shared import FidelityName, Flag, SensorsName, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.formats.kinds import SCAN_SUFFIXES
 
@@ -28,7 +28,7 @@ def scan(
     out: Path,
     height_mm: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1000))] = None,
     fidelity: FidelityName = "contact",
-    noise: bool = True,
+    sensors: SensorsName = "real",
     seed: int = 0,
     whisker: Path | None = None,
     friction: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None,
@@ -53,11 +53,10 @@ def scan(
         reading the part).
     fidelity
         Simulation of touch.
-    noise
-        Realistic sensors: gains, offsets, noise, drift, creep, hysteresis, 16 bits; and a stage with play and position
-        errors. Without it all are ideal.
+    sensors
+        Sensors and stage: real (gains, offsets, noise, drift, vibration, 16 bits, play and position errors), or ideal.
     seed
-        Random seed of the noise: the same seed gives the same scan.
+        Random seed of the sensors: the same seed gives the same scan.
     whisker
         Whisker file to scan with, as from `design --out` (default: a whisker for the character height).
     friction
@@ -77,14 +76,16 @@ def scan(
     from pipeline.formats.grid import PartMap
     from pipeline.formats.touch_file import read_part_map
     from pipeline.formats.whisker_file import read_surface, read_whisker_file
+    from pipeline.reading.character_height import find_height_mm
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions
-    from pipeline.reading.simulated_scan import VirtualBench, find_height_mm
+    from recognition.see.virtual_array import VirtualArray
+    from recognition.see.virtual_bench import VirtualBench
     from whisker_array.scan.recording import save_scan
+    from whisker_array.scan.sensor import Sensors
     from whisker_array.simulation.traces import Fidelity
     from whisker_array.whisker.array import default_plan
     from whisker_array.whisker.defaults import default_whisker
-    from whisker_array.whisker.touch import default_touch
 
     check_recording(out)
     if active and (profilers or two_way or whisker is not None):
@@ -97,16 +98,8 @@ def scan(
     surface, soil = top.height_map, top.soil
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
-    bench = VirtualBench(
-        surface,
-        height,
-        Fidelity(fidelity),
-        noise,
-        sensor_seed=seed,
-        part_id=height_map.stem,
-        friction=friction,
-        soil=soil,
-    )  # fmt: skip
+    array = VirtualArray(built.touch if built else None, Sensors(sensors), Fidelity(fidelity), seed)
+    bench = VirtualBench.mount(surface, height, array, soil=soil, friction=friction, part_id=height_map.stem)
     if active:
         return scan_actively(bench.open_session(), out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)
@@ -114,11 +107,11 @@ def scan(
     if built is not None:
         plan = replace(plan, speed_mm_s=built.speed_mm_s)
     print(describe_plan(plan))
-    shape, touch = (built.whisker, built.touch) if built else (default_whisker(height), default_touch(height))
+    shape, touch = built.whisker if built else default_whisker(height), array.touch(height)
     mu = touch.friction if friction is None else friction
     if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
         print(f"warning: {warning}", file=sys.stderr)
-    made = bench.scan(plan, touch=touch)
+    made = bench.scan(plan)
     save_scan(made, out)
     print(
         f"wrote {out}: characters {height:.2f} mm, preload {made.touch.preload_mm:.2f} mm, "

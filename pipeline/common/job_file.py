@@ -28,7 +28,7 @@ from pipeline.common.version import file_sha256
 SUFFIX = ".toml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
 """Form of a job's name, which is the name of a file and a word of a trigger."""
-FILES = ("lexicon", "database", "certificate")
+FILES = ("lexicon", "database", "certificate", "whisker")
 """Settings that name a file; a font may be one, too."""
 
 _NAME_HINT = "write letters, digits, _, - and ., a letter or digit first"

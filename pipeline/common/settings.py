@@ -366,6 +366,12 @@ class ReadSettings(MapSettings):
     """Character height in mm (default: measured)."""
     fidelity: Literal["pointwise", "contact"] = "contact"
     """Simulation of touch: the ball of the tip in contact, or a point (faster, less accurate)."""
+    sensors: Literal["real", "ideal"] = "real"
+    """Simulated sensors and stage that feel height maps: real (gains, offsets, noise, drift, vibration, 16 bits, errors
+    of position) or ideal."""
+    whisker: Path | None = None
+    """Whisker file with which height maps are felt, as from design --out (default: a whisker for the character
+    height)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
     depth_rule: Annotated[Names, AfterValidator(_few), _where_given(_rules)] = ()

@@ -34,7 +34,7 @@ _MOST_BYTES = 20_000_000
 _NOT_COVERED = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
 """Settings that may differ from the certified ones: the certificate lists its sources, and units belong to a file.
 `rows` may not differ: like the orientation, the order of rows decides what may be accepted."""
-_FILES = ("database", "lexicon")
+_FILES = ("database", "lexicon", "whisker")
 _AGAIN = "make a new one with: tactile-marks certify"
 
 

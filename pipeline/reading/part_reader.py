@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from recognition.decide.reading import Reading
     from recognition.find.first_pass import Feel
     from recognition.reader import Reader
+    from recognition.see.virtual_array import VirtualArray
     from recognition.surface import OpenStage, Surface
     from whisker_array.scan.session import StageSession
-    from whisker_array.simulation.traces import Fidelity
 
 
 def senses_of(part: PartFiles, mode: str) -> tuple[bool, bool]:
@@ -169,10 +169,10 @@ class PartReader:
             return self.reader.feel_scan(scan if again is None else again.recorded(scan))
         surface = surface_of(top, part.name)
         if again is not None:
-            feel = again.feel(fidelity=self.reader.settings.fidelity, soil=top.soil, part_id=part.name)
+            feel = again.feel(self.reader.settings.array, soil=top.soil, part_id=part.name)
             surface = replace(surface, feel=feel)
         elif self.budget_s is not None:
-            stage = simulated_stage(self.reader.settings.fidelity, part.name)
+            stage = simulated_stage(self.reader.settings.array, part.name)
             surface = replace(surface, stage=stage, budget_s=self.budget_s, region_mm=region_mm)
         return self.reader.feel(surface)
 
@@ -194,15 +194,15 @@ def surface_of(top: PartMap, part_id: str = "", *, feel: Feel | None = None) -> 
     return Surface(top.height_map, top.soil, top.rows_known, part_id, feel)
 
 
-def simulated_stage(fidelity: Fidelity, part_id: str) -> OpenStage:
+def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:
     """A function that mounts a surface on the simulated stage."""
     from pipeline.reading.framed_session import FramedSession
-    from pipeline.reading.simulated_scan import VirtualBench
+    from recognition.see.virtual_bench import VirtualBench
 
     def open_stage(
         surface: HeightMap, soil: Soil | None, height_mm: float, region_mm: Region | None
     ) -> StageSession:
-        bench = VirtualBench(surface, height_mm, fidelity, noise=False, part_id=part_id, soil=soil)
+        bench = VirtualBench.mount(surface, height_mm, array, soil=soil, part_id=part_id)
         session: StageSession = bench.open_session()
         if region_mm is None:
             return session

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from recognition.find.first_pass import Feel
+    from recognition.see.virtual_array import VirtualArray
     from whisker_array.scan.scan import Scan
     from whisker_array.scan.sweep import Sweep
-    from whisker_array.simulation.traces import Fidelity
 
 CAMERA_NOISE = 0.01
 """Standard deviation of the noise added to a photograph, besides its own, as a share of full scale."""
@@ -125,20 +125,21 @@ class Retake:
         others = tuple(self.photo(other) for other in photo.others)
         return replace(photo, pixels=pixels, centre_mm=centre, others=others)
 
-    def feel(self, *, fidelity: Fidelity, soil: Soil | None, part_id: str) -> Feel:
-        """Function that scans the perturbed surface by touch."""
-        from pipeline.reading.simulated_scan import VirtualBench
+    def feel(self, array: VirtualArray, *, soil: Soil | None, part_id: str) -> Feel:
+        """Function that scans the perturbed surface by touch; noise is that of real sensors."""
+        from recognition.see.virtual_bench import VirtualBench
+        from whisker_array.scan.sensor import Sensors
 
-        array = self.seed if self.array is None else self.array
+        if self.how.noise:
+            seed = self.seed if self.array is None else self.array
+            array = replace(array, sensors=Sensors.REAL, seed=seed, noise_seed=self.seed)
 
         def scan(surface: HeightMap, height_mm: float) -> Scan:
-            bench = VirtualBench(
-                surface, height_mm, fidelity, self.how.noise, sensor_seed=array, part_id=part_id, soil=soil
-            )
+            bench = VirtualBench.mount(surface, height_mm, array, soil=soil, part_id=part_id)
             x0, y0, x1, y1 = bench.whole.region_mm
             right, down = self._shift_mm(bench.whole.line_pitch_mm)
             plan = replace(bench.whole, region_mm=(x0 + right, y0 + down, x1, y1))
-            felt = bench.scan(plan, noise_seed=self.seed)
+            felt = bench.scan(plan)
             return reverse_order(felt) if self.how.reordered else felt
 
         return scan

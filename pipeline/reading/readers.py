@@ -16,6 +16,8 @@ from recognition.find.request import LineFormat
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
+from whisker_array.scan.sensor import Sensors
 from whisker_array.simulation.traces import Fidelity
 
 MOST_KEPT = 8
@@ -60,7 +62,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         fonts=_fonts(settings),
         format=serial_format(settings),
         height_mm=settings.height_mm,
-        fidelity=Fidelity(settings.fidelity),
+        array=virtual_array(settings),
         depth_rules=_depth_rules(settings),
         experts=settings.experts,
         region=settings.region,
@@ -69,6 +71,20 @@ def open_reader(settings: ReadSettings) -> Reader:
         orientation=Orientation(settings.orientation),
         accept_risk=settings.accept_risk,
     )
+
+
+def virtual_array(settings: ReadSettings) -> VirtualArray:
+    """The array that feels height maps.
+
+    Raises:
+        FileError: the whisker's file cannot be used.
+    """
+    whisker = None
+    if settings.whisker is not None:
+        from pipeline.formats.whisker_file import read_whisker_file
+
+        whisker = read_whisker_file(settings.whisker).touch
+    return VirtualArray(whisker, Sensors(settings.sensors), Fidelity(settings.fidelity))
 
 
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:

@@ -403,7 +403,7 @@ def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
     written: dict[str, Any] = settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     if settings.database is not None:
         written["database"] = str(jobs.databases.find(str(settings.database)))
-    named: list[str] = [key for key in ("lexicon", "certificate") if key in written]
+    named: list[str] = [key for key in ("lexicon", "certificate", "whisker") if key in written]
     named += [font for font in settings.font if Path(font).name != font or "." in font]
     if named:
         raise Problem(422, f"{named[0]} {_FILES_BY_HAND}")

@@ -19,11 +19,11 @@ from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from recognition.find.find import search_of
 from recognition.find.request import LineRequest
 from recognition.see.view import felt_view, relief_of
+from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.simulation.traces import Fidelity
+from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import default_touch
 
 Feel = Callable[[HeightMap, float], Scan]
 """A function that scans a level surface for characters of a height, mm."""
@@ -39,21 +39,21 @@ class NothingFeltError(MapError):
 
 
 def virtual_feel(
-    *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = "", **plan: Any
+    array: VirtualArray = USUAL_ARRAY, *, soil: Soil | None = None, part_id: str = "", **plan: Any
 ) -> Feel:
-    """Make a function that scans with the virtual array, ideal sensors and the default plan for a character height.
+    """Make a function that scans with the virtual array and the default plan for a character height.
 
     Args:
-        fidelity: fidelity of the contact.
+        array: the array.
         soil: dirt into which the tip sinks, and the part's friction, if known.
         part_id: name of the part.
         plan: further arguments of `whisker_array.whisker.array.default_plan`.
     """
 
     def feel(surface: HeightMap, height_mm: float) -> Scan:
+        bench = VirtualBench(surface, height_mm, array, soil, part_id=part_id)
         raster = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm, **plan)
-        touch = default_touch(height_mm)
-        return trace_scan(surface, touch=touch, plan=raster, fidelity=fidelity, part_id=part_id, soil=soil)
+        return bench.scan(raster)
 
     return feel
 
@@ -62,7 +62,7 @@ def felt_heights_mm(
     request: LineRequest,
     surface: HeightMap,
     *,
-    fidelity: Fidelity = Fidelity.CONTACT,
+    array: VirtualArray = USUAL_ARRAY,
     soil: Soil | None = None,
     feel: Feel | None = None,
     most: int = 2,
@@ -73,9 +73,9 @@ def felt_heights_mm(
     Args:
         request: lines that are looked for.
         surface: the part, level.
-        fidelity: fidelity of the contact.
+        array: the virtual array.
         soil: dirt into which the tip sinks, and the part's friction, if known.
-        feel: function that scans the surface (default: a coarse plan with ideal sensors).
+        feel: function that scans the surface (default: the array by a coarse plan).
         most: greatest number of heights; the part is scanned for one after the other until a reading is accepted.
         first_lines: lines per height of `FIRST_HEIGHT_MM` of the coarse plan; characters half as high still have
             thirteen.
@@ -93,7 +93,7 @@ def felt_heights_mm(
             hint="measure the whole serial; if the map is larger, correct its unit",
         )
     feel = feel or virtual_feel(
-        fidelity=fidelity,
+        array,
         soil=soil,
         directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
         lines_per_height=first_lines,

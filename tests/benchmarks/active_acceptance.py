@@ -19,8 +19,8 @@ from glyphs import stamp
 from pipeline.reading.part_reader import simulated_stage
 from recognition import Reader
 from recognition.decide.evidence import Evidence
+from recognition.see.virtual_array import VirtualArray
 from recognition.surface import Surface
-from whisker_array.simulation.traces import Fidelity
 
 FORMAT = "AA999999"
 FONTS = ("gothic", "futural", "timesrb")
@@ -57,7 +57,7 @@ def main(
         each: print a line for each part.
     """
     warnings.simplefilter("error", RuntimeWarning)
-    reader, stage = Reader(format=FORMAT), simulated_stage(Fidelity.CONTACT, "")
+    reader, stage = Reader(format=FORMAT), simulated_stage(VirtualArray(), "")
     rows = []
     for font in FONTS:
         for severity in SEVERITIES:

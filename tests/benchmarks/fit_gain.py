@@ -56,11 +56,11 @@ def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None =
     """
     from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from pipeline.reading.simulated_scan import VirtualBench
     from recognition.active.active_reader import ActiveReader, ActiveSettings
     from recognition.active.policy import Drawn
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
+    from recognition.see.virtual_bench import VirtualBench
 
     design = design_named(design_name)
     parts = DesignedParts(design.model_copy(update={"seed": seed}))

@@ -24,12 +24,14 @@ from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.formats.touch_file import read_height_map
-from pipeline.reading.simulated_scan import VirtualBench
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from recognition.settings import ReaderSettings
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.sensor import Sensors
 
 TEXT = "KR804217"
 HEIGHT_MM = 5.0
@@ -53,7 +55,7 @@ def task(name: str) -> Callable[[], str]:
         coins = sorted((Path(__file__).parents[1] / "data").glob("penny_*.npz"))
         return partial(read_next, Reader(), cycle([read_height_map(path) for path in coins]))
     if name == "edge_map":
-        scan = felt(a_part(TEXT, 1), noise=True)
+        scan = felt(a_part(TEXT, 1), sensors=Sensors.REAL)
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
     return partial(read_next, Reader(ReaderSettings(format="AA999999")), cycle(shown(*name.split("_"))))
 
@@ -80,9 +82,9 @@ def exam_parts(**levels: object) -> DesignedParts:
     return DesignedParts(Design.of(parts=len(SOILS), cross=("soil",), part=own))
 
 
-def felt(surface: HeightMap, *, noise: bool = False, soil: Soil | None = None) -> Scan:
-    """In four directions, on a bench without memory."""
-    return VirtualBench(surface, HEIGHT_MM, noise=noise, memory=False, soil=soil).scan()
+def felt(surface: HeightMap, *, sensors: Sensors = Sensors.IDEAL, soil: Soil | None = None) -> Scan:
+    """In four directions."""
+    return VirtualBench.mount(surface, HEIGHT_MM, VirtualArray(sensors=sensors), soil=soil).scan()
 
 
 def exam_part(soil: str, numbers: Iterator[int]) -> str:

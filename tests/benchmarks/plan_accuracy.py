@@ -24,9 +24,10 @@ from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
 from pipeline.benchmark.exam.design import Design, design_named
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.reading.simulated_scan import VirtualBench
 from recognition import Orientation, Reader
 from recognition.decide.decision import Decision
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, describe_directions
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
@@ -97,7 +98,9 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
                     directions=tuple(TraceDirection(d) for d in ways),
                 )
                 noise = int(np.random.SeedSequence((seed, number, lines, *ways)).generate_state(1)[0])
-                bench = VirtualBench(part.height_map, part.height_mm, sensor_seed=noise, soil=part.soil)
+                bench = VirtualBench.mount(
+                    part.height_map, part.height_mm, VirtualArray(seed=noise), soil=part.soil
+                )
                 right, accepted = read_right(bench.scan(plan), part.truth, item.condition.format)
                 yield PlanCounts(
                     lines=lines,

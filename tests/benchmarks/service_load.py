@@ -36,9 +36,10 @@ import numpy as np
 
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part, write_part
-from pipeline.reading.simulated_scan import VirtualBench
 from pipeline.service.process import ServiceProcess, service_process
 from pipeline.service.settings import STORE_FILE
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from whisker_array.scan.recording import save_scan
 
 HEIGHT_MM = 5.0
@@ -153,7 +154,7 @@ def make_samples(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> tup
         stem = folder / f"part-{number}"
         write_part(spec, stem, number, photos=True)
         soiled = make_part(spec, number)
-        scan = VirtualBench(soiled.height_map, HEIGHT_MM, sensor_seed=number, soil=soiled.soil).scan()
+        scan = VirtualBench(soiled.height_map, HEIGHT_MM, VirtualArray(seed=number), soiled.soil).scan()
         save_scan(scan, stem.with_suffix(".h5"))
         samples.append(
             Sample(soiled.text, stem.with_suffix(".png").read_bytes(), stem.with_suffix(".h5").read_bytes())

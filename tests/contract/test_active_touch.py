@@ -29,7 +29,8 @@ def test_no_text_is_accepted_before_lines_tell_it_from_its_rivals(tmp_path: Path
 def test_an_accepted_part_was_felt_along_both_axes(command: Command, tmp_path: Path) -> None:
     part = save_height_map(tmp_path / "part.npz", "O8", height_mm=5.0)
     done = command(
-        "scan", part, "--out", tmp_path / "felt.h5", "--height-mm", "5", "--active", "--format", "A9", "--no-noise"
+        "scan", part, "--out", tmp_path / "felt.h5", "--height-mm", "5", "--active", "--format", "A9",
+        "--sensors", "ideal",
     )  # fmt: skip
     assert "O8, accepted" in done.out
     lines = done.out.splitlines()

@@ -17,6 +17,7 @@ from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.depth_rules import depth_rule
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import STAND_INS, ReaderSettings, Repertoire
 from tests.support.felt import felt, shallower
 from whisker_array.scan.sensor import draw_sensor_chain
@@ -97,7 +98,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         ({"text": "AB 123"}, {"format": "AA 999", "height_mm": 5.0}),
         ({"text": "AB 123"}, {"format": None, "height_mm": 5.0, "accept_risk": 0.01}),
         ({}, {"fonts": ()}),
-        ({}, {"fidelity": Fidelity.POINTWISE, **KNOWN}),
+        ({}, {"array": VirtualArray(fidelity=Fidelity.POINTWISE), **KNOWN}),
     ],
 )
 def test_parts_of_all_kinds_are_accepted(
@@ -305,7 +306,11 @@ def test_a_scan_that_shows_nothing_says_why(plain: tuple[StampedPart, Reading], 
     scan = plain[1].trace.scan
     assert scan is not None
     still = replace(
-        scan, sweeps=tuple(replace(s, moment_n_mm=np.zeros_like(s.moment_n_mm)) for s in scan.sweeps)
+        scan,
+        sweeps=tuple(
+            replace(s, moment_n_mm=np.zeros_like(s.moment_n_mm), air_n_mm=np.zeros_like(s.air_n_mm))
+            for s in scan.sweeps
+        ),
     )
     reading = reader().read(still)
     assert (reading.text, reading.decision) == ("", Decision.REJECT)

@@ -60,7 +60,7 @@ def picture(suffix: str) -> bytes:
 def scan() -> bytes:
     """A recording of the small map, with few samples: of each file of the corpus one is written."""
     from glyphs.surface.maps import HeightMap
-    from pipeline.reading.simulated_scan import VirtualBench
+    from recognition.see.virtual_bench import VirtualBench
     from whisker_array.scan.recording import save_scan
     from whisker_array.whisker.array import default_plan
 

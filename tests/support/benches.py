@@ -9,7 +9,8 @@ import numpy as np
 
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
-from pipeline.reading.simulated_scan import VirtualBench
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from whisker_array.identification.bench import (
     BENCH_GAIN,
     Bench,
@@ -59,8 +60,8 @@ def recorded(
         comb, (0.0, 0.0, *piece.size_mm), comb.pitch_mm / 4, 0.03125, speed_mm_s=50.0, lead_mm=1.5
     )
     heights = piece.height_map(FINE_MM)
-    bench = VirtualBench(heights, HEIGHT_MM, memory=False, sensor_seed=1, friction=friction)
-    scan = bench.scan(plan, touch=touch or drawn, noise_seed=0)
+    array = VirtualArray(touch or drawn, seed=1, noise_seed=0)
+    scan = VirtualBench(heights, HEIGHT_MM, array, friction=friction).scan(plan)
     return replace(scan, touch=drawn)
 
 

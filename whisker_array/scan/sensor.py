@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Annotated, Self
 
 import numpy as np
@@ -28,6 +29,13 @@ from glyphs.ranges import (
 )
 from glyphs.surface.display import OneLine
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
+
+
+class Sensors(StrEnum):
+    """Sensors and stage of a simulated array."""
+
+    REAL = "real"
+    IDEAL = "ideal"
 
 
 class SensorError(MarksError):
@@ -185,9 +193,17 @@ def convert(
     if chain.adc_bits is None:
         return signal_n_mm, np.zeros(signal_n_mm.shape, dtype=np.bool_)
     step, half = chain.adc_step_n_mm, 2.0 ** (chain.adc_bits - 1)
-    counts = np.rint(signal_n_mm.astype(np.float64) / step)
-    saturated = (counts < -half) | (counts > half - 1.0)
-    return (np.clip(counts, -half, half - 1.0) * step).astype(np.float32), saturated
+    exact: type[np.floating] = np.float64 if chain.adc_bits > 20 else np.float32
+    counts = signal_n_mm.astype(exact)
+    counts *= exact(1.0 / step)
+    np.rint(counts, out=counts)
+    if counts.size and counts.min() >= -half and counts.max() <= half - 1.0:  # False with NaN
+        saturated = np.zeros(counts.shape, dtype=np.bool_)
+    else:
+        saturated = (counts < -half) | (counts > half - 1.0)
+        np.clip(counts, -half, half - 1.0, out=counts)
+    counts *= exact(step)
+    return counts.astype(np.float32, copy=False), saturated
 
 
 def measure(
@@ -221,33 +237,35 @@ def measure(
     check_signal("moment_n_mm", moment, chain.n_whiskers)
     require_positive(SensorError, sample_rate_hz=sample_rate_hz)
     n, samples = moment.shape[-2:]
-    raw = np.empty((math.prod(moment.shape[:-2]), n, samples), dtype=np.float32)
-    saturated = np.zeros(raw.shape, dtype=np.bool_)
-    walk = chain.drift_n_mm_per_sqrt_s / math.sqrt(sample_rate_hz)
+    passes = moment.reshape(-1, n, samples).astype(np.float32)
     state = chain.at_rest() if state is None else state
-    passes = moment.reshape(raw.shape)
-    for i in range(raw.shape[0]):
-        shake = _noise(rng, chain.vibration, samples)
-        load = passes[i].astype(np.float32) * (1.0 + shake)
-        if chain.memory is not None:
+    raw = passes * (1.0 + _noise(rng, chain.vibration, (len(passes), 1, samples)))
+    if chain.memory is not None:
+        for i, load in enumerate(raw):
             if pause_s > 0.0:
                 rest_gauges(chain.memory, state, seconds=pause_s)
-            held = read_gauges(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
-            load = held.astype(np.float32)
-        if walk > 0.0 and pause_s > 0.0:
-            state.drift_n_mm += _noise(rng, chain.drift_n_mm_per_sqrt_s * math.sqrt(pause_s), n)
-        for w in range(n):
-            trace = load[w] * np.float32(chain.gain[w]) + np.float32(chain.offset_n_mm[w])
-            trace = trace + _noise(rng, chain.noise_n_mm, samples)
-            if walk > 0.0 and samples:
-                drift = state.drift_n_mm[w] + np.cumsum(_noise(rng, walk, samples), dtype=np.float64)
-                state.drift_n_mm[w] = drift[-1]
-                trace = trace + drift.astype(np.float32)
-            raw[i, w], saturated[i, w] = convert(trace.astype(np.float32), chain)
+            raw[i] = read_gauges(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
+    raw *= chain.gain.astype(np.float32)[:, None]
+    raw += chain.offset_n_mm.astype(np.float32)[:, None]
+    raw += _noise(rng, chain.noise_n_mm, raw.shape)
+    if chain.drift_n_mm_per_sqrt_s > 0.0 and samples:
+        # the zero of each whisker walks from pass to pass, and along a straight line within each: what a walk departs
+        # from it within a second is below the noise of a sample
+        seconds = samples / sample_rate_hz
+        paused, during = (
+            _noise(rng, chain.drift_n_mm_per_sqrt_s * math.sqrt(t), raw.shape[:2]) for t in (pause_s, seconds)
+        )
+        after = state.drift_n_mm + np.cumsum(paused + during, axis=0, dtype=np.float64)
+        raw += (after - during).astype(np.float32)[..., None]
+        raw += during[..., None] * np.linspace(0.0, 1.0, samples, dtype=np.float32)
+        state.drift_n_mm[:] = after[-1]
+    raw, saturated = convert(raw, chain)
     return raw.reshape(moment.shape), saturated.reshape(moment.shape)
 
 
-def _noise(rng: np.random.Generator, rms: float, samples: int) -> NDArray[np.float32]:
+def _noise(rng: np.random.Generator, rms: float, shape: tuple[int, ...]) -> NDArray[np.float32]:
     if rms == 0.0:
-        return np.zeros(samples, dtype=np.float32)
-    return rng.standard_normal(samples, dtype=np.float32) * np.float32(rms)
+        return np.zeros(shape, dtype=np.float32)
+    noise = rng.standard_normal(shape, dtype=np.float32)
+    noise *= np.float32(rms)
+    return noise

@@ -16,23 +16,43 @@ DEFAULT_K = 0.117
 """k = l2 / l1 of the strongest differentiator in the paper's experiments."""
 
 
-def default_whisker(character_height_mm: float) -> LShaped:
-    """L-shaped ribbon whisker for characters of a height H, with all dimensions in proportion to H.
+def default_whisker(
+    character_height_mm: float, *, gauge_room_mm: float = 1.5, gauge_room_heights: float = 0.3
+) -> LShaped:
+    """L-shaped ribbon whisker for characters of a height H that can be mounted, in proportion to H from 5 mm on.
 
-    l1 = 6 H, k = 0.117, beta = 0, l3 = l2; music-wire ribbon 0.06 H thick and 0.9 H wide. The width is set by the
-    lateral compliance, proportional to I/I' (1 + k^3) + 3 k^2 EI/GJ: because l1 twists under the tip arm, Dyy/Dzz is at
-    most 38 however wide the ribbon (17 at 6 thicknesses, 31 at 15). Stress on the land is about 5 % of yield at every
-    H; the natural frequency scales as 1/H, the moment as H^3.
+    l1 = 6 H, k = 0.117, beta = 0; music-wire ribbon 0.06 H thick and 0.9 H wide. The width is set by the lateral
+    compliance, proportional to I/I' (1 + k^3) + 3 k^2 EI/GJ: because l1 twists under the tip arm, Dyy/Dzz is at most 38
+    however wide the ribbon (17 at 6 thicknesses, 31 at 15). Stress on the land is about 5 % of yield at every H; the
+    natural frequency scales as 1/H, the moment as H^3.
+
+    The sensor's axis is l3 = l2 - preload - room below the clamp, so that room is left between it and the land. It is
+    above the clamp below H = 3 mm (l3 < 0), and F falls with it (friction 0.2, walls of 60 degrees that rise and fall):
+
+    ======  =====  =====  =====  =====  =====  =========
+    H, mm       1    1.5      2      3      4  5 or more
+    l3 / H  -1.00  -0.50  -0.25   0.00   0.13       0.20
+    rising   0.83   0.96   1.03   1.10   1.13       1.15
+    falling  1.18   1.04   0.97   0.90   0.86       0.84
+    ======  =====  =====  =====  =====  =====  =========
+
+    The whisker is a profiler (F = 1) at H = 1.78 mm; for smaller characters rising walls make the moment smaller.
+
+    Args:
+        character_height_mm: H.
+        gauge_room_mm: least distance from the axis to the land: room for a foil gauge on its carrier, with its cable.
+        gauge_room_heights: the same in character heights, for gauges and clamps that grow with the whisker.
 
     Raises:
         WhiskerError: the height is not positive.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     h = character_height_mm
+    l2_mm = 6.0 * h * DEFAULT_K
     return LShaped(
         l1_mm=6.0 * h,
-        l2_mm=6.0 * h * DEFAULT_K,
-        l3_mm=None,
+        l2_mm=l2_mm,
+        l3_mm=l2_mm - default_preload_mm(h) - max(gauge_room_mm, gauge_room_heights * h),
         beta_rad=0.0,
         section=Rectangle(thickness_mm=0.06 * h, width_mm=0.9 * h),
         material=MUSIC_WIRE,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
     from pipeline.formats.part_files import PartFiles
     from recognition.find.first_pass import Feel
-    from whisker_array.simulation.traces import Fidelity
+    from recognition.see.virtual_array import VirtualArray
 
 
 Box = tuple[float, float, float, float]
@@ -98,13 +98,13 @@ class Parts(Protocol):
         """Everything that determines each part, as JSON values; not their number."""
 
 
-def perturb(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> Specimen:
+def perturb(specimen: Specimen, how: Perturbation, *, array: VirtualArray) -> Specimen:
     """Perturb a part, in the same way every time.
 
     Args:
         specimen: the unchanged specimen.
         how: change to make.
-        fidelity: fidelity of the simulated touch.
+        array: the virtual array.
     """
     again = Retake(how, zlib.crc32(f"{specimen.part} {how.name}".encode()))
     grown, take = again.grown, specimen.take_photo
@@ -121,5 +121,5 @@ def perturb(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> Spe
         line_mm=larger(specimen.line_mm),
         boxes_mm=tuple(b for b in map(larger, specimen.boxes_mm) if b is not None),
         beside_mm=larger(specimen.beside_mm),
-        feel=again.feel(fidelity=fidelity, soil=specimen.soil, part_id=specimen.part),
+        feel=again.feel(array, soil=specimen.soil, part_id=specimen.part),
     )

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from recognition.decide.evidence import SenseEvidence
     from recognition.decide.reading import Reading
     from recognition.reader import Reader
+    from recognition.see.virtual_array import VirtualArray
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
 
@@ -42,7 +43,7 @@ class FeltMaps:
     """A scan, by the default plan or the part's own, with its maps.
 
     Attributes:
-        scan: scan of the virtual array, with ideal sensors.
+        scan: scan of the virtual array.
         edges: its edge map; None if none can be made of the scan.
         relief: its heights; None if there is no edge map.
         simulated_s: time to simulate the scan.
@@ -56,14 +57,14 @@ class FeltMaps:
     __repr__ = one_line
 
 
-def feel_part(specimen: Specimen) -> FeltMaps:
+def feel_part(specimen: Specimen, array: VirtualArray) -> FeltMaps:
     """Scan a part by the default plan, or its own.
 
     Raises:
         MapError: the surface cannot be scanned.
     """
-    from pipeline.reading.simulated_scan import VirtualBench
     from recognition.see.view import relief_of
+    from recognition.see.virtual_bench import VirtualBench
     from whisker_array.estimation.edges import edge_map
 
     start = time.perf_counter()
@@ -71,7 +72,7 @@ def feel_part(specimen: Specimen) -> FeltMaps:
     if specimen.feel is not None:
         scan = specimen.feel(surface, height_mm)
     else:
-        scan = VirtualBench(surface, height_mm, noise=False, soil=specimen.soil).scan()
+        scan = VirtualBench.mount(surface, height_mm, array, soil=specimen.soil).scan()
     simulated_s = time.perf_counter() - start
     try:
         edges = edge_map(scan)
@@ -99,7 +100,7 @@ class PartReadings:
 
     def again(self, how: Perturbation) -> PartReadings:
         """The readings of the perturbed part; senses that the perturbation does not change are not read again."""
-        shown = perturb(self.specimen, how, fidelity=self._reader.settings.fidelity)
+        shown = perturb(self.specimen, how, array=self._reader.settings.array)
         other = PartReadings(shown, self._reader)
         for sense, kept in _KEPT.items():
             if not how.reaches((sense,)):
@@ -123,7 +124,7 @@ class PartReadings:
         Raises:
             MapError: the surface cannot be scanned.
         """
-        return self._time("felt", lambda: feel_part(self.specimen))
+        return self._time("felt", lambda: feel_part(self.specimen, self._reader.settings.array))
 
     @property
     def edges(self) -> EdgeMap:

@@ -11,7 +11,7 @@ All read by touch alone, on one bench whose sensors and stage are drawn with `BE
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.benchmark.readers.mode import Mode, PartReadings
@@ -78,16 +78,15 @@ PLANS = (
 
 def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
     """Make a mode that reads by touch with one plan; the trial records the stage time and why touch stopped."""
-    from pipeline.reading.simulated_scan import VirtualBench
+    from recognition.see.virtual_bench import VirtualBench
 
     touch = reader.touch
 
     def read(senses: PartReadings) -> tuple[Reading, dict[str, Any]]:
         part = senses.specimen
         height_mm = part.height_mm or USUAL_HEIGHT_MM
-        bench = VirtualBench(
-            part.height_map, height_mm, sensor_seed=BENCH_SEED, part_id=part.part, soil=part.soil
-        )
+        array = replace(reader.settings.array, seed=BENCH_SEED)
+        bench = VirtualBench.mount(part.height_map, height_mm, array, soil=part.soil, part_id=part.part)
         if plan.name == "whole":
             return reader.read(bench.scan()), {"scan_s": round(bench.whole.scan_time_s, 3)}
         session = bench.open_session()

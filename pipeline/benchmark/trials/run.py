@@ -34,7 +34,9 @@ from pipeline.workers.executors import Executor
 from recognition.decide.score import FITTED
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
+from whisker_array.scan.sensor import Sensors
 from whisker_array.simulation.traces import Fidelity
 
 KEPT_READERS = 12
@@ -75,7 +77,9 @@ class Benchmark:
             "reading": {
                 "fonts": [str(font) for font in reading.fonts],
                 "format": reading.format,
-                "fidelity": reading.fidelity.value,
+                "fidelity": reading.array.fidelity.value,
+                "sensors": reading.array.sensors.value,
+                **({} if reading.array.whisker is None else {"whisker": reading.array.whisker.whisker}),
                 "orientation": reading.orientation.value,
                 "accept_risk": reading.accept_risk,
                 **({"experts": list(reading.experts)} if reading.experts else {}),
@@ -243,7 +247,7 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
     settings = ReaderSettings(
         fonts=tuple(reading["fonts"]),
         format=reading["format"],
-        fidelity=Fidelity(reading["fidelity"]),
+        array=VirtualArray(sensors=Sensors(reading["sensors"]), fidelity=Fidelity(reading["fidelity"])),
         orientation=Orientation(reading["orientation"]),
         accept_risk=reading["accept_risk"],
     )

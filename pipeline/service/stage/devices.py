@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from glyphs.named import load_named
@@ -157,12 +157,12 @@ class SimulatedStage:
 
     Attributes:
         folder: folder of the height maps, named as the parts; .npz with its soil.
-        noise: sensors as from the bench.
+        sensors: sensors of the stage.
         seed: seed of the sensors' gains, offsets and noise.
     """
 
     folder: Path
-    noise: bool = True
+    sensors: Literal["real", "ideal"] = "real"
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
@@ -175,7 +175,9 @@ class SimulatedStage:
         """
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.framed_session import FramedSession
-        from pipeline.reading.simulated_scan import VirtualBench
+        from recognition.see.virtual_array import VirtualArray
+        from recognition.see.virtual_bench import VirtualBench
+        from whisker_array.scan.sensor import Sensors
 
         maps = _files_of(self.folder, order.part_name, _MAP_SUFFIXES)
         if not maps:
@@ -185,13 +187,12 @@ class SimulatedStage:
             top = read_part_map(path)
             height_map = top.height_map
             frame = order.frame((0.0, 0.0, *height_map.size_mm))
-            session = VirtualBench(
+            session = VirtualBench.mount(
                 height_map,
                 order.plan.height_mm,
-                noise=self.noise,
-                sensor_seed=self.seed,
-                part_id=order.part_name,
+                VirtualArray(sensors=Sensors(self.sensors), seed=self.seed),
                 soil=top.soil,
+                part_id=order.part_name,
             ).open_session()
         except FileError as problem:
             raise StageError(f"{problem.path.name} {problem.what}", problem.hint) from problem

@@ -26,6 +26,7 @@ from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
@@ -74,7 +75,10 @@ def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     path, _ = taught
     part, fonts = stamped(1004), tuple(load_database(path).fonts.values())
     given = ReaderSettings(
-        format="9999", height_mm=5.0, orientation=Orientation.UPRIGHT, fidelity=Fidelity.POINTWISE
+        format="9999",
+        height_mm=5.0,
+        orientation=Orientation.UPRIGHT,
+        array=VirtualArray(fidelity=Fidelity.POINTWISE),
     )
     before = Reader(given, fonts=("gothic",), experts=("templates",)).read(part.height_map)
     after = Reader(given, fonts=fonts).read(part.height_map)

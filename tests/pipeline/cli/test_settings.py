@@ -80,6 +80,8 @@ SOURCES = (
     ("accept_risk", 'accept_risk = "1 in 200"', 0.005, "1/100", 0.01, "--accept-risk 0.02", 0.02),
     ("accept_risk", "accept_risk = 0.005", 0.005, "1 in 1,000", 0.001, "--accept-risk 1/50", 0.02),
     ("fidelity", 'fidelity = "pointwise"', "pointwise", "contact", "contact", "--fidelity pointwise", "pointwise"),
+    ("sensors", 'sensors = "ideal"', "ideal", "real", "real", "--sensors ideal", "ideal"),
+    ("whisker", 'whisker = "a.toml"', Path("a.toml"), "b.toml", Path("b.toml"), "--whisker c.toml", Path("c.toml")),
     ("exclude", 'exclude = "7"', "7", "IO", "IO", "--exclude I", "I"),
     ("font", 'font = ["gothic", "futural"]', ("gothic", "futural"), "futural, my font.ttf", ("futural", "my font.ttf"),
      "--font timesr --font a,b.ttf", ("timesr", "a,b.ttf")),

@@ -99,7 +99,7 @@ def test_scan_feels_what_the_file_tells_of(tmp_path: Path) -> None:
     for name, more in (("clean", {}), ("soft", {"soft_mm": depth, "hardness_mpa": 1.0})):
         write_npz(tmp_path / f"{name}.npz", flat, more=more)
         out = tmp_path / f"{name}.h5"
-        scan(tmp_path / f"{name}.npz", out=out, height_mm=2.0, noise=False, fidelity="pointwise")
+        scan(tmp_path / f"{name}.npz", out=out, height_mm=2.0, sensors="ideal", fidelity="pointwise")
         sweep = read_scan(out).sweeps[0]
         felt = sweep.moment_n_mm[sweep.flags == 0]
         ranges[name] = float(np.ptp(felt) / np.abs(felt).mean())

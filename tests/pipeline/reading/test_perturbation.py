@@ -8,6 +8,7 @@ import pytest
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
 from pipeline.reading.perturbation import PERTURBATIONS, REMOUNTED, Perturbation, Retake, reverse_order
+from recognition.see.virtual_array import VirtualArray
 from whisker_array.estimation.edges import edge_map
 from whisker_array.simulation.traces import Fidelity
 
@@ -30,7 +31,7 @@ def photo() -> Photo:
 
 
 def scan_of(plate: HeightMap, name: str, seed: int = SEED):  # type: ignore[no-untyped-def]
-    feel = Retake(BY_NAME[name], seed).feel(fidelity=Fidelity.POINTWISE, soil=None, part_id="p")
+    feel = Retake(BY_NAME[name], seed).feel(VirtualArray(fidelity=Fidelity.POINTWISE), soil=None, part_id="p")
     return feel(plate, HEIGHT_MM)
 
 

@@ -17,12 +17,13 @@ from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.formats.touch_file import read_part_map, read_scan
 from pipeline.reading.as_record import reading_record
-from pipeline.reading.simulated_scan import VirtualBench
 from pipeline.runs.task import RunOrder, read_listed
 from recognition.active.replay import read_kept
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from tests.support.bench_faults import recorded
 from whisker_array.estimation.faults import FaultKind
 from whisker_array.scan.recording import save_scan
@@ -33,7 +34,7 @@ SETTINGS = ReadSettings(
 )
 OPTIONS: dict[str, Any] = {
     "fonts": "gothic", "format": "AA99", "height_mm": 3.0, "orientation": "upright",
-    "fidelity": Fidelity.POINTWISE,
+    "array": VirtualArray(fidelity=Fidelity.POINTWISE),
 }  # fmt: skip
 READER = Reader(**OPTIONS)
 
@@ -45,7 +46,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     spec = SynthSpec("AA99", seed=4, height_mm=3.0, soiling=Soiling(severity=0.5), lights=2)
     write_part(spec, folder / "whole", 0, photos=True)
     top = read_part_map(folder / "whole.npz")
-    bench = VirtualBench(top.height_map, 3.0, Fidelity.POINTWISE, sensor_seed=3, soil=top.soil)
+    bench = VirtualBench.mount(
+        top.height_map, 3.0, VirtualArray(fidelity=Fidelity.POINTWISE, seed=3), soil=top.soil
+    )
     scan = bench.scan()
     save_scan(scan, folder / "scan.h5")
     dead = recorded(scan, rng=np.random.default_rng(1), fault=FaultKind.DEAD)

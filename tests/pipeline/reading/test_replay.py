@@ -12,10 +12,11 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part
-from pipeline.reading.simulated_scan import VirtualBench
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.replay import read_kept, replay
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
+from recognition.see.virtual_bench import VirtualBench
 from recognition.touch import TactileReader
 from tests.support.jamming import Jamming
 from whisker_array.scan.recorded_session import RecordedSession
@@ -36,9 +37,8 @@ def reader() -> TactileReader:
 
 def session_of(dirt: float) -> StageSession:
     part = make_part(SynthSpec("AA99", seed=4, height_mm=HEIGHT_MM, soiling=Soiling(severity=dirt)), 0)
-    return VirtualBench(
-        part.height_map, HEIGHT_MM, Fidelity.POINTWISE, sensor_seed=3, soil=part.soil
-    ).open_session()
+    array = VirtualArray(fidelity=Fidelity.POINTWISE, seed=3)
+    return VirtualBench.mount(part.height_map, HEIGHT_MM, array, soil=part.soil).open_session()
 
 
 @pytest.fixture(scope="module")

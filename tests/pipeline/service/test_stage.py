@@ -70,7 +70,7 @@ def test_recording_lies_in_the_frame_of_the_order(
         region_mm=(x0 + off[0], y0 + off[1], x1 + off[0], y1 + off[1]),
         middle_mm=(10.0 + off[0], 5.0 + off[1]),
     )
-    made = feel_plan(SimulatedStage(plates, noise=False), ScanOrder("plate", plan), tmp_path)
+    made = feel_plan(SimulatedStage(plates, sensors="ideal"), ScanOrder("plate", plan), tmp_path)
     # half a line pitch
     assert pit_mm(made) == pytest.approx((6.0 + off[0], 4.0 + off[1]), abs=0.06)
     scan = read_scan(made)

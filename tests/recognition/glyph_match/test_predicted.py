@@ -28,6 +28,7 @@ from recognition.see.view import DIRECTIONS, GREY, HEIGHTS, ViewKind
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import Touch, default_touch
 
 
@@ -87,7 +88,8 @@ def test_a_template_is_the_ideal_glyph_scanned(
 
 @pytest.mark.parametrize("height_mm", [2.5, 10.0])
 def test_touch_is_free_of_scale(height_mm: float, gothic: Font, touch: Touch, templates: TemplateSet) -> None:
-    key = key_of(gothic, default_touch(height_mm), height_mm)
+    scaled = default_whisker(height_mm, gauge_room_mm=0.0)  # with room for its gauge in proportion, too
+    key = key_of(gothic, default_touch(height_mm).with_whisker(scaled), height_mm)
     canonical = key_of(gothic, touch)
     # marks of other heights are a little deeper or shallower for their height, by the table of depths
     assert replace(key, die=canonical.die) == canonical

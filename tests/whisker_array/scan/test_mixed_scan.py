@@ -20,12 +20,15 @@ from whisker_array.scan.scan import Scan, only, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.touch import default_touch, profiling_touch
 
 N = 4
 PITCH = 0.05
-TOUCH, PROFILER = default_touch(5.0), profiling_touch(5.0)
+# the paper's sensor, l3 = l2, for which eq. (24) holds
+TOUCH = default_touch(5.0).with_whisker(replace(default_whisker(5.0), l3_mm=None))
+PROFILER = profiling_touch(5.0)
 PLAN = RasterPlan(
     array=WhiskerArray(N, 0.5),
     region_mm=(0.5, 0.25, 7.5, 3.25),

@@ -18,6 +18,7 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.cli.main import main
 from pipeline.reading.perturbation import PERTURBATIONS
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.csv_table import csv_rows
@@ -80,7 +81,7 @@ def steadfast(part: ExamPart) -> str:
 
 def test_every_part_is_read_again_by_those_whom_the_perturbation_reaches(tmp_path: Path) -> None:
     SIZES.clear()
-    reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
+    reading = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
     names = tuple(f"{__name__}:{own.__name__}" for own in (misled, steadfast))
     benchmark = Benchmark(designed_parts(), names, reading, PERTURBATIONS)
     trials = run_benchmark(benchmark, tmp_path)
@@ -93,7 +94,7 @@ def test_the_senses_that_a_perturbation_does_not_reach_are_not_asked_again(tmp_p
     benchmark = Benchmark(
         designed_parts(severities=(0.0,)),
         ("tactile", "vision", "fused"),
-        ReaderSettings(fidelity=Fidelity.POINTWISE),
+        ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE)),
         tuple(p for p in PERTURBATIONS if p.name in ("light", "order")),
     )
     trials = run_benchmark(benchmark, tmp_path)

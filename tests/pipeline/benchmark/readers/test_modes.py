@@ -34,6 +34,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.recogniser.read_line import ReadLine
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.evidence import believed_line, sense_of
@@ -129,7 +130,7 @@ def test_a_part_is_read_once_for_all_of_them(tmp_path: Path, monkeypatch: pytest
     """A clean part whose font, height and format are given."""
     read = Mock(side_effect=surface.evidence_of_surface)
     monkeypatch.setattr(surface, "evidence_of_surface", read)
-    reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
+    reading = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
     trials = run_benchmark(Benchmark(designed_parts(severities=(0.0,)), APART, reading), tmp_path)
     assert read.call_count == 1
     assert tuple(t.mode for t in trials) == APART

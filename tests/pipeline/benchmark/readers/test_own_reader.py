@@ -14,6 +14,7 @@ from pipeline.benchmark.readers.own_reader import Answer, ExamPart
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from whisker_array.simulation.traces import Fidelity
@@ -44,7 +45,7 @@ def ends(part: ExamPart) -> str:
 
 def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     parts = designed_parts(given=("format", "height"))
-    reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
+    reading = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
     names = tuple(f"{__name__}:{own.__name__}" for own in (look, by_text, faulty, ends))
     trials = run_benchmark(Benchmark(parts, names, reading), tmp_path)
     first, text, fault, ended, _, unformatted, *_ = trials

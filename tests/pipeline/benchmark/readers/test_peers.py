@@ -14,6 +14,7 @@ from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings, 
 from pipeline.benchmark.readers.modes import open_mode
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 
@@ -120,7 +121,7 @@ def test_who_reads_what_is_felt_is_charged_for_the_scan_and_for_no_reading(
     assert part.felt.edges is not None
     assert part.scan_s > 1.0
     assert "touch" not in part.seconds
-    maps = feel_part(replace(part.specimen, height_mm=None))
+    maps = feel_part(replace(part.specimen, height_mm=None), VirtualArray())
     assert maps.scan.touch.preload_mm == part.felt.scan.touch.preload_mm  # 5 mm is the usual height
     monkeypatch.setattr(peers, "open_engine", lambda *_: lambda *_: [])
     peer = open_mode("rapidocr relief", Reader())

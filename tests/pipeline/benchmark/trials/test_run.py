@@ -25,12 +25,13 @@ from pipeline.workers.pool import WorkPool
 from recognition.decide.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.reader import Reader
+from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.counted import Counted
 from whisker_array.simulation.traces import Fidelity
 
-FAST = ReaderSettings(fidelity=Fidelity.POINTWISE)
+FAST = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
 
 
 @dataclass(frozen=True)
@@ -158,12 +159,12 @@ def test_two_workers_say_what_one_says_and_the_scan_takes_its_time(tmp_path: Pat
 
 
 def test_a_scans_time_is_that_of_its_plan() -> None:
-    from pipeline.reading.simulated_scan import VirtualBench
+    from recognition.see.virtual_bench import VirtualBench
     from whisker_array.whisker.array import default_plan
 
     plate = HeightMap(np.zeros((60, 60), dtype=np.float32), 0.1)
     plan = default_plan((0.0, 0.0, 5.9, 5.9), character_height_mm=5.0)
-    scan = VirtualBench(plate, 5.0, Fidelity.POINTWISE, noise=False).scan(plan)
+    scan = VirtualBench(plate, 5.0, VirtualArray(fidelity=Fidelity.POINTWISE)).scan(plan)
     assert scan_seconds(scan) == pytest.approx(plan.scan_time_s)
 
 

@@ -1,0 +1,60 @@
+"""The virtual array: whiskers, sensors and stage that feel height maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glyphs.surface.display import one_line
+from whisker_array.scan.sensor import SensorChain, Sensors, draw_sensor_chain
+from whisker_array.scan.stage_play import StagePlay, draw_stage_play
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.touch import Touch, default_touch
+
+
+@dataclass(frozen=True)
+class VirtualArray:
+    """Whiskers, sensors and stage that feel a height map.
+
+    Attributes:
+        whisker: touch of the whiskers (default: that of the default whisker for each character height).
+        sensors: real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, and a
+            stage with play and position errors; ideal: none of these.
+        fidelity: fidelity of the simulated touch.
+        seed: seed of sensors, noise and stage. It is the same for all parts, as they are felt by the same array: a
+            height map is always felt in the same way, whatever its name.
+        noise_seed: seed of the noise alone, if the same sensors measure again.
+        range_land_moments: range of the converter in moments on the land; on edges it is up to twice that moment.
+    """
+
+    whisker: Touch | None = None
+    sensors: Sensors = Sensors.REAL
+    fidelity: Fidelity = Fidelity.CONTACT
+    seed: int = 0
+    noise_seed: int | None = None
+    range_land_moments: float = 3.0
+
+    __repr__ = one_line
+
+    def touch(self, height_mm: float) -> Touch:
+        """Touch of the whiskers for characters of a height."""
+        return self.whisker or default_touch(height_mm)
+
+    def draw(
+        self, plan: RasterPlan, touch: Touch
+    ) -> tuple[np.random.Generator | None, SensorChain | None, StagePlay | None]:
+        """Draw sensors and stage for the whiskers of a plan; None if they are ideal."""
+        if self.sensors is Sensors.IDEAL:
+            return None, None, None
+        rng = np.random.default_rng(self.seed)
+        range_n_mm = self.range_land_moments * abs(touch.land_moment_n_mm())
+        chain = draw_sensor_chain(
+            plan.array.n_whiskers * plan.array.kinds, rng=rng, full_scale_n_mm=range_n_mm, memory=False
+        )
+        stage = draw_stage_play(rng=rng.spawn(1)[0])
+        return rng if self.noise_seed is None else np.random.default_rng(self.noise_seed), chain, stage
+
+
+USUAL_ARRAY = VirtualArray()

@@ -1,0 +1,121 @@
+"""The virtual bench: the array that feels height maps where no stage does.
+
+height map --mount: square, level--> VirtualBench --scan: the whole plan-----------------> Scan
+             VirtualArray: whisker, sensors    '--open_session: pass by pass--> StageSession
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import HeightMap
+from recognition.see.levelling import level, square_to_plate
+from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
+from whisker_array.whisker.array import RasterPlan, default_plan
+from whisker_array.whisker.touch import profiling_touch
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualBench:
+    """A part under the virtual array.
+
+    Attributes:
+        height_map: the part, level and square to the plate.
+        height_mm: character height, for which plan and default whisker are.
+        array: the array.
+        soil: dirt on the part, whose top surface is the map (default: no dirt).
+        friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
+        part_id: name of the part.
+    """
+
+    height_map: HeightMap
+    height_mm: float
+    array: VirtualArray = USUAL_ARRAY
+    soil: Soil | None = None
+    friction: float | None = None
+    part_id: str = ""
+
+    __repr__ = one_line
+
+    @classmethod
+    def mount(
+        cls,
+        height_map: HeightMap,
+        height_mm: float,
+        array: VirtualArray = USUAL_ARRAY,
+        *,
+        soil: Soil | None = None,
+        friction: float | None = None,
+        part_id: str = "",
+    ) -> VirtualBench:
+        """Mount any height map: turned square to the plate, and levelled.
+
+        Raises:
+            MapError: the map cannot be scanned, or the soil is on another grid.
+        """
+        squared, soil = square_to_plate(height_map, soil)
+        return cls(level(squared), height_mm, array, soil, friction, part_id)
+
+    @property
+    def whole(self) -> RasterPlan:
+        """The default plan of the whole part."""
+        return default_plan((0.0, 0.0, *self.height_map.size_mm), character_height_mm=self.height_mm)
+
+    def scan(self, plan: RasterPlan | None = None) -> Scan:
+        """Simulate a scan.
+
+        Args:
+            plan: the raster (default: the whole part); if its array has two kinds of whiskers, the second are
+                profilers.
+
+        Raises:
+            MapError: the map cannot be scanned, or the soil is on another grid.
+        """
+        plan, touch = plan or self.whole, self.array.touch(self.height_mm)
+        rng, chain, stage = self.array.draw(plan, touch)
+        scan = trace_scan(
+            self.height_map,
+            touch=touch,
+            plan=plan,
+            fidelity=self.array.fidelity,
+            sensor=chain,
+            stage=stage,
+            rng=rng,
+            part_id=self.part_id,
+            friction=self.friction,
+            soil=self.soil,
+            others=(profiling_touch(self.height_mm),) if plan.array.kinds > 1 else (),
+        )
+        return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
+
+    def open_session(self) -> SimulatedSession:
+        """Open a session that scans pass by pass, with the comb of the default plan and known gains.
+
+        Raises:
+            MapError: the map cannot be scanned, or the soil is on another grid.
+        """
+        touch, usual = self.array.touch(self.height_mm), self.whole
+        rng, chain, stage = self.array.draw(usual, touch)
+        known = None
+        if chain is not None and rng is not None:
+            known = bench_calibration(chain, touch, sample_rate_hz=usual.sample_rate_hz, rng=rng)
+        return SimulatedSession(
+            self.height_map,
+            touch=touch,
+            array=usual.array,
+            height_mm=self.height_mm,
+            sample_pitch_mm=usual.sample_pitch_mm,
+            fidelity=self.array.fidelity,
+            friction=self.friction,
+            soil=self.soil,
+            sensor=chain,
+            stage=stage,
+            calibration=known,
+            rng=rng,
+            part_id=self.part_id,
+        )
