@@ -57,6 +57,11 @@ class SweepShares(OneLine):
         order = order[np.isfinite(traced).mean(axis=1)[order] > 0.5]
         return traced[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
 
+    @cached_property
+    def levels(self) -> Floats:
+        """(passes, whiskers) median of each line; NaN if unknown."""
+        return quantile_of_known(self.share)
+
     def only(self, good: Mask) -> SweepShares:
         """The sweep with the values of all other whiskers set to NaN."""
         if good.all():
@@ -103,17 +108,14 @@ def saturated(
         still: share of a whisker's other samples in runs from which its signal has no noise. Then the floors of marks
             stand still, too, and for a profiler they are the end of the range.
     """
-    from scipy.ndimage import binary_opening
-
     bad, shape = [s.flags != 0 for s in scan.sweeps], (1, scan.n_whiskers, 1)
     values = [np.where(b, np.nan, s.moment_n_mm) for b, s in zip(bad, scan.sweeps, strict=True)]
     low = np.fmin.reduce([np.fmin.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     high = np.fmax.reduce([np.fmax.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
-    runs, ends = [], []
-    for v in values:
-        same = binary_opening(np.diff(v, axis=2) == 0.0, np.ones((1, 1, run - 1)))
-        runs.append(np.pad(same, ((0, 0), (0, 0), (1, 0))) | np.pad(same, ((0, 0), (0, 0), (0, 1))))
-        ends.append((v == low) | (v == high))
+    runs = [_in_runs(v, run) for v in values]
+    if not any(r.any() for r in runs):
+        return runs
+    ends = [(v == low) | (v == high) for v in values]
     clipped = [r & e for r, e in zip(runs, ends, strict=True)]
 
     def count(masks: list[Mask]) -> Floats:
@@ -126,6 +128,16 @@ def saturated(
     return [c & stuck.reshape(shape) for c in clipped]
 
 
+def _in_runs(values: Floats, run: int) -> Mask:
+    """Mask of the samples (passes, whiskers, samples) in runs of at least `run` equal ones."""
+    n, same = max(values.shape[2] - run + 1, 0), values[..., 1:] == values[..., :-1]
+    first = np.logical_and.reduce([same[..., k : k + n] for k in range(run - 1)])
+    inside = np.zeros(values.shape, dtype=np.bool_)
+    for k in range(run) if first.any() else ():
+        inside[..., k : k + n] |= first
+    return inside
+
+
 def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:
     """Quantile of the known values along the last axis; NaN where fewer than `fewest` are known.
 
@@ -133,14 +145,16 @@ def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Flo
     """
     if not values.shape[-1]:
         return np.full(values.shape[:-1], np.nan)
-    ordered = np.sort(values, axis=-1)
-    known = (ordered < np.inf).sum(axis=-1)
+    known = (values < np.inf).sum(axis=-1)
     last = np.maximum(known - 1, 0)
     below = (q * last).astype(np.intp)
-    low, high = (
-        np.take_along_axis(ordered, at[..., None], axis=-1)[..., 0]
-        for at in (below, np.minimum(below + 1, last))
-    )
+    above = np.minimum(below + 1, last)
+    if known.size and known.min() == known.max():
+        at = below.flat[0], above.flat[0]
+        low, high = np.moveaxis(np.partition(values, at, axis=-1)[..., at], -1, 0)
+    else:
+        ordered = np.sort(values, axis=-1)
+        low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
     return np.where(known >= fewest, low + (q * last - below) * (high - low), np.nan)
 
 

@@ -312,16 +312,20 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     scan, saturated = _flag_saturated(only(scan))
     everywhere = measures.sweep_shares(scan, outside=True)
     beyond = signals.beyond_part(everywhere, least=limits.dead_level)
-    shares = measures.sweep_shares(scan) if signals.knows_part(scan) else signals.without(everywhere, beyond)
+    outside = signals.flagged_beyond_part(scan, everywhere) if signals.knows_part(scan) else beyond
+    shares = signals.without(everywhere, outside)
     level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():
         return _CheckedSignals(scan, columns, shares, level, touching, (), saturated)
     present = touching & signals.above_noise(shares, level)
-    clear = present & signals.is_clear(shares, level, least=limits.clear)
     usual = float(np.median(np.abs(level[present]))) if present.any() else 0.0
+    raw = level
     if volts and usual > 0.0:
         level, usual = level / (usual * np.sign(np.median(level[present]))), 1.0
+    clear = np.zeros_like(present)
+    if usual < limits.dead_level or not (level[touching] > limits.dead_level * max(usual, 1.0)).all():
+        clear = present & signals.is_clear(shares, raw, least=limits.clear)
     reversed_sign = touching & (level < 0.0) & (clear | (level < -limits.dead_level))
     upright = touching & (level > 0.0) & (clear | (level > limits.dead_level))
     faults: list[Fault] = []
@@ -355,8 +359,9 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     wrong = reversed_sign | other_unit | np.isin(np.arange(level.size), doubled)
     if not doubled:
         order = signals.best_order(
-            everywhere, beyond, wrong, least=limits.dead_level, line_pitch_mm=scan.line_pitch_mm
-        )
+            everywhere, beyond, wrong, least=limits.dead_level, line_pitch_mm=scan.line_pitch_mm,
+            least_gain=(1.0 - limits.misfit_left) * limits.misfit,
+        )  # fmt: skip
         if order.misfit_now > limits.misfit and order.misfit < limits.misfit_left * order.misfit_now:
             faults.append(_fault(FaultKind.EXCHANGED, order.describe(columns)))
     return _CheckedSignals(scan, columns, shares, level, wrong, tuple(faults), saturated)

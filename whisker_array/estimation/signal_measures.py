@@ -33,13 +33,14 @@ from whisker_array.simulation.traces import SampleFlag
 
 def _noise(shares: Sequence[SweepShares]) -> Floats:
     """(whiskers,) noise of a sample in the air, or on the part if there is no air."""
-    air, part = (noises([getattr(f, name) for f in shares]) for name in ("air", "share"))
-    return np.where(np.isfinite(air), air, part)
+    air = noises([f.air for f in shares])
+    known = np.isfinite(air)
+    return air if known.all() else np.where(known, air, noises([f.share for f in shares]))
 
 
 def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[Floats, float]:
     """(lines, whiskers) median moment of each line, and the usual size of those of whiskers that touch."""
-    lines = np.concatenate([quantile_of_known(f.share) for f in shares])
+    lines = np.concatenate([f.levels for f in shares])
     moment = np.fmax.reduce(np.abs(lines), axis=0)
     usual = moment[moment > 20.0 * _noise(shares)]
     return lines, float(np.median(usual)) if usual.size else 0.0
@@ -77,6 +78,12 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
 def knows_part(scan: Scan) -> bool:
     """Whether the recording says where tips run beyond the part."""
     return any(bool((s.flags & np.uint8(SampleFlag.OUTSIDE)).any()) for s in scan.sweeps)
+
+
+def flagged_beyond_part(scan: Scan, shares: Sequence[SweepShares]) -> list[Mask]:
+    """Samples (passes, whiskers, samples) of each sweep that the recording flags as beyond the part."""
+    bit, dragged = np.uint8(SampleFlag.OUTSIDE), (s for s in scan.sweeps if not s.plan.pushed)
+    return [(sweep.flags[f.across] & bit) != 0 for sweep, f in zip(dragged, shares, strict=True)]
 
 
 def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
@@ -152,7 +159,7 @@ def is_clear(
     clear = size > least * _noise(shares)
     for w in np.flatnonzero(clear):
         values = np.concatenate([f.share[:, w].ravel() for f in shares]) / level[w]
-        lines = np.concatenate([quantile_of_known(f.share[:, w]) for f in shares]) / level[w]
+        lines = np.concatenate([f.levels[:, w] for f in shares]) / level[w]
         spread = MAD * float(np.nanmedian(np.abs(lines - 1.0)))
         clear[w] = (values[np.isfinite(values)] < lost).mean() < few and spread < even
     return clear
@@ -161,7 +168,7 @@ def is_clear(
 def varies_more_in_air(shares: Sequence[SweepShares], *, times: float = 3.0) -> bool:
     """Whether samples of the lifted array vary more than those on the part: the two are exchanged."""
     air = np.concatenate([f.air.ravel() for f in shares])
-    on_part = np.concatenate([(f.share - quantile_of_known(f.share)[..., None]).ravel() for f in shares])
+    on_part = np.concatenate([(f.share - f.levels[..., None]).ravel() for f in shares])
     spread = [float(quantile_of_known(np.abs(values), 0.9)) for values in (air, on_part)]
     return spread[0] > times * spread[1]
 
@@ -206,14 +213,32 @@ class ChannelOrder(NamedTuple):
         return " and ".join(filter(None, (order, across)))
 
 
-class _Border(NamedTuple):
-    """Lines on both sides of the borders between whiskers, one pass each: differences of all pairs of channels."""
+class _Borders(NamedTuple):
+    """Lines on both sides of the borders between whiskers, and differences of all pairs of channels there.
 
-    along_x: bool
+    Attributes:
+        along_x: (borders,) whether the lines run along x.
+        whisker, beside: (borders,) whiskers on either side.
+        difference: (borders, channels, channels) mean squared difference of the lines of each pair.
+        difference_backward: the same with the lines of each whisker in reverse order.
+    """
+
+    along_x: Mask
     whisker: NDArray[np.intp]
     beside: NDArray[np.intp]
     difference: Floats
     difference_backward: Floats
+
+    @property
+    def now(self) -> Floats:
+        """(borders,) differences in the present order."""
+        return self.difference[np.arange(self.whisker.size), self.whisker, self.beside]
+
+    @property
+    def most_gain(self) -> float:
+        """Greatest reduction of the present differences by other pairs of channels."""
+        least = np.fmin.reduce(np.minimum(self.difference, self.difference_backward), axis=(1, 2))
+        return float(np.nansum(np.maximum(self.now - least, 0.0)))
 
 
 def best_order(
@@ -223,6 +248,7 @@ def best_order(
     *,
     least: float,
     line_pitch_mm: float,
+    least_gain: float = 0.0,
     cut: float = 0.2,
     simpler: float = 0.8,
 ) -> ChannelOrder:
@@ -238,6 +264,7 @@ def best_order(
         wrong: (whiskers,) channels that are left out.
         least: share of a whisker's moment above which it touches.
         line_pitch_mm: line pitch of the grid; lines more than two pitches apart are not compared.
+        least_gain: least reduction of the misfit that counts; no order is tried where none can reduce it so far.
         cut: greatest difference that counts, share of the land.
         simpler: share of the greatest gain at which an order that moves fewer channels is preferred.
     """
@@ -245,19 +272,19 @@ def best_order(
     level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)
     quiet = np.isnan(level) & np.isfinite(lines).any(axis=0) & ~wrong
     level[wrong] = np.nan
-    borders = [
-        border
+    found = (
+        _borders(f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut)
         for f, mask in zip(shares, beyond, strict=True)
-        for border in _borders(
-            f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut
-        )
-    ]
-    movable = np.flatnonzero(quiet | np.isfinite(level))
+    )
+    borders = _Borders(*map(np.concatenate, zip(*found, strict=True)))
     present = np.arange(level.size)
+    if borders.most_gain <= least_gain:
+        return ChannelOrder(tuple(present.tolist()))
+    movable = np.flatnonzero(quiet | np.isfinite(level))
     turned = present.copy()
     turned[movable] = movable[::-1]
     pairs = np.array(list(combinations(movable, 2)), dtype=np.intp).reshape(-1, 2)
-    axes = {border.along_x for border in borders}
+    axes = set(borders.along_x.tolist())
     backward = [
         (x, y) for x in (False, True) for y in (False, True) if x <= (True in axes) and y <= (False in axes)
     ]
@@ -280,9 +307,7 @@ def best_order(
     return min(simple, key=lambda c: len(c.moved) + 2 * sum(c.backward))
 
 
-def _borders(
-    f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: float, cut: float
-) -> list[_Border]:
+def _borders(f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: float, cut: float) -> _Borders:
     line_mm = f.plan.line_mm
     order = np.argsort(line_mm, axis=None, kind="stable")
     row, whisker = np.divmod(order, line_mm.shape[1])
@@ -290,37 +315,44 @@ def _borders(
     neighbours = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
     height = np.where(beyond, -cut, np.clip(f.share / level[:, None] - 1.0, -cut, cut))
     height[~np.isfinite(f.share)] = np.nan
-    borders = []
-    for pair in sorted({(int(row[k]), int(row[k + 1])) for k in neighbours}):
-        rows = neighbours[(row[neighbours] == pair[0]) & (row[neighbours + 1] == pair[1])]
-        differences = (
-            _mean_square(lines[pair[0]][:, None] - lines[pair[1]][None]) for lines in (height, height[::-1])
-        )
-        borders.append(_Border(f.plan.direction.along_x, whisker[rows], whisker[rows + 1], *differences))
-    return borders
+    # lines of two passes each
+    first, second = row[neighbours], row[neighbours + 1]
+    passes, pair = np.unique(np.column_stack([first, second]), axis=0, return_inverse=True)
+    forward, backward = (
+        np.array([_mean_squares(lines[a], lines[b]) for a, b in passes]).reshape(-1, level.size, level.size)
+        for lines in (height, height[::-1])
+    )
+    along_x = np.full(neighbours.size, f.plan.direction.along_x)
+    return _Borders(
+        along_x, whisker[neighbours], whisker[neighbours + 1], forward[pair.ravel()], backward[pair.ravel()]
+    )
 
 
-def _mean_square(values: Floats, *, fewest: int = 20) -> Floats:
-    known = np.isfinite(values).sum(axis=-1)
-    return np.where(known >= fewest, np.nansum(values**2, axis=-1) / np.maximum(known, 1), np.nan)
+def _mean_squares(lines: Floats, others: Floats, *, fewest: int = 20) -> Floats:
+    """(n, m) mean squared difference of each of (n, samples) lines from each of (m, samples); NaN if unknown."""
+    known, known_others = (np.isfinite(values).astype(np.float64) for values in (lines, others))
+    lines, others = (np.nan_to_num(values) for values in (lines, others))
+    both = known @ known_others.T
+    squares = lines**2 @ known_others.T + known @ (others**2).T - 2.0 * lines @ others.T
+    return np.where(both >= fewest, np.maximum(squares, 0.0) / np.maximum(both, 1.0), np.nan)
 
 
 def _misfits(
-    borders: Sequence[_Border], orders: NDArray[np.intp], backward: tuple[bool, bool], quiet: Mask
+    borders: _Borders, orders: NDArray[np.intp], backward: tuple[bool, bool], quiet: Mask
 ) -> tuple[Floats, Floats]:
     """Misfit of each order (orders, whiskers), and of the present one at the borders that it changes."""
-    after, before = np.zeros((2, len(orders)))
-    for b in borders:
-        turned = backward[0 if b.along_x else 1]
-        whisker, beside = orders[:, b.whisker], orders[:, b.beside]
-        then = (b.difference_backward if turned else b.difference)[whisker, beside]
-        now = np.broadcast_to(b.difference[b.whisker, b.beside], then.shape)
-        moved = (
-            ((whisker != b.whisker) | (beside != b.beside) | turned) & np.isfinite(now) & np.isfinite(then)
-        )
-        after += np.where(moved, then, 0.0).sum(axis=1)
-        before += np.where(moved & ~(quiet[b.whisker] | quiet[b.beside]), now, 0.0).sum(axis=1)
-    return after, before
+    each, now = np.arange(borders.whisker.size), borders.now
+    turned = np.where(borders.along_x, *backward)
+    whisker, beside = orders[:, borders.whisker], orders[:, borders.beside]
+    then = np.where(
+        turned,
+        borders.difference_backward[each, whisker, beside],
+        borders.difference[each, whisker, beside],
+    )
+    moved = (whisker != borders.whisker) | (beside != borders.beside) | turned
+    moved &= np.isfinite(now) & np.isfinite(then)
+    loud = ~(quiet[borders.whisker] | quiet[borders.beside])
+    return np.where(moved, then, 0.0).sum(axis=1), np.where(moved & loud, now, 0.0).sum(axis=1)
 
 
 def doubled_channels(
