@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import islice
 
 import numpy as np
@@ -79,7 +80,7 @@ class Choice:
 def choose(
     lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = 2_000
 ) -> Choice:
-    """Find the best strings that the grammar allows, with their probabilities.
+    """Find the best strings that the grammar allows, with their probabilities; the latest results are kept.
 
     Args:
         lattice: probabilities of the characters at each place.
@@ -92,6 +93,12 @@ def choose(
     """
     if k < 1 or most_tests < 1:
         raise ValueError(f"k is {k} and most_tests is {most_tests}; both must be at least 1")
+    return _choose(lattice, grammar, k, most_tests)
+
+
+# a part is decided on several times: by the camera's own look, by touch alone, and with its expected text
+@lru_cache(maxsize=32)
+def _choose(lattice: Lattice, grammar: Grammar | None, k: int, most_tests: int) -> Choice:
     log, chars, n = lattice.log_belief, lattice.chars, lattice.n_places
     grammar = grammar if grammar is not None else Grammar(alphabet="".join(chars))
     strings = grammar.strings(n, chars) if n and chars else None

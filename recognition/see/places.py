@@ -22,10 +22,9 @@ def boxes_of(line: TextLine, columns: NDArray[np.float64]) -> tuple[Box, ...]:
     left = np.minimum(np.r_[most, apart], most)
     right = np.minimum(np.r_[apart, most], most)
     middle, half = 0.5 * (ROWS - 1), 0.5 * HEIGHT_ROWS
-    corners = [
-        line.places_mm(columns + side, middle + up * half) for side in (-left, right) for up in (-1.0, 1.0)
-    ]
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    sides = np.concatenate([columns - left, columns + right])
+    corners = line.places_mm(sides, np.array([[middle - half], [middle + half]])).reshape(4, columns.size, 2)
+    low, high = corners.min(axis=0), corners.max(axis=0)
     return tuple(
         Box(float(a[0]), float(a[1]), float(b[0]), float(b[1])) for a, b in zip(low, high, strict=True)
     )
