@@ -7,16 +7,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from statistics import fmean
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
 from glyphs.surface.display import one_line
+from recognition.decide.deferred import deferred
 from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
 from recognition.decide.fuse_lattices import fuse_lattices
 from recognition.decide.reading import (
@@ -28,7 +29,25 @@ from recognition.decide.reading import (
     with_spaces,
 )
 from recognition.decide.risk_text import USUAL_RISK, risk_in_words
-from recognition.decide.score import DIGITS, Measure, Score, log_odds, measures_of, score_of, text_measures
+from recognition.decide.score import (
+    DIGITS,
+    LAND_MEASURES,
+    PHOTO_MEASURES,
+    STROKE_MEASURES,
+    TEXT_MEASURES,
+    Group,
+    Measure,
+    Measures,
+    Score,
+    covered_share,
+    land_measures,
+    log_odds,
+    mean_belief,
+    photo_measures,
+    score_of,
+    stroke_measures,
+    text_measures,
+)
 from recognition.language.box import Box
 from recognition.language.code_text import holds
 from recognition.language.confusions import CharacterState, state_of
@@ -45,8 +64,12 @@ from recognition.see.places import boxes_of
 
 if TYPE_CHECKING:
     from recognition.find.layouts import Layout
+    from recognition.marks.grade import MarkGrade
     from recognition.marks.laid_text import LaidText
     from recognition.see.codes import Code
+
+T = TypeVar("T")
+Groups: TypeAlias = Mapping[tuple[Measure, ...], Callable[[], Group]]
 
 DOUBTFUL = 0.5
 """Score below which a part may have a layout that is not read; one that has hardly exceeds 0.1."""
@@ -72,9 +95,8 @@ class Choice:
         spaces_after: places that a word gap follows.
         accept_risk: greatest share of wrong readings among those accepted.
         threshold: least score for acceptance, which keeps that risk.
-        measures: measures of the text.
+        measures: measures of the text, computed when they are read.
         score: probability that the text is right.
-        scored_as: source whose score and threshold apply: "fused" only if the posteriors of both senses are combined.
         odds: log odds of the text by its posteriors.
     """
 
@@ -92,7 +114,6 @@ class Choice:
     threshold: float = 0.0
     measures: Mapping[Measure, float] = field(default_factory=dict)
     score: float = 0.0
-    scored_as: str = ""
     odds: float | None = None
 
     __repr__ = one_line
@@ -117,10 +138,28 @@ class Choice:
         """The text without blanks; empty if there is none."""
         return "".join(place.char for place in self.characters)
 
-    @property
+    @cached_property
     def strokes(self) -> tuple[PlaceStrokes, ...]:
         """Felt strokes of the text and its rivals, place by place; empty if unknown."""
-        return () if self.marks is None else self.marks.strokes
+        if self.marks is None or self.posteriors is None:
+            return ()
+        return self.marks.strokes(self.posteriors, slope=score_of(self.scored_as).slope)
+
+    @property
+    def whole(self) -> tuple[bool, ...]:
+        """Whether each character was felt from edge to edge; empty if that is not known."""
+        known = self.marks is not None and self.marks.has_strokes(self.posteriors)
+        return self.marks.whole if self.marks is not None and known else ()
+
+    @property
+    def posteriors(self) -> Lattice | None:
+        """Posteriors with which strokes are weighed."""
+        return self.lattice if self.is_fused or self.line is None else self.line.lattice
+
+    @property
+    def scored_as(self) -> str:
+        """Source whose score and threshold apply: "fused" only if the posteriors of both senses are combined."""
+        return "fused" if self.is_fused else self.sense.source
 
     @property
     def is_low(self) -> bool:
@@ -148,6 +187,11 @@ class Choice:
     def in_own_font(self) -> LaidText | None:
         """The text in the font of the part; None if that is unknown."""
         return None if self.marks is None else self.marks.in_own_font
+
+    @property
+    def other_font_fits_better(self) -> bool:
+        """Whether the marks fit another font clearly better than the named ones."""
+        return self.marks is not None and self.marks.other_font_fits_better
 
     @property
     def layout(self) -> Layout | None:
@@ -367,25 +411,30 @@ def _joined_lines(touch: Reading, vision: Reading) -> tuple[OtherLine, ...]:
 
 
 def _measured(choice: Choice) -> Choice:
-    """The choice with the marks of its text."""
-    marks, lattice = choice.sense.marks, choice.lattice
-    if marks is None or lattice is None or choice.line is None or not choice.characters:
+    """The choice with the marks of its text, which are measured when they are first read."""
+    marks = choice.sense.marks
+    if marks is None or choice.lattice is None or choice.line is None or not choice.characters:
         return choice
-    slope = score_of("fused" if choice.is_fused else choice.sense.source).slope
-    posteriors = lattice if choice.is_fused else choice.line.lattice
-    text_marks = marks.of_text(
-        choice.text, posteriors, [place.box for place in choice.characters], slope=slope
-    )
+    text_marks = marks.of_text(choice.text, [place.box for place in choice.characters])
     characters = tuple(
         replace(
             place,
-            depth=depth if isinstance(depth, MarkDepth) else None,
-            no_depth=depth if isinstance(depth, NoDepth) else None,
-            grade=grade,
+            depth=deferred(partial(_depth_at, text_marks, k, MarkDepth)),
+            no_depth=deferred(partial(_depth_at, text_marks, k, NoDepth)),
+            grade=deferred(partial(_grade_at, text_marks, k)),
         )
-        for place, depth, grade in zip(choice.characters, text_marks.depths, text_marks.grades, strict=True)
+        for k, place in enumerate(choice.characters)
     )
     return replace(choice, marks=text_marks, characters=characters)
+
+
+def _depth_at(marks: TextMarks, place: int, kind: type[T]) -> T | None:
+    depth = marks.depths[place]
+    return depth if isinstance(depth, kind) else None
+
+
+def _grade_at(marks: TextMarks, place: int) -> MarkGrade | None:
+    return marks.grades[place]
 
 
 def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
@@ -399,43 +448,65 @@ def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
         place.state is not None and place.state.state is CharacterState.NOT_READ
         for place in choice.characters
     ]
+    if not unread or not all(unread):
+        return False
     felt = [place.felt for place in choice.strokes if place.felt is not None]
-    return bool(unread) and all(unread) and bool(felt) and fmean(felt) < least_felt
+    return bool(felt) and fmean(felt) < least_felt
 
 
 def _scored(
     choice: Choice, evidence: Evidence, settings: DecisionSettings, without: frozenset[Measure]
 ) -> Choice:
     """The choice with its measures and its score."""
-    line, touch, vision = choice.line, evidence.touch, evidence.vision
-    openly, laid = choice.open_lattice, None if choice.marks is None else choice.marks.laid
-    if choice.alone:
-        felt = choice.alone["tactile"]
-        openly, laid = felt.trace.open_lattice, laid or felt.trace.laid
-    known = measures_of(
-        _text_measures(choice, settings),
-        format_nats=None if line is None or choice.decoding is None else line.evidence,
-        height_mm=choice.height_mm if choice.sense.scaled and choice.height_mm > 0.0 else None,
-        depth_mm=mean_depth_mm(choice.characters),
-        strokes=choice.strokes,
-        open_lattice=openly,
-        relief=None if touch is None or not touch.views else touch.views[0].relief,
-        laid=laid,
-        photo=None if vision is None else vision.log.photo,
-    )
-    source = "fused" if choice.is_fused else choice.sense.source
-    measures = {name: value for name, value in known.items() if name not in without}
-    score = score_of(source).probability(measures) if choice.characters else 0.0
+    groups = measure_groups(choice, evidence, settings)
+    known: Mapping[Measure, float] = Measures(groups)
+    if without:
+        known = {name: value for name, value in known.items() if name not in without}
+    score = score_of(choice.scored_as).probability(known) if choice.characters else 0.0
     margin = min((place.margin for place in choice.characters), default=0.0)
-    known = {**known, Measure.CONFIDENCE: round(score, DIGITS), Measure.MARGIN: margin}
+    of_score = {Measure.CONFIDENCE: round(score, DIGITS), Measure.MARGIN: margin}
     return replace(
         choice,
         accept_risk=settings.accept_risk,
-        threshold=settings.least_score(source),
-        measures=known,
+        threshold=settings.least_score(choice.scored_as),
+        measures=Measures({**groups, tuple(of_score): lambda: of_score}),
         score=score,
-        scored_as=source,
     )
+
+
+def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSettings) -> Groups:
+    """Functions that measure a part with its text."""
+    line, touch, vision = choice.line, evidence.touch, evidence.vision
+    felt = choice.alone.get("tactile")
+    openly = choice.open_lattice if felt is None else felt.trace.open_lattice
+
+    def laid() -> LaidText | None:
+        own = None if choice.marks is None else choice.marks.laid
+        return own if felt is None else own or felt.trace.laid
+
+    def height_mm() -> float | None:
+        return choice.height_mm if choice.sense.scaled and choice.height_mm > 0.0 else None
+
+    def covered() -> float | None:
+        marks = choice.marks
+        if marks is not None and marks.has_strokes(choice.posteriors) and marks.nothing_covered:
+            return 0.0
+        return covered_share(choice.strokes)
+
+    relief = None if touch is None or not touch.views else touch.views[0].relief
+    photo = None if vision is None else vision.log.photo
+    format_nats = None if line is None or choice.decoding is None else line.evidence
+    return {
+        TEXT_MEASURES: lambda: _text_measures(choice, settings),
+        (Measure.FORMAT,): lambda: {Measure.FORMAT: format_nats},
+        (Measure.HEIGHT,): lambda: {Measure.HEIGHT: height_mm()},
+        (Measure.DEPTH,): lambda: {Measure.DEPTH: mean_depth_mm(choice.characters)},
+        STROKE_MEASURES: lambda: stroke_measures(choice.strokes),
+        (Measure.COVERED,): lambda: {Measure.COVERED: covered()},
+        (Measure.BELIEF,): lambda: {Measure.BELIEF: mean_belief(openly)},
+        LAND_MEASURES: lambda: land_measures(relief, laid()),
+        PHOTO_MEASURES: lambda: photo_measures(photo),
+    }
 
 
 def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measure, float]:

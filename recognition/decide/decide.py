@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 from recognition.decide.choice import Choice, choose_text, hull
 from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, ReadingFlag, decision_of, flags_of
+from recognition.decide.deferred import deferred
 from recognition.decide.depth_judges import depth_rules
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.format_judges import check_digit, format_not_met, no_characters, small_letter
@@ -155,9 +156,9 @@ def _reading(
         choice.characters,
         choice.score,
         tuple(finding for finding in findings if finding.flag),
-        font=choice.font,
-        height_mm=choice.height_mm,
-        rotation_deg=choice.rotation_deg,
+        font=deferred(lambda: choice.font),
+        height_mm=deferred(lambda: choice.height_mm),
+        rotation_deg=deferred(lambda: choice.rotation_deg),
         raised=choice.marks is not None and sense.marks is not None and sense.marks.felt.raised,
         box=hull([place.box for place in choice.characters]),
         source=evidence.source,
@@ -192,7 +193,7 @@ def _trace(evidence: Evidence, choice: Choice, verification: Verification | None
         photo=None if vision is None else vision.log.photo,
         odds=choice.odds,
         evidence=None if line is None or choice.decoding is None else line.evidence,
-        strokes=choice.strokes,
+        strokes=deferred(lambda: choice.strokes),
         verification=verification,
     )
     if choice.alone:
@@ -210,5 +211,5 @@ def _trace(evidence: Evidence, choice: Choice, verification: Verification | None
         choice=choice.decoding,
         line=None if line is None or choice.decoding is None else line.line,
         by_expert=MappingProxyType({name: replace(own, boxes=boxes) for name, own in by_expert.items()}),
-        laid=None if choice.marks is None else choice.marks.laid,
+        laid=deferred(lambda: None if choice.marks is None else choice.marks.laid),
     )

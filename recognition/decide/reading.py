@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, ReadingFlag, decision_of, flags_of
+from recognition.decide.deferred import deferrable
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 from recognition.language.elements import named_fields
@@ -44,9 +45,10 @@ class Candidate:
     probability: float
 
 
+@deferrable("depth", "grade", "no_depth")
 @dataclass(frozen=True)
 class CharacterReading:
-    """One place of the line.
+    """One place of the line; depth and grade are measured when they are first read.
 
     Attributes:
         candidates: best first, at least one.
@@ -109,9 +111,10 @@ class OtherLine:
     line: TextLine | None = field(default=None, compare=False, repr=False)
 
 
+@deferrable("laid", "strokes")
 @dataclass(frozen=True, eq=False)
 class ReadingTrace:
-    """Intermediate results of a reading; None where a step was not reached.
+    """Intermediate results of a reading; None where a step was not reached. Strokes are compared when first read.
 
     Attributes:
         edge_map: edge map that was read, in the plate frame; None for vision.
@@ -159,9 +162,10 @@ _NO_TRACE = ReadingTrace()
 Unit = Literal["mm", "px"]
 
 
+@deferrable("font", "height_mm", "rotation_deg")
 @dataclass(frozen=True)
 class Reading:
-    """The reading of one part.
+    """The reading of one part; font, height, rotation and measures are determined when they are first read.
 
     Attributes:
         characters: left to right as read; empty when none were found.

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,46 +77,47 @@ class Measure(StrEnum):
     PATCHES = "patches of the photograph"
 
 
-def measures_of(
-    text: Mapping[Measure, float] = MappingProxyType({}),
-    *,
-    format_nats: float | None = None,
-    height_mm: float | None = None,
-    depth_mm: float | None = None,
-    strokes: Sequence[PlaceStrokes] = (),
-    open_lattice: Lattice | None = None,
-    relief: Relief | None = None,
-    laid: LaidText | None = None,
-    photo: Photo | None = None,
-) -> Mapping[Measure, float]:
-    """Return the known measures of a text on a part.
+TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.SAME_TEXT)
+STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
+LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
+PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
+Group: TypeAlias = Mapping[Measure, float | None]
+"""Measures that are computed together; None for unknown ones."""
 
-    Args:
-        text: measures that the score needs (`text_measures`); empty if nothing was read.
-        format_nats: log probability of all texts that the format allows.
-        height_mm: height of the characters.
-        depth_mm: mean depth of the characters.
-        strokes: felt strokes of the text and its rivals.
-        open_lattice: posteriors without the format.
-        relief: felt surface.
-        laid: the text on it.
-        photo: photograph.
-    """
-    found: dict[Measure, float | None] = {
-        **text,
-        Measure.FORMAT: format_nats,
-        Measure.HEIGHT: height_mm,
-        Measure.DEPTH: depth_mm,
-        **_of_strokes(strokes),
-    }
-    if open_lattice is not None and open_lattice.n_places:
-        found[Measure.BELIEF] = float(np.exp(open_lattice.log_belief.max(axis=1)).mean())
-    if relief is not None:
-        found |= _of_land(relief, laid)
-    if photo is not None:
-        grey = _evenly_lit(photo)
-        found |= {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
-    return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
+
+class Measures(Mapping[Measure, float]):
+    """The known measures of a part, each group computed when one of it is first read."""
+
+    def __init__(self, groups: Mapping[tuple[Measure, ...], Callable[[], Group]]) -> None:
+        """Take a function for each group of measures."""
+        self._compute = {name: compute for names, compute in groups.items() for name in names}
+        self._known: dict[Callable[[], Group], Group] = {}
+
+    def __getitem__(self, name: Measure) -> float:
+        """A known measure.
+
+        Raises:
+            KeyError: it is not known.
+        """
+        compute = self._compute[name]
+        if compute not in self._known:
+            self._known[compute] = compute()
+        value = self._known[compute].get(name)
+        if value is None or not math.isfinite(value):
+            raise KeyError(name)
+        return float(value)
+
+    def __iter__(self) -> Iterator[Measure]:
+        """The known measures; all groups are computed."""
+        return (name for name in self._compute if name in self)
+
+    def __len__(self) -> int:
+        """Number of known measures; all groups are computed."""
+        return sum(1 for _ in self)
+
+    def __reduce__(self) -> tuple[type[dict[Measure, float]], tuple[dict[Measure, float]]]:
+        """Pickled as a dict."""
+        return dict, (dict(self),)
 
 
 def text_measures(
@@ -144,39 +145,63 @@ def text_measures(
     return measures if same_text is None else {**measures, Measure.SAME_TEXT: float(same_text)}
 
 
-def _of_strokes(
-    places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25
-) -> Mapping[Measure, float | None]:
-    """Measures of the felt strokes at all places.
+def mean_belief(open_lattice: Lattice | None) -> float | None:
+    """Belief in the characters before the format is applied, mean of the places."""
+    if open_lattice is None or not open_lattice.n_places:
+        return None
+    return float(np.exp(open_lattice.log_belief.max(axis=1)).mean())
+
+
+def photo_measures(photo: Photo | None) -> Group:
+    """Grain and patches of a photograph."""
+    if photo is None:
+        return {}
+    grey = _evenly_lit(photo)
+    return {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
+
+
+def covered_share(places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25) -> float | None:
+    """Greatest share of the strokes of a rival that could not be felt; None without places.
 
     Args:
         places: places of the text.
         deciding_heights: least length of the strokes that only a rival has, for them to count, character heights.
     """
+    rivals = (rival for place in places for rival in place.rivals)
+    covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
+    return max(covered, default=0.0) if places else None
+
+
+def stroke_measures(places: Sequence[PlaceStrokes]) -> Group:
+    """Measures of the felt strokes at all places, but for the covered ones.
+
+    Args:
+        places: places of the text.
+    """
     felt = [place.felt for place in places if place.felt is not None]
     unlike = [1.0 - place.score for place in places if place.felt is not None]
     rivals = [rival for place in places for rival in place.rivals]
-    covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
     return {
         Measure.EVIDENCE: min((rival.excluded_nats for rival in rivals), default=None),
         Measure.STROKES: float(np.mean(felt)) if felt else None,
         Measure.LEAST_STROKES: min(felt, default=None),
         Measure.UNLIKENESS: float(np.mean(unlike)) if felt else None,
-        Measure.COVERED: max(covered, default=0.0) if places else None,
     }
 
 
-def _of_land(
-    relief: Relief, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
-) -> Mapping[Measure, float]:
+def land_measures(
+    relief: Relief | None, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
+) -> Group:
     """Roughness of the land, in µm and relative to the marks' depth.
 
     Args:
-        relief: the felt relief.
+        relief: the felt relief; None without heights.
         laid: the serial, if known.
         fine_mm: distance between the samples that are compared for fine roughness: grains.
         coarse_mm: the same for coarse roughness: lumps.
     """
+    if relief is None:
+        return {}
     heights_um = 1e3 * relief.height_mm.astype(np.float64)
     depth_um = math.nan if laid is None else max(1e3 * laid.felt.depth_mm, 1.0)
     fine, coarse = (

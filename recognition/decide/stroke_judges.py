@@ -32,7 +32,7 @@ HIDDEN_MARGIN = 2.5
 
 def cut_characters(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report characters that cross the edge of the area that was felt."""
-    places = tuple(k for k, place in enumerate(choice.strokes, start=1) if not place.whole)
+    places = tuple(k for k, whole in enumerate(choice.whole, start=1) if not whole)
     if places and choice.characters:
         what = f"not felt to the edge: {places_text(choice.text, places)} (scan a longer or wider stretch)"
         yield Finding(ReadingFlag.NOT_WHOLE, what, places)
@@ -61,6 +61,8 @@ def missing_strokes(
         least_foreign: least number of characters that must differ from the named font: a single one may be a bad
             blow or misplaced dots.
     """
+    if not choice.may_be_explained and not choice.other_font_fits_better:
+        return
     lacking: dict[int, Action] = {}
     foreign: list[int] = []
     strokes = choice.strokes or repeat(PlaceStrokes(None))
@@ -78,8 +80,7 @@ def missing_strokes(
         remedy = _REMEDIES[mode(lacking.values())]
         what = f"most strokes are missing: {places_text(choice.text, [*lacking])} ({remedy})"
         yield Finding(ReadingFlag.STROKES_MISSING, what, tuple(lacking))
-    laid = None if choice.marks is None else choice.marks.laid
-    if len(foreign) >= least_foreign and laid is not None and laid.font.name != choice.font:
+    if len(foreign) >= least_foreign and choice.other_font_fits_better:
         what = f"another font than {choice.font} explains the marks better"
         what = f"{what}: {places_text(choice.text, foreign)} (name the right font)"
         yield Finding(ReadingFlag.FOREIGN_SHAPES, what, tuple(foreign))
@@ -128,9 +129,9 @@ def _why_undecided(
 def named_font(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report a named font that does not fit the marks."""
     marks = choice.marks
-    if not choice.characters or marks is None or marks.along is None or marks.font_fits:
+    if not settings.fonts or not choice.characters or marks is None:
         return
-    if settings.fonts:
+    if marks.along is not None and not marks.font_fits:
         what = f"the font {marks.along.font.name} does not fit the marks (name the right font, or none)"
         yield Finding(ReadingFlag.FOREIGN_SHAPES, what)
 
@@ -149,8 +150,11 @@ def guessed_characters(
         near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
             over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
     """
-    line, laid = choice.line, choice.in_own_font
-    if not choice.characters or laid is None or line is None or "network" in line.by_expert:
+    line = choice.line
+    if not choice.characters or line is None or "network" in line.by_expert:
+        return
+    laid = choice.in_own_font
+    if laid is None:
         return
     guessed = {c for c, glyph in laid.font.glyphs.items() if glyph.guessed}
     places = None if settings.grammar is None else settings.grammar.fixed_places

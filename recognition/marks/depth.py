@@ -35,7 +35,7 @@ error of a depth is then that of the land's lift to the preload, h_land / d0. He
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,12 +87,15 @@ class MarkDepth:
     bias_mm: float = 0.0
 
 
-def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
+def mark_depths(
+    relief: Relief, laid: LaidText, *, places: Collection[int] | None = None
+) -> tuple[MarkDepth | None, ...]:
     """Depth of each character of a line; None if too little of it or of the land beside it was felt.
 
     Args:
         relief: the surface as felt.
         laid: the line's text.
+        places: places to measure, from 0; the others are None (default: all).
     """
     felt = relief.height_mm if laid.felt.raised else -relief.height_mm
     # a margin of unknown samples
@@ -100,7 +103,10 @@ def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
     height = laid.height_mm / relief.pitch_mm
     marks = [None if one is None else _mark(relief, laid, k) for k, one in enumerate(laid.laid)]
     land = _land([mark for mark in marks if mark is not None], depth, height)
-    found = (None if mark is None else _depth(mark, depth, land, height) for mark in marks)
+    found = (
+        None if mark is None or not (places is None or k in places) else _depth(mark, depth, land, height)
+        for k, mark in enumerate(marks)
+    )
     bias_mm = depth_bias_mm(laid.face, laid.height_mm)
     return tuple(None if mark is None else replace(mark, bias_mm=bias_mm) for mark in found)
 

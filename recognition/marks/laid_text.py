@@ -46,7 +46,7 @@ class LaidText:
             for k, char in enumerate(self.text)
         )
 
-    @property
+    @cached_property
     def fits(self) -> tuple[float, ...]:
         """Correlation of each character; 0 for one that the font lacks."""
         return tuple(0.0 if mark is None else mark.fit for mark in self.laid)
@@ -65,7 +65,7 @@ class LaidText:
         """The text laid in another font, with the same face if the font can have it."""
         return replace(self, font=font, face=self.face if font.stroke_ratio > 0.0 else Face.FLAT)
 
-    @property
+    @cached_property
     def height_mm(self) -> float:
         """Median height of the characters."""
         tall = [one.pose[TALL] for one in self.laid if one is not None]
@@ -91,6 +91,11 @@ class LaidText:
         one = self.laid[place]
         assert one is not None
         return self.felt.places_mm(place, points_at(one.pose, points))
+
+
+def can_be_laid(felt: FeltLine, text: Sequence[str], fonts: Iterable[Font]) -> bool:
+    """Whether any font has any of the characters, and the line as many places."""
+    return len(text) == felt.columns.size and any(set(text) & set(font.glyphs) for font in fonts)
 
 
 def laid_text(

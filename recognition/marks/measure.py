@@ -7,7 +7,8 @@ Marks, text, posteriors --> TextMarks: strokes of the text and its rivals, depth
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -19,11 +20,11 @@ from recognition.glyph_match.predicted import TemplateSet
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.marks.depth import MarkDepth
-from recognition.marks.grade import OWN_FIT, MarkGrade, edge_fit, edges_of, grades_of
-from recognition.marks.laid_text import LaidText, laid_text
+from recognition.marks.grade import OWN_FIT, Edges, MarkGrade, edge_fit, edges_of, grades_of
+from recognition.marks.laid_text import LaidText, can_be_laid, laid_text
 from recognition.marks.no_depth import NoDepth
-from recognition.marks.strokes import PlaceStrokes, strokes_of
-from recognition.marks.unknown_font import line_depths
+from recognition.marks.strokes import PlaceStrokes, StrokeSurface, strokes_of
+from recognition.marks.unknown_font import LineDepths
 from recognition.recogniser.read_line import ReadLine
 from recognition.see.view import View
 from whisker_array.estimation.relief import Relief
@@ -71,53 +72,152 @@ class Marks:
     fonts: MarkFonts
     clipped_mm: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     samples: int = 0
-    _known: dict[object, TextMarks] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[tuple[str, ...], TextMarks] = field(default_factory=dict, init=False, repr=False)
 
     __repr__ = one_line
 
-    def of_text(
-        self, text: Sequence[str], lattice: Lattice, boxes: Sequence[Box], *, slope: float
-    ) -> TextMarks:
-        """Measure the marks of a text; the same is measured once.
+    def of_text(self, text: Sequence[str], boxes: Sequence[Box]) -> TextMarks:
+        """The marks of a text; the same is measured once.
 
         Args:
             text: one character per place.
-            lattice: posteriors of all characters that may stand at each place.
             boxes: position of each character.
-            slope: calibration slope of the posteriors, in log odds (`recognition.decide.score`).
         """
-        chars, key = tuple(text), (tuple(text), lattice, slope)
+        chars = tuple(text)
         if chars not in self._known:
-            self._known[chars] = _depths_of(self, chars, boxes)
-        marks = self._known[chars]
-        if marks.laid is not None and key not in self._known:
-            self._known[key] = replace(marks, strokes=strokes_of(marks.laid, lattice, slope=slope))
-        return self._known.get(key, marks)
+            self._known[chars] = TextMarks(self, chars, tuple(boxes))
+        return self._known[chars]
+
+    @cached_property
+    def surface(self) -> StrokeSurface:
+        """The depths along the line, prepared to find strokes in them."""
+        return StrokeSurface(self.felt.strip)
 
 
 @dataclass(frozen=True, eq=False)
 class TextMarks:
-    """The marks of a text.
+    """The marks of a text; each of them is measured when it is first needed.
 
     Attributes:
-        depths: depth of each character, or why it has none; None where no depth was tried.
-        grades: grade of each character; None where it was not graded.
-        laid: the text, fitted to the line in a font; None if no font fits.
-        along: the text along whose strokes the depths were measured, in a named font if any is named.
-        in_own_font: `along` if its font is the part's; None otherwise.
-        font_fits: whether the font of `along` fits the marks.
-        strokes: felt strokes, place by place, of the text and its rivals; empty if unknown.
+        marks: marks of the line.
+        text: one character per place.
+        boxes: position of each character.
     """
 
-    depths: tuple[MarkDepth | NoDepth | None, ...]
-    grades: tuple[MarkGrade | None, ...]
-    laid: LaidText | None = None
-    along: LaidText | None = None
-    in_own_font: LaidText | None = None
-    font_fits: bool = True
-    strokes: tuple[PlaceStrokes, ...] = ()
+    marks: Marks
+    text: tuple[str, ...]
+    boxes: tuple[Box, ...] = ()
+    _strokes: dict[tuple[Lattice, float], tuple[PlaceStrokes, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     __repr__ = one_line
+
+    @cached_property
+    def whole(self) -> tuple[bool, ...]:
+        """Whether each character was felt from edge to edge; true where no font has any of the characters."""
+        felt = self.marks.felt
+        laid = can_be_laid(felt, self.text, self.marks.fonts.every)
+        return tuple(felt.whole) if laid else (True,) * len(self.text)
+
+    @cached_property
+    def laid(self) -> LaidText | None:
+        """The text, fitted to the line in a font; None if no font fits."""
+        fonts = self.marks.fonts
+        return laid_text(self.marks.felt, self.text, fonts.fonts, stand_ins=fonts.stand_ins)
+
+    @cached_property
+    def along(self) -> LaidText | None:
+        """The text along whose strokes depths are measured, in a named font if any is named."""
+        fonts = self.marks.fonts.fonts
+        if self.laid is None or self.laid.font in fonts:
+            return self.laid
+        return laid_text(self.marks.felt, self.text, fonts)
+
+    @property
+    def other_font_fits_better(self) -> bool:
+        """Whether the marks fit another font clearly better than the named ones."""
+        if not self.marks.fonts.stand_ins or self.laid is None or self.along is None:
+            return False
+        return self.laid.font.name != self.along.font.name
+
+    @cached_property
+    def _depths(self) -> LineDepths | None:
+        laid, along, fonts = self.laid, self.along, self.marks.fonts
+        if laid is None or along is None:
+            return None
+        others = tuple(
+            laid if font is laid.font else along.in_font(font)
+            for font in fonts.every
+            if font is not along.font
+        )
+        return LineDepths(self.marks.relief, along, others, named=fonts.named)
+
+    @property
+    def font_fits(self) -> bool:
+        """Whether the font of `along` fits the marks."""
+        return self._depths is None or self._depths.font_fits
+
+    @cached_property
+    def _edges(self) -> list[Edges | None] | None:
+        """Edges of the text in the part's font; None if that is unknown."""
+        along, fonts = self.along, self.marks.fonts
+        if along is None or not self.font_fits:
+            return None
+        view, raised = along.felt.view, along.felt.raised
+        templates = fonts.predict(along.font, view, along.height_mm, raised=raised, face=along.face)
+        edges = edges_of(along, templates)
+        return edges if fonts.named or edge_fit(edges) >= OWN_FIT else None
+
+    @property
+    def in_own_font(self) -> LaidText | None:
+        """`along` if its font is the part's; None otherwise."""
+        return None if self._edges is None else self.along
+
+    @cached_property
+    def depths(self) -> tuple[MarkDepth | NoDepth | None, ...]:
+        """Depth of each character, or why it has none; None where no depth was tried."""
+        clipped = _clipped_places(self.marks, self.boxes)
+        depths = (None,) * len(self.text) if self._depths is None else self._depths.depths
+        return tuple(
+            NoDepth.SATURATED if k in clipped else depth if self.whole[k] else NoDepth.NOT_FELT
+            for k, depth in enumerate(depths)
+        )
+
+    @cached_property
+    def grades(self) -> tuple[MarkGrade | None, ...]:
+        """Grade of each character; None where it was not graded."""
+        if self._edges is None or self._depths is None:
+            return (None,) * len(self.text)
+        graded = np.logical_and(self._depths.same_strokes, self.whole)
+        return tuple(
+            grade if known else None for grade, known in zip(grades_of(self._edges), graded, strict=True)
+        )
+
+    def strokes(self, lattice: Lattice, *, slope: float) -> tuple[PlaceStrokes, ...]:
+        """Felt strokes, place by place, of the text and its rivals; empty if unknown.
+
+        Args:
+            lattice: posteriors of all characters that may stand at each place.
+            slope: calibration slope of the posteriors, in log odds (`recognition.decide.score`).
+        """
+        key = lattice, slope
+        if key not in self._strokes:
+            laid = self.laid
+            self._strokes[key] = (
+                () if laid is None else strokes_of(laid, lattice, slope=slope, surface=self.marks.surface)
+            )
+        return self._strokes[key]
+
+    def has_strokes(self, lattice: Lattice | None) -> bool:
+        """Whether strokes of the text and its rivals can be compared."""
+        same_places = lattice is not None and lattice.n_places == len(self.text)
+        return same_places and can_be_laid(self.marks.felt, self.text, self.marks.fonts.every)
+
+    @property
+    def nothing_covered(self) -> bool:
+        """Whether every stroke of any character could be felt, so that none of a rival is hidden."""
+        return self.marks.surface.is_open
 
 
 def measure(
@@ -136,45 +236,6 @@ def measure(
     felt = felt_line(view, line.line, line.columns, line.lattice.text, fonts.every)
     clipped = np.zeros((0, 2)) if clipped_mm is None else clipped_mm
     return Marks(felt, view.relief, fonts, clipped, int(view.edges.valid.sum()))
-
-
-def _depths_of(marks: Marks, text: tuple[str, ...], boxes: Sequence[Box]) -> TextMarks:
-    """Depths and grades of a text, without its strokes."""
-    clipped, found = _clipped_places(marks, boxes), _depths_along(marks, text)
-    whole = marks.felt.whole if found.laid is not None else [True] * len(text)
-    return replace(
-        found,
-        grades=tuple(grade if whole[k] else None for k, grade in enumerate(found.grades)),
-        depths=tuple(
-            NoDepth.SATURATED if k in clipped else depth if whole[k] else NoDepth.NOT_FELT
-            for k, depth in enumerate(found.depths)
-        ),
-    )
-
-
-def _depths_along(marks: Marks, text: tuple[str, ...]) -> TextMarks:
-    fonts, nothing = marks.fonts, (None,) * len(text)
-    laid = laid_text(marks.felt, text, fonts.fonts, stand_ins=fonts.stand_ins)
-    along = laid
-    if laid is not None and laid.font not in fonts.fonts:
-        along = laid_text(marks.felt, text, fonts.fonts)
-    if laid is None or along is None:
-        return TextMarks(nothing, nothing, laid)
-    others = [
-        laid if font is laid.font else along.in_font(font) for font in fonts.every if font is not along.font
-    ]
-    line = line_depths(marks.relief, along, others, named=fonts.named)
-    text_marks = TextMarks(line.depths, nothing, laid, along, font_fits=line.font_fits)
-    if not line.font_fits:
-        return text_marks
-    view, raised = along.felt.view, along.felt.raised
-    edges = edges_of(along, fonts.predict(along.font, view, along.height_mm, raised=raised, face=along.face))
-    if not fonts.named and edge_fit(edges) < OWN_FIT:
-        return text_marks
-    grades = zip(grades_of(edges), line.same_strokes, strict=True)
-    return replace(
-        text_marks, in_own_font=along, grades=tuple(grade if same else None for grade, same in grades)
-    )
 
 
 def _clipped_places(

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +110,7 @@ class _Strokes:
         return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
 
 
-class _Surface:
+class StrokeSurface:
     """The depths along a line, prepared to find strokes in them."""
 
     def __init__(
@@ -131,12 +131,34 @@ class _Surface:
         """
         self.strip = strip
         near, beside = (2 * round(far * PIXELS) + 1 for far in (near_heights, beside_heights))
-        smooth = ndimage.gaussian_filter(strip.depth, 0.7)
-        self.deepest = ndimage.maximum_filter(smooth, near)
+        self._near = near
         self.open = strip.known & (ndimage.uniform_filter(strip.depth, beside) > -heap_share * strip.usual)
+
+    @cached_property
+    def _smooth(self) -> Floats:
+        return np.asarray(ndimage.gaussian_filter(self.strip.depth, 0.7))
+
+    @cached_property
+    def deepest(self) -> Floats:
+        """(rows, columns) greatest depth within the search radius."""
+        return np.asarray(ndimage.maximum_filter(self._smooth, self._near))
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the land's depths."""
         # the smallest 30 % of the magnitudes are certainly land; with normal noise they lie within 0.385 deviations
-        known = np.abs(smooth[strip.known])
-        self.noise = float(np.percentile(known, 30.0)) / 0.385 if known.size else 0.0
+        known = np.abs(self._smooth[self.strip.known])
+        return float(np.percentile(known, 30.0)) / 0.385 if known.size else 0.0
+
+    @cached_property
+    def is_open(self) -> bool:
+        """Whether strokes could be felt everywhere at all places, so that none of any character is hidden."""
+        columns, width = self.strip.columns, self.open.shape[1]
+        low, high = np.rint(columns + PIXELS * self.strip.reaches.T * [[-1], [1]]).astype(np.intp)
+        return all(
+            first >= 0 and last < width and bool(self.open[:, first : last + 1].all())
+            for first, last in zip(low, high, strict=True)
+        )
 
     def strokes(
         self,
@@ -176,6 +198,7 @@ def strokes_of(
     lattice: Lattice,
     *,
     slope: float = 1.0,
+    surface: StrokeSurface | None = None,
     filled: float = 0.03,
     filled_of_missing: float = 0.8,
     most_filled: float = 0.7,
@@ -186,6 +209,7 @@ def strokes_of(
         laid: the text.
         lattice: probabilities of all characters that may stand at each place.
         slope: calibration slope of the probabilities, in log odds (`recognition.decide.score`).
+        surface: the depths along the line, if they are prepared already.
         filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
         filled_of_missing: increase of that probability with the missing share of the line's strokes.
         most_filled: greatest such probability.
@@ -196,7 +220,7 @@ def strokes_of(
     felt, font = laid.felt, laid.font
     if lattice.n_places != len(laid.text):
         return ()
-    surface = _Surface(felt.strip)
+    surface = StrokeSurface(felt.strip) if surface is None else surface
     read = [
         None if one is None else surface.strokes(k, char, font, one.pose)
         for k, (char, one) in enumerate(zip(laid.text, laid.laid, strict=True))

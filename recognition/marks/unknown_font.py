@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,33 +27,11 @@ The right font reaches 0.87 on clean parts, the nearest stand-in for another one
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LineDepths:
-    """Depths of a line's characters.
+    """Depths of a line's characters along the strokes of a named font, or of the font that fits each of them.
 
     Attributes:
-        depths: depth of each character, or why it was not measured.
-        same_strokes: whether each character has the strokes of the line's font, so that it can be graded.
-        font_fits: whether the line's font is that of the part.
-    """
-
-    depths: tuple[MarkDepth | NoDepth, ...]
-    same_strokes: tuple[bool, ...]
-    font_fits: bool
-
-
-def line_depths(
-    relief: Relief,
-    laid: LaidText,
-    others: Sequence[LaidText],
-    *,
-    named: bool,
-    clear_gain: float = 0.05,
-    least_fit: float = 0.7,
-) -> LineDepths:
-    """Measure the characters of a line along the strokes of a named font, or of the font that fits each of them.
-
-    Args:
         relief: the surface as felt.
         laid: the line's text, laid in the font that fits it best, of the named ones if any is named.
         others: the text laid in other fonts.
@@ -61,19 +40,55 @@ def line_depths(
         clear_gain: gain of the mean correlation by which another font must fit better.
         least_fit: least mean correlation of that other font.
     """
-    along = mark_depths(relief, laid)
-    foreign = foreign_places(relief, laid, along, others) if named else set[int]()
-    few = len(foreign) < max(2, len(along) // 4)
-    wrong = any(other.fit >= max(laid.fit + clear_gain, least_fit) for other in others)
-    if named and few and not wrong:
-        foreign |= {k for k, mark in enumerate(laid.laid) if mark is None}
-        depths = (NoDepth.FONT if k in foreign else d or NoDepth.NOT_FELT for k, d in enumerate(along))
-        return LineDepths(tuple(depths), tuple(k not in foreign for k in range(len(along))), font_fits=True)
-    return LineDepths(
-        fitting_depths(relief, [laid, *others]),
-        tuple(fit >= LEAST_STROKE_FIT for fit in laid.fits),
-        font_fits=not named and laid.fit_of_better_half >= LEAST_FIT_OF_BETTER_HALF,
-    )
+
+    relief: Relief
+    laid: LaidText
+    others: Sequence[LaidText]
+    named: bool
+    clear_gain: float = 0.05
+    least_fit: float = 0.7
+
+    @cached_property
+    def font_fits(self) -> bool:
+        """Whether the line's font is that of the part."""
+        if not self.named:
+            return self.laid.fit_of_better_half >= LEAST_FIT_OF_BETTER_HALF
+        least = max(self.laid.fit + self.clear_gain, self.least_fit)
+        few = len(self._foreign) < max(2, len(self._along) // 4)
+        return few and not any(other.fit >= least for other in self.others)
+
+    @cached_property
+    def same_strokes(self) -> tuple[bool, ...]:
+        """Whether each character has the strokes of the line's font, so that it can be graded."""
+        if self._named_fits:
+            return tuple(k not in self._lacking for k in range(len(self.laid.text)))
+        return tuple(fit >= LEAST_STROKE_FIT for fit in self.laid.fits)
+
+    @cached_property
+    def depths(self) -> tuple[MarkDepth | NoDepth, ...]:
+        """Depth of each character, or why it was not measured."""
+        if not self._named_fits:
+            return fitting_depths(self.relief, [self.laid, *self.others])
+        lacking = self._lacking
+        return tuple(
+            NoDepth.FONT if k in lacking else depth or NoDepth.NOT_FELT for k, depth in enumerate(self._along)
+        )
+
+    @property
+    def _named_fits(self) -> bool:
+        return self.named and self.font_fits
+
+    @cached_property
+    def _along(self) -> tuple[MarkDepth | None, ...]:
+        return mark_depths(self.relief, self.laid)
+
+    @cached_property
+    def _foreign(self) -> set[int]:
+        return foreign_places(self.relief, self.laid, self._along, self.others)
+
+    @property
+    def _lacking(self) -> set[int]:
+        return self._foreign | {k for k, mark in enumerate(self.laid.laid) if mark is None}
 
 
 def strokes_fit(
@@ -110,11 +125,17 @@ def fitting_depths(relief: Relief, texts: Sequence[LaidText]) -> tuple[MarkDepth
         texts: the line's text, laid in each font that may be the part's.
     """
     fits = np.array([laid.fits for laid in texts])
+    best = fits.argmax(axis=0)
+    measured = [
+        mark_depths(relief, laid, places=set(np.flatnonzero(best == number).tolist()))
+        if number in best
+        else ()
+        for number, laid in enumerate(texts)
+    ]
     depths: list[MarkDepth | NoDepth] = []
-    for place, choices in enumerate(zip(*(mark_depths(relief, laid) for laid in texts), strict=True)):
-        best = int(fits[:, place].argmax())
-        depth = choices[best] or NoDepth.NOT_FELT
-        fitting = isinstance(depth, NoDepth) or strokes_fit(depth, fits[best, place])
+    for place, number in enumerate(best):
+        depth = measured[number][place] or NoDepth.NOT_FELT
+        fitting = isinstance(depth, NoDepth) or strokes_fit(depth, fits[number, place])
         depths.append(depth if fitting else NoDepth.FONT)
     return tuple(depths)
 

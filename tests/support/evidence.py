@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType, SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -102,11 +102,23 @@ def text_of(
     """
     places = reading_of(characters).characters if isinstance(characters, str) else tuple(characters)
     laid, own = (SimpleNamespace(font=SimpleNamespace(name=name)) for name in (laid_in or font, font))
-    nothing = (None,) * len(places)
-    marks = TextMarks(nothing, nothing, laid, own, own if font else None, strokes=strokes)  # type: ignore[arg-type]
-    sense = SenseEvidence(source)
+    marks = SimpleNamespace(
+        laid=laid,
+        along=own,
+        in_own_font=own if font else None,
+        font_fits=True,
+        other_font_fits_better=(laid_in or font) != font,
+        strokes=lambda lattice, *, slope: strokes,
+        has_strokes=lambda lattice: bool(strokes),
+        whole=tuple(place.whole for place in strokes),
+    )
     choice = Choice(
-        (sense,), characters=places, marks=marks, score=score, threshold=threshold, scored_as=source
+        (SenseEvidence(source),),
+        lattice=Lattice(("A",), np.zeros((len(places), 1))),
+        characters=places,
+        marks=cast(TextMarks, marks),
+        score=score,
+        threshold=threshold,
     )
     return replace(choice, **more)
 

@@ -161,7 +161,7 @@ def doubted(text, scores, *, guessed, places=None):
     line = replace(believed_line(READ), by_expert={"templates": READ})
     sense = SenseEvidence("tactile", lines=PartLines(line))
     choice = text_of(text, font="press-7", senses=(sense,))
-    choice = replace(choice, marks=replace(choice.marks, in_own_font=laid))
+    choice.marks.in_own_font = laid
     assert choice.font == laid.font.name
     settings = replace(SETTINGS, format=None if places is None else Grammar(sets=places))
     return [finding.text for finding in judged(choice, guessed_characters, settings=settings)]

@@ -22,14 +22,17 @@ from recognition.decide.reading import Reading
 from recognition.decide.score import (
     SOURCES,
     Measure,
+    Measures,
     RiskError,
     RiskThreshold,
     Score,
     Term,
+    covered_share,
     log_odds,
-    measures_of,
+    photo_measures,
     score_of,
     share,
+    stroke_measures,
     text_measures,
 )
 from recognition.language.lattice import Lattice
@@ -71,7 +74,7 @@ def test_certainty_is_no_missing_value(odds: float) -> None:
         probability=probability, count_probability=1.0, places=[probability], format_given=True
     )
     assert (found[Measure.ODDS], found[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
-    assert Measure.ODDS not in measures_of()
+    assert Measure.ODDS not in Measures({(Measure.ODDS,): dict})
 
 
 def test_log_odds_and_shares_undo_each_other() -> None:
@@ -125,15 +128,14 @@ def test_grain_does_not_depend_on_exposure() -> None:
     bright = photo(10.0)
     dark = Photo((bright.pixels // 2).astype(np.uint8))
     for name in (Measure.GRAIN, Measure.PATCHES):
-        assert measures_of(photo=dark)[name] == pytest.approx(measures_of(photo=bright)[name], rel=0.1)
+        assert photo_measures(dark)[name] == pytest.approx(photo_measures(bright)[name], rel=0.1)
 
 
 def test_strokes_are_measured_at_the_weakest_place() -> None:
     rival = RivalStrokes("B", belief=0.1, margin=1.0, apart_heights=0.5, more_heights=0.4, hidden=0.7)
     short = replace(rival, more_heights=0.1, hidden=1.0)
     places = (PlaceStrokes(0.9, 0.8), PlaceStrokes(0.4, 0.8, rivals=(rival, short)))
-    found = measures_of(strokes=places)
-    assert (found[Measure.LEAST_STROKES], found[Measure.COVERED]) == (0.4, 0.7)
+    assert (stroke_measures(places)[Measure.LEAST_STROKES], covered_share(places)) == (0.4, 0.7)
 
 
 VALUES = {

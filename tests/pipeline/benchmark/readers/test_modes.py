@@ -70,7 +70,8 @@ def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyP
     term = next(one for one in score_of("tactile").terms if one is not Measure.ODDS)
     worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
     measures = {Measure.ODDS: 9.0, term: worst}
-    monkeypatch.setattr("recognition.decide.choice.measures_of", lambda *_, **__: measures)
+    groups = {tuple(measures): lambda: measures}
+    monkeypatch.setattr("recognition.decide.choice.measure_groups", lambda *_: groups)
     whole = decided()
     less = leave_out(term.name.lower().replace("_", "-"), SETTINGS)(whole)
     assert less.confidence > whole.confidence

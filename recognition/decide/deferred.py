@@ -1,0 +1,65 @@
+"""Fields of dataclasses that are computed when they are first read.
+
+A reading has depths, grades and strokes that few callers look at and that take longer than the reading itself. They are
+pure functions of the evidence, so that it does not matter when they are computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Generic, TypeVar, cast
+
+T = TypeVar("T")
+
+
+class _Deferred(Generic[T]):
+    """A value that is computed once; pickled as the value."""
+
+    def __init__(self, compute: Callable[[], T]) -> None:
+        self._compute = compute
+
+    @cached_property
+    def value(self) -> T:
+        return self._compute()
+
+    def __reduce__(self) -> tuple[Callable[[T], T], tuple[T]]:
+        return _same, (self.value,)
+
+
+def _same(value: T) -> T:
+    return value
+
+
+def deferred(compute: Callable[[], T]) -> T:
+    """A value for a `deferrable` field: it is computed when the field is first read."""
+    return cast(T, _Deferred(compute))
+
+
+class _DeferrableField:
+    """Descriptor of a field that holds a value or a deferred one."""
+
+    def __init__(self, name: str, default: object) -> None:
+        self._name, self._default = name, default
+
+    def __get__(self, instance: object | None, owner: type) -> object:
+        if instance is None:
+            return self._default
+        value = vars(instance)[self._name]
+        if isinstance(value, _Deferred):
+            value = vars(instance)[self._name] = value.value
+        return value
+
+    def __set__(self, instance: object, value: object) -> None:
+        vars(instance)[self._name] = value
+
+
+def deferrable(*names: str) -> Callable[[type[T]], type[T]]:
+    """Let fields of a dataclass take `deferred` values; they have defaults."""
+
+    def prepare(kind: type[T]) -> type[T]:
+        for name in names:
+            setattr(kind, name, _DeferrableField(name, getattr(kind, name)))
+        return kind
+
+    return prepare
