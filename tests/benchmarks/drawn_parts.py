@@ -60,7 +60,7 @@ class DrawnPart:
 
 @dataclass
 class KeptSweeps:
-    """Sweeps of an ideal virtual array by digest; one that is missing is simulated and joins them.
+    """Sweeps of the virtual array by digest; one that is missing is simulated and joins them.
 
     Attributes:
         felt: sweeps by digest.
@@ -96,6 +96,9 @@ class _KeptBench:
     def _mounted(self) -> Mounted:
         return mount(self.surface, **self.bench)
 
+    def __post_init__(self) -> None:
+        _ = self._digest  # of the random generator before any noise is drawn
+
     @cached_property
     def _digest(self) -> str:
         return _digest(self.surface, self.bench)
@@ -123,6 +126,8 @@ def _bytes_of(value: object) -> Iterator[bytes]:
     elif is_dataclass(value):
         for item in fields(value):
             yield from _bytes_of(getattr(value, item.name))
+    elif isinstance(value, np.random.Generator):
+        yield from _bytes_of(value.bit_generator.state)
     elif isinstance(value, dict):
         yield from _bytes_of(sorted(value.items()))
     elif isinstance(value, tuple | list):

@@ -177,14 +177,14 @@ def feel_part(part: DrawnPart, reader: Reader, *, least_ratio: float = 0.6) -> K
     Raises:
         MapError: the part cannot be scanned.
     """
-    sweeps, fidelity = KeptSweeps(), reader.settings.fidelity
+    sweeps, array = KeptSweeps(), reader.settings.array
     with sweeps.in_place_of_simulation(), contextlib.suppress(NothingFeltError):
         squared, soil = square_to_plate(part.height_map, part.soil_layer)
         surface = level(squared)
-        heights = felt_heights_mm(reader.touch.request, surface, fidelity=fidelity, soil=soil)
+        heights = felt_heights_mm(reader.touch.request, surface, array=array, soil=soil)
         for height_mm in heights:
             if height_mm >= least_ratio * heights[0]:
-                virtual_feel(fidelity=fidelity, soil=soil)(surface, height_mm)
+                virtual_feel(array, soil=soil)(surface, height_mm)
     return sweeps
 
 
