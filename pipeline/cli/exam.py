@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
-from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive
+from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive, SensorsName
 from pipeline.common.settings import SettingsError
 from pipeline.common.texts import first_of, split_commas
 
@@ -43,6 +43,8 @@ def run(
     experts: str = "",
     ablate: str = "",
     fidelity: FidelityName = "contact",
+    sensors: SensorsName = "real",
+    whisker: Path | None = None,
     accept_risk: str = "1 in 100",
     certificate: Path | None = None,
     cluster: str | None = None,
@@ -57,9 +59,9 @@ def run(
     out
         Folder for the trials and the report; made if missing.
     design
-        Exam that defines the parts and what readers know of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48,
-        marks-exam-2, marks-exam-2-80, or a TOML file of your own. It replaces the flags that describe parts, except
-        --parts.
+        Exam that defines the parts and what readers know of them: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40,
+        marks-exam-2-1000, marks-exam-2-96, or a TOML file of your own. It replaces the flags that describe parts,
+        except --parts.
     parts
         Number of parts for every soil, dirt, font and format (default: 200). With --design: number of its first parts
         (default: all).
@@ -105,6 +107,10 @@ def run(
         terms of the score; a wrong name lists them. Nothing is read again.
     fidelity
         Simulation of touch.
+    sensors
+        Simulated sensors and stage that feel the parts: real (with the errors of scan) or ideal.
+    whisker
+        Whisker file to feel with, as from design --out (default: a whisker for the character height).
     accept_risk
         Greatest share of wrong readings among those that our readers accept: 0.001, 1/1000 or "1 in 1000".
     certificate
@@ -117,12 +123,14 @@ def run(
     from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.cli.shared import print_document
+    from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.certificate import valid_certificate
     from pipeline.reading.perturbation import PERTURBATIONS
     from recognition.decide.risk_text import parse_risk
     from recognition.language.orientation import Orientation
     from recognition.see.virtual_array import VirtualArray
     from recognition.settings import ReaderSettings
+    from whisker_array.scan.sensor import Sensors
     from whisker_array.simulation.traces import Fidelity
 
     source = _parts(
@@ -136,9 +144,10 @@ def run(
         risk = parse_risk(accept_risk)
     except ValueError as error:
         raise SettingsError(f"--accept-risk is {accept_risk!r}: {error}") from error
+    touch = None if whisker is None else read_whisker_file(whisker).touch
     try:
         reading = ReaderSettings(
-            array=VirtualArray(fidelity=Fidelity(fidelity)),
+            array=VirtualArray(touch, Sensors(sensors), Fidelity(fidelity)),
             accept_risk=risk,
             orientation=lie,
             experts=split_commas(experts),
@@ -177,8 +186,8 @@ def export(
     Parameters
     ----------
     design
-        An edition: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2, marks-exam-2-80; or a TOML file of
-        your own.
+        An edition: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96; or a TOML
+        file of your own.
     folder
         Folder for the files; made if missing.
     parts
@@ -227,8 +236,8 @@ def score(
     readings
         CSV files, one for each reader. The second and later ones are compared with the first, part by part.
     design
-        The exam: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2, marks-exam-2-80, or a TOML file of
-        your own.
+        The exam: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96, or a TOML
+        file of your own.
     truth
         In place of --design: a CSV with the columns part and text, and one for each factor, like truth.csv of an
         export.

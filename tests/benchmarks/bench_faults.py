@@ -34,7 +34,7 @@ def main(
     start: int = 20,
     sizes: tuple[float, ...] = (1.0, 0.5),
 ) -> None:
-    exam = DesignedParts(design_named("marks-exam-1"))
+    exam = DesignedParts(design_named("marks-exam-1-1600"))
     items = [one for one in exam.items() if int(one.part[-4:]) >= start]
     items = items[:: max(1, len(items) // parts)][:parts]
     alarms: Counter[str] = Counter()

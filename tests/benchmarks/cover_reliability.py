@@ -26,7 +26,7 @@ from recognition.learning.training_parts import draw_part
 from recognition.learning.training_samples import TrainingStrip, strips_of
 from recognition.recogniser.recogniser import CHARACTERS, posteriors, steps_of
 
-SOILS = design_named("marks-exam-1").kept_out_soils
+SOILS = design_named("marks-exam-1-1600").kept_out_soils
 """That nothing in this tree learns from."""
 _EDGES = np.array([0.0, 0.5, 0.8, 0.9, 0.97, 1.0001])
 """Edges of the bins of posteriors."""

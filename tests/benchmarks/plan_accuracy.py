@@ -36,7 +36,7 @@ LINES = (10, 14, 20, 40)
 WAYS = ((0,), (0, 180), (90,), (90, 270), (0, 90, 180, 270))
 """Trace directions, degrees: along the line one way and both, across it likewise, and all four."""
 SEVERITIES = (0.3, 0.6)
-EDITION = "marks-exam-1-240"
+EDITION = "marks-exam-1-208"
 """Whose kinds of parts are drawn, with another seed."""
 BESIDE_HEIGHTS = 0.5
 """Land that is felt around the line, character heights."""

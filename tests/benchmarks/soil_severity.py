@@ -41,7 +41,7 @@ from pipeline.workers.executors import ordered_map
 from pipeline.workers.pool import WorkPool
 from recognition.recogniser.ctc import place_belief
 
-EDITION: Final = "marks-exam-1"
+EDITION: Final = "marks-exam-1-1600"
 """Whose fonts are used; never those of a section that is kept out."""
 HEIGHTS_MM: Final = (2.0, 3.5, 5.0, 8.0, 12.0)
 FORMAT: Final = "********"

@@ -1,4 +1,4 @@
-"""Intervals and paired tests: bootstrap by part, since trials of a part are dependent, and exact bounds of rare errors.
+"""Intervals and tests: bootstrap by part, since trials of a part are dependent, and exact bounds of rare errors.
 
 Clopper and Pearson 1934: the upper bound for k of n is the share at which k or fewer occur by chance in 1 of 20 cases.
 No error among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1,000" takes 2,995 parts without one.
@@ -6,16 +6,18 @@ No error among 6 parts therefore shows no more than "at most 39 %"; "at most 1 i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.common.shares import CONFIDENCE_LEVEL, Share, share_bounds
+from pipeline.common.shares import CONFIDENCE_LEVEL, Share, share, share_bounds
 
 RESAMPLES = 2000
+LEAST_PARTS = 8
+"""Least number of parts for an interval by resampling; of fewer it is far too narrow."""
 _SEED = 20240229
 # number of sign patterns: all those of up to 14 differing parts and the added zero, else as many random ones
 _FLIPS = 2**15
@@ -28,31 +30,13 @@ class Estimate:
 
     Attributes:
         value: measured value.
-        low: lower end.
-        high: upper end.
+        low: lower end; None with fewer than `LEAST_PARTS` parts.
+        high: upper end; None with fewer than `LEAST_PARTS` parts.
     """
 
     value: float
-    low: float
-    high: float
-
-    @property
-    def sure(self) -> bool:
-        """True if the interval excludes zero."""
-        return self.low > 0.0 or self.high < 0.0
-
-    @classmethod
-    def of(cls, value: float, again: NDArray[np.float64]) -> Estimate:
-        """Make an estimate from its value and the percentiles over all draws.
-
-        Args:
-            value: measured value.
-            again: (draws,) values of the draws, NaN if undefined; if all are NaN, the interval is the value.
-        """
-        known = again[np.isfinite(again)]
-        tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
-        low, high = np.percentile(known, [tail, 100.0 - tail]) if known.size else (value, value)
-        return cls(float(value), float(low), float(high))
+    low: float | None = None
+    high: float | None = None
 
 
 @lru_cache(maxsize=4)
@@ -73,23 +57,63 @@ def exact_share(count: int, total: int) -> Share:
     return Share(count, total, *share_bounds(count, total, confidence=CONFIDENCE_LEVEL))
 
 
-def bootstrap_share(right: Sequence[int], total: Sequence[int]) -> Estimate:
-    """A share of characters with its 95 % interval, by resampling whole parts (percentile bootstrap).
+def resample(
+    counts: NDArray[np.float64],
+    statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    *,
+    parts: int | None = None,
+    least: float = 0.0,
+) -> Estimate:
+    """Estimate a statistic of sums over parts; the interval resamples whole parts (BCa bootstrap, Efron 1987).
 
-    Characters of one part share its dirt, so they are not independent. If all parts have the same share, the interval
-    has no width, and Wilson's is more informative.
+    If all parts agree, resampling shows nothing. Then the share of parts that differ is at most Wilson's bound for none
+    of these parts, and the interval has their least and greatest value there.
+
+    Args:
+        counts: (parts, columns) counts of every part.
+        statistic: function of sums of counts, (draws, columns), that returns (draws,) values, NaN if undefined.
+        parts: number of parts that the statistic is about (default: all).
+        least: least value of a part; the greatest is 1.
+    """
+    from scipy.special import ndtr, ndtri
+
+    (value,), parts = statistic(counts.sum(axis=0)[None]), len(counts) if parts is None else parts
+    if parts < LEAST_PARTS:
+        return Estimate(float(value))
+    again, without = statistic(draw_parts(len(counts)) @ counts), statistic(counts.sum(axis=0) - counts)
+    again, off = again[np.isfinite(again)], np.nan_to_num(np.nanmean(without) - without)
+    if np.ptp(again) < 1e-12:
+        differ = share(0, parts).high
+        return Estimate(
+            float(value),
+            float((1.0 - differ) * value + differ * least),
+            float((1.0 - differ) * value + differ),
+        )
+    bias = ndtri(0.5 * (np.mean(again < value) + np.mean(again <= value)))
+    skew = (off**3).sum() / (6.0 * (off**2).sum() ** 1.5)
+    z = bias + ndtri([0.5 - 0.5 * CONFIDENCE_LEVEL, 0.5 + 0.5 * CONFIDENCE_LEVEL])
+    low, high = np.quantile(again, ndtr(bias + z / (1.0 - skew * z)))
+    return Estimate(float(value), float(low), float(high))
+
+
+def ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(draws,) first column over the second, (draws, 2); NaN where the second is 0."""
+    return np.where(sums[:, 1] > 0.0, sums[:, 0] / np.maximum(sums[:, 1], 1.0), np.nan)
+
+
+def bootstrap_share(right: Sequence[int], total: Sequence[int], *, least: float = 0.0) -> Estimate:
+    """A share of characters with its 95 % interval; those of one part share its dirt, so whole parts are resampled.
 
     Args:
         right: (parts,) characters right, or the difference between two readers.
         total: (parts,) characters.
+        least: least share of a part: -1 for a difference.
     """
-    k, n = np.asarray(right, dtype=np.float64), np.asarray(total, dtype=np.float64)
-    if k.size == 0 or n.sum() == 0.0:
-        return Estimate(0.0, 0.0, 1.0)
-    drawn = draw_parts(k.size)
-    chars = drawn @ n
-    again = np.where(chars > 0.0, (drawn @ k) / np.maximum(chars, 1.0), np.nan)
-    return Estimate.of(k.sum() / n.sum(), again)
+    return (
+        resample(np.array([right, total], dtype=np.float64).T, ratio, least=least)
+        if sum(total)
+        else Estimate(0.0)
+    )
 
 
 @dataclass(frozen=True)
@@ -149,8 +173,9 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
 
     gained = [a - b for a, b, _ in zip(first, second, total, strict=True)]
     differing = [d for d in gained if d]
+    estimate = bootstrap_share(gained, total, least=-1.0)
     if not differing:
-        return CharacterTest(Estimate(0.0, 0.0, 0.0), 1.0)
+        return CharacterTest(estimate, 1.0)
     found = permutation_test(
         (np.array([*differing, 0.0]),),  # the test needs at least two values, and a zero changes nothing
         lambda x, axis: x.sum(axis=axis),
@@ -159,4 +184,11 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
         n_resamples=_FLIPS,
         random_state=np.random.default_rng(_FLIPS_SEED),
     )
-    return CharacterTest(bootstrap_share(gained, total), float(found.pvalue))
+    return CharacterTest(estimate, float(found.pvalue))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Correct p-values for their number (Holm 1979)."""
+    p, order = np.asarray(p_values, dtype=np.float64), np.argsort(p_values, kind="stable")
+    corrected = np.minimum(1.0, np.maximum.accumulate(p[order] * np.arange(p.size, 0, -1)))
+    return [float(value) for value in corrected[np.argsort(order)]]

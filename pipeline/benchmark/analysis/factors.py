@@ -1,26 +1,25 @@
 """Effect of each level of a factor: its share of characters right minus the mean of the other levels.
 
 A part may be read several times, with different facts given. Its readings are dependent, so whole parts are resampled
-(cluster bootstrap), never single readings. A fact is compared on the same parts, with the same other facts: the effects
-of two facts that were always given together cannot be separated, and are left out.
+(cluster bootstrap), never single readings. Facts given are compared elsewhere, part by part (`comparisons`).
+
+Whether a factor matters at all is tested by the ranks of the parts' shares less the mean of their severity (Kruskal and
+Wallis), corrected for the number of factors (Holm).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.estimates import Estimate, draw_parts
+from pipeline.benchmark.analysis.estimates import Estimate, holm, ratio, resample
 from pipeline.benchmark.analysis.groups import characters_right, level_of, levels_in, ordered_levels
-from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
+from pipeline.benchmark.exam.condition import Level, level_name
 from pipeline.benchmark.trials.journal import Trial
-
-ENOUGH_PARTS = 20
-"""Least number of parts of a level for a reliable bootstrap interval; with fewer it is too narrow."""
-_KNOWLEDGE = tuple(f"{name}_given" for name in GIVEN)
 
 
 @dataclass(frozen=True)
@@ -50,29 +49,25 @@ class FactorEffect:
         factor: name of the factor.
         mode: mode that read.
         levels: its levels, the costliest first.
+        p_matters: probability of effects at least as large if the factor had none, corrected for all factors of the
+            mode (Holm).
     """
 
     factor: str
     mode: str
     levels: tuple[LevelEffect, ...]
+    p_matters: float
 
     @property
     def spread(self) -> float:
         """Difference in characters right between the best and the worst level."""
         return self.levels[-1].characters.value - self.levels[0].characters.value
 
-    @property
-    def trusted(self) -> bool:
-        """True if every level has enough parts for its intervals."""
-        return min(e.parts for e in self.levels) >= ENOUGH_PARTS
-
 
 def factor_name(factor: str) -> str:
     """Name of a factor for people."""
-    named = {"severity": "dirt", **{name: name.replace("_given", " given?") for name in _KNOWLEDGE}}
-    return named.get(
-        factor, factor.removesuffix("_mm").removesuffix("_deg").replace("_", " ") + _unit(factor)
-    )
+    plain = factor.removesuffix("_mm").removesuffix("_deg").replace("_", " ") + _unit(factor)
+    return "dirt" if factor == "severity" else plain
 
 
 def _unit(factor: str) -> str:
@@ -81,67 +76,72 @@ def _unit(factor: str) -> str:
 
 def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
     """Effects of every factor with several levels, for every mode; within a mode the greatest first."""
-    factors = [name for name, levels in levels_in(trials).items() if len(levels) > 1]
+    factors = [n for n, levels in levels_in(trials).items() if len(levels) > 1 and not n.endswith("_given")]
     found = []
     for mode in dict.fromkeys(t.mode for t in trials):
         own = [t for t in trials if t.mode == mode]
-        effects = [effect for factor in factors if (effect := _effect(own, factor)) is not None]
-        found += sorted(effects, key=lambda e: -e.spread)
+        effects = [_effect(own, factor) for factor in factors]
+        corrected = zip(effects, holm([e.p_matters for e in effects]), strict=True)
+        found += sorted((replace(e, p_matters=p) for e, p in corrected), key=lambda e: -e.spread)
     return tuple(found)
 
 
-def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
-    """Effect on one mode; None if only one level can be compared."""
-    members = list(_in_pairs(trials, factor)) if factor in _KNOWLEDGE else trials
-    levels = ordered_levels(level_of(t, factor) for t in members)
-    if len(levels) < 2:
-        return None
-    places = {part: k for k, part in enumerate(dict.fromkeys(t.part for t in members))}
+def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect:
+    """Effect on one mode."""
+    levels = ordered_levels(level_of(t, factor) for t in trials)
+    severities = {t.part: t.severity for t in trials}
+    places = {part: k for k, part in enumerate(severities)}
     columns = {level: k for k, level in enumerate(levels)}
     # (parts, levels, characters right | characters | serials right | serials)
     counts = np.zeros((len(places), len(levels), 4))
-    for t in members:
+    for t in trials:
         counts[places[t.part], columns[level_of(t, factor)]] += (
             characters_right(t), len(t.truth), t.right, 1.0,
         )  # fmt: skip
-    drawn = draw_parts(len(places))
-    again = (drawn @ counts.reshape(len(places), -1)).reshape(-1, len(levels), 4)
-    measured = counts.sum(axis=0)[None]
-    effects = [
-        LevelEffect(
-            level=level,
-            parts=int((counts[:, k, 3] > 0).sum()),
-            characters=Estimate.of(_shares(measured, 0)[0, k], _shares(again, 0)[:, k]),
-            serials=Estimate.of(_shares(measured, 2)[0, k], _shares(again, 2)[:, k]),
-            difference=Estimate.of(_minus_others(measured, k)[0], _minus_others(again, k)),
+    effects = []
+    for k, level in enumerate(levels):
+        of_level = counts[counts[:, k, 3] > 0.0, k]
+        effects.append(
+            LevelEffect(
+                level=level,
+                parts=len(of_level),
+                characters=resample(of_level[:, :2], ratio),
+                serials=resample(of_level[:, 2:], ratio),
+                difference=resample(
+                    counts[..., :2].reshape(len(counts), -1),
+                    partial(_minus_others, k=k),
+                    parts=len(of_level),
+                    least=-1.0,
+                ),
+            )
         )
-        for k, level in enumerate(levels)
-    ]
     effects.sort(key=lambda e: (e.characters.value, level_name(e.level)))
-    return FactorEffect(factor, trials[0].mode, tuple(effects))
+    blocks = [None if factor == "severity" else severities[part] for part in places]
+    return FactorEffect(factor, trials[0].mode, tuple(effects), _p_matters(counts, blocks))
 
 
-def _in_pairs(trials: Sequence[Trial], factor: str) -> Iterator[Trial]:
-    """Readings of parts that were read with and without a fact, with all other facts equal."""
-    others = [name for name in _KNOWLEDGE if name != factor]
+def _p_matters(counts: NDArray[np.float64], severities: Sequence[float | None]) -> float:
+    """Test whether levels differ.
 
-    def beside(trial: Trial) -> tuple[Level, ...]:
-        return (trial.part, *(trial.levels.get(name) for name in others))
+    Args:
+        counts: (parts, levels, columns), as in `_effect`.
+        severities: (parts,) severity of each part; a difference between severities is not one between levels.
+    """
+    from scipy.stats import kruskal
 
-    met: dict[tuple[Level, ...], set[Level]] = {}
-    for trial in trials:
-        met.setdefault(beside(trial), set()).add(trial.levels.get(factor))
-    return (trial for trial in trials if len(met[beside(trial)]) > 1)
+    read = counts[..., 3] > 0.0
+    part_shares = counts[..., 0].sum(axis=1) / np.maximum(1.0, counts[..., 1].sum(axis=1))
+    for severity in dict.fromkeys(severities):
+        same = np.array([s == severity for s in severities])
+        part_shares[same] -= part_shares[same].mean()
+    part_shares = part_shares.round(9)  # equal shares remain ties
+    if not np.ptp(part_shares):
+        return 1.0
+    return float(kruskal(*(part_shares[read[:, k]] for k in range(read.shape[1]))).pvalue)
 
 
-def _shares(counts: NDArray[np.float64], column: int) -> NDArray[np.float64]:
-    """(draws, levels) share; NaN if no part of the level was drawn."""
-    total = counts[..., column + 1]
-    return np.where(total > 0.0, counts[..., column] / np.maximum(total, 1.0), np.nan)
-
-
-def _minus_others(counts: NDArray[np.float64], k: int) -> NDArray[np.float64]:
+def _minus_others(sums: NDArray[np.float64], *, k: int) -> NDArray[np.float64]:
     """(draws,) share of characters of a level minus the mean of the others; NaN if a level was not drawn."""
-    shares = _shares(counts, 0)
+    shares = ratio(sums.reshape(-1, 2)).reshape(len(sums), -1)
     difference: NDArray[np.float64] = shares[:, k] - np.delete(shares, k, axis=1).mean(axis=1)
     return difference

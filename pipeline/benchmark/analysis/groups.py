@@ -30,8 +30,15 @@ TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 
 
 def edits(trial: Trial) -> int:
-    """Number of characters wrong, missing and too many."""
-    return sum(not pair.right for pair in align(trial.truth, trial.text))
+    """Least number of characters wrong, missing and too many (Levenshtein)."""
+    from rapidfuzz.distance import Levenshtein
+
+    return int(Levenshtein.distance(trial.truth, trial.text))
+
+
+def places_wrong(trial: Trial) -> int:
+    """Number of stamped characters that the text does not have at the same place."""
+    return len(trial.truth) - sum(a == b for a, b in zip(trial.truth, trial.text, strict=False))
 
 
 def characters_right(trial: Trial) -> int:
@@ -102,6 +109,7 @@ class Group:
         serials: share of serials right.
         characters: share of characters right (stamped minus edits).
         character_error_rate: edits per stamped character (CER); above 1 if far more is read than was stamped.
+        place_error_rate: share of stamped characters that the text does not have at the same place.
         characters_by_part: share of characters right, with a 95 % interval from resampling whole parts.
         split: number of parts by outcome, see `FATES`.
         accepted: share of parts accepted.
@@ -118,6 +126,7 @@ class Group:
     serials: Share
     characters: Share
     character_error_rate: float
+    place_error_rate: float
     characters_by_part: Estimate
     split: dict[str, int]
     accepted: Share
@@ -142,6 +151,7 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
         serials=share(sum(t.right for t in trials), len(trials)),
         characters=share(sum(right), sum(stamped)),
         character_error_rate=sum(map(edits, trials)) / max(1, sum(stamped)),
+        place_error_rate=sum(map(places_wrong, trials)) / max(1, sum(stamped)),
         characters_by_part=bootstrap_share(right, stamped),
         split={fate: counts[fate] for fate in FATES},
         accepted=share(accepted, len(trials)),

@@ -9,7 +9,8 @@ trials --cells of the design, by severity, by mode--> groups, with Wilson's inte
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from typing import Any
@@ -32,14 +33,68 @@ from pipeline.benchmark.analysis.groups import (
     TIMES,
     Group,
     GroupKey,
+    edits,
     group_of,
     group_trials,
+    level_of,
     levels_in,
     mistakes,
 )
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
+
+
+@dataclass(frozen=True)
+class Headline:
+    """Figures of one mode over all dirt; clean parts apart, as in ImageNet-C (Hendrycks and Dietterich 2019).
+
+    Attributes:
+        key: mode and given facts.
+        clean: share of characters right of the parts without dirt; None if there are none.
+        characters: share of characters right, mean over the severities of dirt.
+        serials: share of serials right, mean over them.
+        accepted: share of parts accepted, mean over them.
+        relative_error: edits at all severities of dirt over those of the baseline reader, mean over soils (the mCE
+            there); None without that reader.
+    """
+
+    key: GroupKey
+    clean: float | None
+    characters: float
+    serials: float
+    accepted: float
+    relative_error: float | None
+
+
+def headlines_of(
+    by_mode: Mapping[GroupKey, Sequence[Trial]], by_severity: Sequence[Group], *, baseline: str
+) -> Iterator[Headline]:
+    """Compute the headline of every mode that read dirty parts.
+
+    Args:
+        by_mode: trials of every mode.
+        by_severity: figures of every mode at every severity.
+        baseline: mode to which errors are relative.
+    """
+    edits_by_soil: dict[GroupKey, Counter[Level]] = {key: Counter() for key in by_mode}
+    for key, trials in by_mode.items():
+        for trial in trials:
+            edits_by_soil[key][level_of(trial, "soil")] += edits(trial) if trial.severity else 0
+    for key, own in edits_by_soil.items():
+        groups = [g for g in by_severity if GroupKey(g.key.mode, g.key.levels[1:]) == key]
+        dirty = [g for g in groups if g.key.severity]
+        base = edits_by_soil.get(GroupKey(baseline, key.levels), Counter[Level]())
+        ratios = [own[soil] / count for soil, count in base.items() if count]
+        if dirty:
+            yield Headline(
+                key=key,
+                clean=next((g.characters.value for g in groups if g.key.severity == 0.0), None),
+                characters=float(np.mean([g.characters.value for g in dirty])),
+                serials=float(np.mean([g.serials.value for g in dirty])),
+                accepted=float(np.mean([g.accepted.value for g in dirty])),
+                relative_error=float(np.mean(ratios)) if ratios else None,
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +108,7 @@ class Statistics:
         cells: one group for each combination of mode, crossed factors and given facts.
         by_severity: one group for each severity and mode.
         by_mode: one group for each mode.
+        headlines: figures of each mode over all dirt.
         effects: cost of each factor's levels, for every mode.
         comparisons: readers compared on the same parts: over all parts, then at every severity.
         knowledge: each reader compared with itself when it knew fewer facts.
@@ -66,6 +122,7 @@ class Statistics:
     cells: tuple[Group, ...]
     by_severity: tuple[Group, ...]
     by_mode: tuple[Group, ...]
+    headlines: tuple[Headline, ...]
     effects: tuple[FactorEffect, ...]
     comparisons: tuple[Comparison, ...]
     knowledge: tuple[Comparison, ...]
@@ -78,6 +135,7 @@ def statistics_of(
     crossed: Sequence[str] = ("severity",),
     *,
     risks: Sequence[float] = (0.01, 0.001),
+    baseline: str = "rapidocr photo",
 ) -> Statistics:
     """Compute the statistics of trials.
 
@@ -85,11 +143,13 @@ def statistics_of(
         all_trials: trials of all parts and modes.
         crossed: factors of the design's cells.
         risks: risks at which readers are compared.
+        baseline: mode to which errors are relative: a public reader, shown the usual picture.
     """
     trials = unperturbed(all_trials)
     given = tuple(dict.fromkeys(t.given for t in trials))
     more = (GIVEN_FACTOR,) if len(given) > 1 else ()
     by_severity = group_trials(trials, ("severity", *more))
+    at_severity = tuple(group_of(*one) for one in by_severity.items())
     by_mode = group_trials(trials, more)
     levels = levels_in(trials)
     over_all = by_mode if len(levels.get("severity", ())) > 1 else {}
@@ -98,8 +158,9 @@ def statistics_of(
         given=given,
         crossed=tuple(crossed),
         cells=tuple(group_of(*one) for one in group_trials(trials, (*crossed, *more)).items()),
-        by_severity=tuple(group_of(*one) for one in by_severity.items()),
+        by_severity=at_severity,
         by_mode=tuple(group_of(*one) for one in by_mode.items()),
+        headlines=tuple(headlines_of(by_mode, at_severity, baseline=baseline)),
         effects=factor_effects(trials),
         comparisons=(*between_readers(over_all), *between_readers(by_severity)),
         knowledge=tuple(between_givens(trials)),

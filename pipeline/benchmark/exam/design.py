@@ -19,14 +19,17 @@ A TOML file describes it::
     height_mm = [3.5, 5, 8]
 
 Balanced means: the replicates of a cell take the levels of every other factor in turn, in an order drawn once for the
-design. Each level then occurs equally often in each cell, and no two factors are confounded. The parts are a fraction
-of the full crossing.
+design, and the cells of one severity begin their turns evenly spaced. The parts are a fraction of the full crossing.
+
+A design is checked when it is loaded: in every section, the numbers of parts at two severities differ by at most 1, and
+so do at every severity those at two levels of a factor.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from itertools import product
 from pathlib import Path
@@ -44,7 +47,7 @@ from pydantic import (
 )
 
 from glyphs.soiling.soiled import WORKSHOP
-from pipeline.benchmark.exam.condition import Condition, Level, parse_given
+from pipeline.benchmark.exam.condition import Condition, Level, level_name, parse_given
 from pipeline.benchmark.exam.font_packages import PackagedFont
 from pipeline.common.parsed import toml_of, wrong_key
 from pipeline.common.settings import SettingsError
@@ -70,7 +73,7 @@ class Section(BaseModel):
 
     Attributes:
         name: name of the section.
-        parts: number of parts; a multiple of the number of cells keeps the balance exact.
+        parts: number of parts; a multiple of the number of cells is always balanced.
         kept_out: whether its fonts are held out: nothing in this repository may be fitted to them.
         part: levels that replace those of the design.
     """
@@ -137,6 +140,8 @@ class Design(BaseModel):
             for severity in levels["severity"]:
                 if isinstance(severity, str) or not 0.0 <= severity <= 1.0:
                     raise ValueError(f"a severity is {severity!r}: it lies between 0 and 1")
+        if unbalanced := next(self._unbalanced(), ""):
+            raise ValueError(f"it is not balanced, {unbalanced}; cross the severity, and fill every cell")
         return self
 
     @classmethod
@@ -192,6 +197,22 @@ class Design(BaseModel):
         levels = {**self.part, **section.part}
         return [dict(zip(self.cross, c, strict=True)) for c in product(*(levels[f] for f in self.cross))]
 
+    def _unbalanced(self) -> Iterator[str]:
+        """Yield every section and factor whose levels are not equally frequent, with the counts."""
+        planned: dict[str, list[Condition]] = {}
+        for section, _, _, condition in self.plan_parts():
+            planned.setdefault(section.name, []).append(condition)
+        for section in self.all_sections():
+            levels, where = {**self.part, **section.part}, f"section {section.name}: " * bool(section.name)
+            conditions = planned[section.name]
+            if counts := _uneven(levels["severity"], [c["severity"] for c in conditions]):
+                yield f"{where}parts by severity: {counts}"
+            for severity in levels["severity"]:
+                here = [c for c in conditions if c["severity"] == severity]
+                for name, values in levels.items():
+                    if name != "severity" and (counts := _uneven(values, [c[name] for c in here])):
+                        yield f"{where}parts by {name} at severity {level_name(severity)}: {counts}"
+
     def plan_parts(self) -> Iterator[tuple[Section, int, int, Condition]]:
         """Yield the section, the number within it, the replicate and the levels of every part, in order."""
         for index, section in enumerate(self.all_sections()):
@@ -199,8 +220,9 @@ class Design(BaseModel):
             cells = self.cells(section)
             others = [name for name in levels if name not in self.cross]
             rounds = math.ceil(section.parts / len(cells))
+            severities = [levels["severity"].index(c["severity"]) if "severity" in c else 0 for c in cells]
             turns = {
-                name: _turns(len(cells), rounds, len(levels[name]), seed=(self.seed, index, rank))
+                name: _turns(severities, rounds, len(levels[name]), seed=(self.seed, index, rank))
                 for rank, name in enumerate(others)
             }
             for number in range(section.parts):
@@ -252,17 +274,40 @@ def design_named(name: str) -> Design:
     return design.model_copy(update={"fonts": {**packaged, **design.fonts}})
 
 
-def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np.ndarray[Any, Any]:
+def _uneven(levels: Sequence[Level], chosen: Sequence[Level]) -> str:
+    """The number of parts at each level if two of these differ by more than 1; else nothing."""
+    counts = Counter(dict.fromkeys(levels, 0))
+    counts.update(chosen)
+    if max(counts.values()) - min(counts.values()) <= 1:
+        return ""
+    return ", ".join(f"{count} of {level_name(level)}" for level, count in counts.items())
+
+
+def _turns(
+    severities: Sequence[int], rounds: int, levels: int, *, seed: tuple[int, ...]
+) -> np.ndarray[Any, Any]:
     """Draw the index of the level for each cell and round, shape (cells, rounds).
 
-    Within each block of `levels` rounds, counted from the first, a cell takes each level once. Within a round the
-    levels occur over the cells as equally often as possible.
+    Within each block of `levels` rounds, counted from the first, a cell takes each level once. The cells begin evenly
+    spaced over the levels, those of one severity by themselves and all of them together. After any number of rounds the
+    counts of two levels then differ by at most 1, at every severity and over all.
+
+    Args:
+        severities: index of the severity of each cell.
+        rounds: number of parts of a cell.
+        levels: number of levels.
+        seed: seed of the order of levels and cells.
     """
     rng = np.random.default_rng(seed)
-    out = np.empty((cells, rounds), dtype=np.int64)
+    cells, several = np.asarray(severities), max(severities) + 1
+    out = np.empty((cells.size, rounds), dtype=np.int64)
     for block in range(0, rounds, levels):
         width = min(levels, rounds - block)
-        order = rng.permutation(levels)
-        start = rng.permutation(np.arange(cells) % levels)
+        order, first, place = rng.permutation(levels), rng.permutation(several), np.empty_like(cells)
+        for severity in range(several):
+            place[cells == severity] = (
+                rng.permutation(int((cells == severity).sum())) * several + first[severity]
+            )
+        start = place * levels // cells.size
         out[:, block : block + width] = order[(start[:, None] + np.arange(width)[None, :]) % levels]
     return out

@@ -93,7 +93,7 @@ def percent(share: Share | Estimate) -> str:
 
 def span(ends: Share | Estimate) -> str:
     """The ends of an interval of a share, percent."""
-    return f"{100 * ends.low:.1f} to {100 * ends.high:.1f}"
+    return "–" if ends.low is None or ends.high is None else f"{100 * ends.low:.1f} to {100 * ends.high:.1f}"
 
 
 def points(value: float) -> str:
@@ -103,7 +103,7 @@ def points(value: float) -> str:
 
 def points_span(ends: Estimate) -> str:
     """The ends of an interval of a difference of shares, in percentage points."""
-    return f"{points(ends.low)} to {points(ends.high)}"
+    return "–" if ends.low is None or ends.high is None else f"{points(ends.low)} to {points(ends.high)}"
 
 
 def _ms(seconds: float) -> str:

@@ -74,7 +74,9 @@ def write_report(
     ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
-    document = document_of(found, drift)
+    array = benchmark.reading.array
+    touch = f"{array.sensors.value} sensors" + (f", {array.whisker.whisker}" if array.whisker else "")
+    document = document_of(found, drift, touch=touch)
     values = _values(benchmark, trials, found) | {"worst": worst, "certificate": certificate, "drift": drift}
     contents = {
         PAGE: render("report.html.j2", **values),
@@ -85,14 +87,15 @@ def write_report(
     return document, write_files(folder, contents), found
 
 
-def document_of(found: Statistics, drift: Mapping[str, str] | None = None) -> str:
+def document_of(found: Statistics, drift: Mapping[str, str] | None = None, *, touch: str = "") -> str:
     """The tables in Markdown, for documents and the console.
 
     Args:
         found: all figures.
         drift: differences of the parts of a mode from the certified ones, in words, by mode.
+        touch: the array that felt the parts, in words; empty if unknown.
     """
-    return render("benchmark.md.j2", **_tables(found), drift=drift or {})
+    return render("benchmark.md.j2", **_tables(found), drift=drift or {}, touch=touch)
 
 
 def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
@@ -124,7 +127,10 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
 
 def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
     """All figures; only those under "times" differ from run to run."""
-    names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability", "at_risk")
+    names = (
+        "cells", "by_severity", "by_mode", "headlines", "effects", "comparisons", "knowledge", "stability",
+        "at_risk",
+    )  # fmt: skip
     return {
         "benchmark": benchmark.description(),
         "versions": versions(),

@@ -27,7 +27,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.estimates import Estimate, draw_parts
+from pipeline.benchmark.analysis.estimates import Estimate, resample
 from pipeline.common.shares import Share, share
 
 _Floats = NDArray[np.float64]
@@ -95,11 +95,8 @@ def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
 
 def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate | None:
     """Kappa and its interval; `kappas` maps weights of the parts (draws, parts) to kappas (draws,)."""
-    value = float(kappas(np.ones((1, parts)))[0])
-    if np.isnan(value):
-        return None
-    # a draw whose parts all have one rating does not define kappa
-    return Estimate.of(value, kappas(draw_parts(parts)))
+    found = resample(np.eye(parts), kappas, least=-1.0)
+    return None if np.isnan(found.value) else found
 
 
 Ratings = Mapping[str, Mapping[str, tuple[str, ...]]]

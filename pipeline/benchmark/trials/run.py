@@ -228,11 +228,13 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
         parts: names of the items.
 
     Raises:
-        MarksError: its parts are in files, or its design cannot be made here, for lack of a font or soil.
+        MarksError: its parts or whiskers are in files, or its design cannot be made here, for lack of a font or soil.
     """
     wanted, said = set(parts), description["parts"]
     if "part" not in said:
         raise SettingsError("its parts are in files", hint="only parts of a design are drawn")
+    if "whisker" in description["reading"]:
+        raise SettingsError("it was felt with a whisker file", hint="only parts felt as usual are drawn")
     values = {name: value for name, value in said.items() if name != "font_files"}
     if not values.get("section"):
         # a part's name ends in its number within its cell; a longer design begins with the same parts

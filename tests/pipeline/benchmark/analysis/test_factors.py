@@ -39,7 +39,7 @@ def test_a_level_is_set_against_the_mean_of_the_others_whatever_their_sizes() ->
     )
     assert [e.parts for e in found.levels] == [1, 1, 3]
     assert found.spread == 0.75
-    assert not found.trusted
+    assert {e.difference.low for e in found.levels} == {None}
 
 
 def test_a_part_read_twice_is_one_cluster() -> None:
@@ -63,17 +63,20 @@ def test_the_interval_is_that_of_two_means_apart() -> None:
     assert width / 2 == pytest.approx(1.96 * error, rel=0.08)  # 2000 draws: quantiles to some 4 %
 
 
-def test_what_was_never_given_apart_is_not_taken_for_the_other() -> None:
-    """The height alone brings nothing; only the readings beside the same font say so."""
-    nothing = {"font_given": False, "height_given": False, "format_given": True}
-    font, both = {**nothing, "font_given": True}, {**nothing, "font_given": True, "height_given": True}
+def test_a_factor_matters_at_equal_dirt_or_not() -> None:
+    """Dirt takes half of the characters; a font one in four at each severity, the light nothing."""
+    rng = np.random.default_rng(5)
     trials = [
-        trial(k, right, **levels) for k in range(6) for right, levels in ((1, nothing), (4, font), (4, both))
-    ]
-    assert effect(trials, "font_given").levels[-1].difference.value == 0.75
-    assert effect(trials, "height_given").spread == 0.0
-    together = [t for t in trials if t.levels != font]
-    assert not {"font_given", "height_given"} & {e.factor for e in factor_effects(together)}
+        trial(
+            k, int(rng.binomial(4, (0.9, 0.45)[k % 2] - 0.25 * (k // 2 % 2))),
+            severity=(0.3, 0.9)[k % 2], font="ab"[k // 2 % 2], light="xyz"[k % 3],
+        )
+        for k in range(120)
+    ]  # fmt: skip
+    p = {e.factor: e.p_matters for e in factor_effects(trials)}
+    assert p["severity"] < 0.001
+    assert p["font"] < 0.01
+    assert p["light"] > 0.05
 
 
 def test_knowledge_is_compared_on_the_same_parts() -> None:

@@ -22,8 +22,8 @@ from tests.benchmarks.edition_digest import (
 )
 
 SMALL = {
-    "marks-exam-1-48": ("dotted-0-rust-0000", "first-0.3-caked-0000", "first-0.9-casting-0000"),
-    "marks-exam-2-80": ("kept-out-0-weld-0000", "kept-out-0.6-mud-0000"),
+    "marks-exam-1-40": ("first-0-0000", "first-0.9-0001", "dotted-0.9-0000"),
+    "marks-exam-2-96": ("kept-out-0-weld-0000", "kept-out-0.6-mud-0001"),
 }
 KINDS = (*STEPS, "pixels")
 

@@ -116,7 +116,7 @@ def test_every_fitted_file_has_a_manifest() -> None:
 
 def test_a_kept_out_font_or_soil_would_be_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
-    design = design_named("marks-exam-1")
+    design = design_named("marks-exam-1-1600")
     for word in ("Manrope-Bold.ttf", design.fonts["cmtt10"].sha256[:12], "mud"):
         path = tmp_path / "some.py"
         path.write_text(f"FITTED_TO = 'gothic, {word} and more'\n", "utf-8")

@@ -112,7 +112,8 @@ def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureF
     document = (tmp_path / "B" / "benchmark.md").read_text()
     # of 32 characters: one wrong in each of p1 to p6, all four of p7
     assert re.search(
-        r"\| b \| 8 \| 31\.2 \| 68\.8 \([^|]* \| 12\.5 \(2\.2 to 47\.1\) \| 87\.5 \| 6 of 7 ", document
+        r"\| b \| 8 \| 31\.2 \| 31\.2 \| 68\.8 \([^|]* \| 12\.5 \(2\.2 to 47\.1\) \| 87\.5 \| 6 of 7 ",
+        document,
     )
     assert re.search(r"\| b \| a \| −31\.2 \([^|]* \| 0 \| 7 \| 0\.016 \|", document)
     assert " b " in said.out
