@@ -144,10 +144,14 @@ class EvidenceFolder:
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
         """Write content to a file and keep it, as `keep` does."""
-        with file_errors(self.incoming), tempfile.TemporaryDirectory(dir=self.incoming) as folder:
-            made = Path(folder, "made")
-            made.write_bytes(content)
-            return self.keep(made, sha256=hashlib.sha256(content).hexdigest())
+        with file_errors(self.incoming):
+            handle, name = tempfile.mkstemp(dir=self.incoming)
+            try:
+                with open(handle, "wb") as stream:
+                    stream.write(content)
+                return self.keep(Path(name), sha256=hashlib.sha256(content).hexdigest())
+            finally:
+                Path(name).unlink(missing_ok=True)
 
     def path(self, sha256: str) -> Path:
         """Path for the file with that hash, whether it exists or not.
