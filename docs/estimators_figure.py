@@ -148,9 +148,7 @@ def errors_of(profiler: str, alpha_deg: float, mu: float, *, seed: int = 0) -> E
             friction=mu, sensor=chain, rng=rng,
         )  # fmt: skip
         known = chain.gain * (1.0 + BENCH_GAIN_SD * rng.standard_normal(n))
-        scan = replace(
-            scan, calibration=Calibration(gain=known, offset_n_mm=np.zeros(n), memory=chain.memory)
-        )
+        scan = replace(scan, calibration=Calibration(gain=known, offset_n_mm=np.zeros(n)))
         for one in land_friction(scan):
             friction[one.route.name].append(one.mu - mu)
         wall, floor = _errors(estimate_relief(scan), wedge)

@@ -43,7 +43,7 @@ def scanned(
     rng = np.random.default_rng(3)
     if chain is None and gain_sd is not None:
         n = plan.array.n_whiskers * plan.array.kinds
-        chain = draw_sensor_chain(n, rng=rng, gain_sd=gain_sd, memory=False)
+        chain = draw_sensor_chain(n, rng=rng, gain_sd=gain_sd)
     return trace_scan(
         surface, touch=touch, others=others, plan=plan, fidelity=fidelity, friction=friction, sensor=chain,
         rng=rng, **more,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.exit_status import FAILED, UsageError
-from pipeline.cli.shared import Flag
+from pipeline.cli.shared import Flag, SensorsName
+from pipeline.common.settings import ReadSettings
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
@@ -26,7 +28,14 @@ FORMAT = "AA999999"
 _SEED, _SERVED_SEED = 2024, 11
 
 
-def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = False) -> int:
+def demo(
+    out: Path = Path("demo-out"),
+    *,
+    sensors: SensorsName = "real",
+    whisker: Path | None = None,
+    service: Flag = False,
+    stay: Flag = False,
+) -> int:
     """Stamp a few plates, scan them with simulated whiskers, read them, and draw the results.
 
     The exit status is 1 if a serial was not read correctly.
@@ -35,6 +44,10 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     ----------
     out
         Folder for plates, recordings and overview.png.
+    sensors
+        Sensors and stage: real, or ideal.
+    whisker
+        Whisker file to scan with (default: a whisker for the character height).
     service
         Show the service instead: its camera photographs dirty parts, and its stage scans those that the
         camera is unsure of. The exit status is then 1 if it accepted a wrong serial.
@@ -46,10 +59,11 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     from pipeline.common.output_paths import make_folder
 
     make_folder(out)
-    return _serve(out, stay=stay) if service else _read(out)
+    settings = ReadSettings(sensors=sensors, whisker=whisker)
+    return _serve(out, settings, stay=stay) if service else _read(out, settings)
 
 
-def _read(out: Path) -> int:
+def _read(out: Path, settings: ReadSettings) -> int:
     """Stamp, scan, record, calibrate and read the plates, one by one, and draw them.
 
     The reader knows neither font nor height, only that a serial has eight letters or digits.
@@ -57,10 +71,10 @@ def _read(out: Path) -> int:
     from glyphs.part import stamp
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
+    from pipeline.reading.readers import virtual_array
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
     from recognition.see.levelling import level
-    from recognition.see.virtual_array import VirtualArray
     from recognition.see.virtual_bench import VirtualBench
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
@@ -72,7 +86,7 @@ def _read(out: Path) -> int:
     for number, (name, stamping) in enumerate(PLATES.items()):
         made = stamp(**stamping, seed=(_SEED, number))
         write_npz(out / f"{name}.npz", made.height_map)
-        array = VirtualArray(seed=_SEED + number)
+        array = replace(virtual_array(settings), seed=_SEED + number)
         scan = VirtualBench.mount(made.height_map, made.height_mm, array, part_id=name).scan()
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
@@ -92,7 +106,7 @@ def _read(out: Path) -> int:
     return 0 if all(part.right for part in parts) else FAILED
 
 
-def _serve(out: Path, *, stay: bool) -> int:
+def _serve(out: Path, settings: ReadSettings, *, stay: bool) -> int:
     """Send each photograph to a service, have the part touched if the camera is unsure, and print both."""
     import uvicorn  # noqa: F401 - a missing extra is reported before parts are made
 
@@ -116,7 +130,11 @@ def _serve(out: Path, *, stay: bool) -> int:
         for number, severity in enumerate(SEVERITIES)
     ]
     print("starting the service (the first start on a machine takes longer: it compiles) ...", flush=True)
-    reading = ("--format", FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright")
+    reading = [
+        *("--format", FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright"),
+        *("--sensors", settings.sensors),
+        *(() if settings.whisker is None else ("--whisker", str(settings.whisker))),
+    ]
     folders = ("--stage.folder", str(folder), "--camera.folder", str(folder))
     ended: list[tuple[PartRecord, str]] = []
     with service_process(out / "service", *folders, *reading) as service, Client(service.url) as client:

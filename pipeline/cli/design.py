@@ -14,7 +14,7 @@ from pipeline.common.texts import split_commas
 if TYPE_CHECKING:
     from pipeline.formats.whisker_file import WhiskerFile
     from whisker_array.design.design import Design
-    from whisker_array.design.limits import Request
+    from whisker_array.design.limits import Limits, Request
 
 SectionName = Literal["auto", "ribbon", "round"]
 MOST_WHISKERS = 500
@@ -29,6 +29,7 @@ def design(
     section: SectionName = "auto",
     speed_mm_s: float | None = None,
     beta_deg: str = "0:45",
+    axis_clearance_mm: float = 1.5,
     sensitive_to: float | None = None,
     trade_offs: bool = True,
     out: Path | None = None,
@@ -61,6 +62,8 @@ def design(
         Scan speed to reach, mm/s (default: the usual one for the height).
     beta_deg
         Setting angles that the holder allows, least:greatest, degrees; 0 keeps l1 level.
+    axis_clearance_mm
+        Least height of the sensor's axis above the land: what the sensor needs below it, mm.
     sensitive_to
         Tune the whisker to walls of this slope instead, degrees.
     trade_offs
@@ -72,8 +75,8 @@ def design(
     drawing
         Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
     whisker
-        Whisker file from `identify`: report what that whisker achieves for these demands, and how certain that is, in
-        place of a design.
+        Whisker file: report what that whisker achieves for these demands, in place of a design, and how certain that is
+        if the file is from `identify`.
     array
         Choose whiskers, rows, stagger, pitch, speed and plan instead.
     accuracy
@@ -117,14 +120,16 @@ def design(
         alpha_rad=(math.radians(low), math.radians(high)), mu=_range("--mu", mu), depth_mm=depth_mm,
         character_height_mm=height_mm, speed_mm_s=speed_mm_s,
     )  # fmt: skip
+    if axis_clearance_mm < 0.0:
+        raise UsageError(f"--axis-clearance-mm is {axis_clearance_mm:g}", "give 0 or more")
+    limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)), axis_clearance_mm=axis_clearance_mm)
     if whisker is not None:
         if any(flag is not None for flag in (out, picture, drawing, sensitive_to)):
             raise UsageError(
                 "design: --whisker reports an existing whisker and designs none",
                 "leave out --out, --picture, --drawing and --sensitive-to",
             )
-        return _report_built(whisker, request)
-    limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))
+        return _report_built(whisker, request, limits)
     if out is not None:
         check_writable(out, (SUFFIX,))
     if drawing is not None:
@@ -151,20 +156,24 @@ def design(
         write_picture(design_figure(made, trades=trades, tuned=tuned), picture)
 
 
-def _report_built(path: Path, request: Request) -> None:
-    """Report the values of an identified whisker for a request, with their uncertainty."""
-    from pipeline.cli.design_report import fitness
+def _report_built(path: Path, request: Request, limits: Limits) -> None:
+    """Report the figures of a whisker for a request, with their uncertainty if it is known, and its limits."""
+    import numpy as np
+
+    from pipeline.cli.design_report import fitness, print_limits
     from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions
+    from whisker_array.design.checks import check
+    from whisker_array.identification.knowledge import Knowledge
 
     built = read_whisker_file(path)
-    if built.known is None or built.whisker.is_straight:
-        raise CommandError(
-            f"{path} does not state the uncertainty of its whisker", hint="let identify --out write it"
-        )
-    found = predictions(built.whisker, built.touch, built.known, more=fitness(request))
-    print("\n".join(prediction_lines(found)))
+    if built.whisker.is_straight:
+        raise CommandError(f"{path} is a straight whisker", hint="it is a profiler: F is 1 on every wall")
+    known = built.known or Knowledge((), np.zeros((0, 0)))
+    found = predictions(built.whisker, built.touch, known, more=fitness(request))
+    print("\n".join(prediction_lines(found, measured=built.known is not None)))
+    print_limits(check(built.whisker, request, limits, preload_mm=built.touch.preload_mm).rows())
 
 
 def _range(flag: str, text: str) -> tuple[float, float]:

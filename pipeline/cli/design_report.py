@@ -58,7 +58,10 @@ BOUND_WORDS: Final[Mapping[Bound, BoundWords]] = {
     Bound.CLAMP: BoundWords(
         "clamp's underside over the land, mm", "allow a larger setting angle or a larger k"
     ),
-    Bound.AXIS: BoundWords("sensor axis over the free tip, mm", "allow a larger setting angle or a larger k"),
+    Bound.AXIS: BoundWords(
+        "sensor axis over the free tip, mm",
+        "allow a larger setting angle or a larger k, or a smaller --axis-clearance-mm",
+    ),
     Bound.LOWERED: BoundWords(
         "sensor axis over the free tip, mm", "let the sensor's axis stand above the clamp"
     ),
@@ -113,7 +116,7 @@ def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tune
         _print_tuned(tuned)
     else:
         print("\n".join(_contrast(design)))
-    _print_limits(design.constraints)
+    print_limits(design.constraints)
     for trade in trades:
         _print_trade(trade)
 
@@ -157,15 +160,29 @@ def _contrast(design: Design) -> list[str]:
     return lines
 
 
-def _print_limits(constraints: Iterable[Constraint]) -> None:
+def print_limits(constraints: Iterable[Constraint]) -> None:
+    """Print a table of the limits: value, allowed, and room left."""
     rows = (
-        (BOUND_WORDS[c.bound].label, f"{c.value:.4g}", "<=" if c.at_most else ">=", f"{c.limit:.4g}",
-         "binds" if c.binding else f"{100.0 * c.slack:.0f} %" if c.slack < 10.0 else "ample")
+        (
+            BOUND_WORDS[c.bound].label,
+            f"{c.value:.4g}",
+            "<=" if c.at_most else ">=",
+            f"{c.limit:.4g}",
+            _room(c),
+        )
         for c in constraints
         if c.binding or c.bound not in (*_SIZES, Bound.LOWERED)
-    )  # fmt: skip
+    )
     print()
     print_table(("limit", "here", "", "allowed", "room"), rows, ("limit",))
+
+
+def _room(constraint: Constraint, *, rounding: float = 5e-3) -> str:
+    if constraint.slack < -rounding:
+        return "broken"
+    if constraint.binding:
+        return "binds"
+    return f"{100.0 * constraint.slack:.0f} %" if constraint.slack < 10.0 else "ample"
 
 
 def _print_trade(trade: TradeOff) -> None:

@@ -137,9 +137,19 @@ def _side_view(
     hatch = space.add_hatch()
     hatch.set_pattern_fill("ANSI31", scale=0.08 * size)
     hatch.paths.add_polyline_path(corners, is_closed=True)
+    # the sensor with its axis, on a bracket that holds it below, or above, the clamp
+    space.add_circle(sensor, 0.3 * size)
+    axis = {"linetype": "DASHDOT", "ltscale": 0.2 * size}
+    for dx, dy in ((0.8 * size, 0.0), (0.0, 0.8 * size)):
+        space.add_line((sensor[0] - dx, sensor[1] - dy), (sensor[0] + dx, sensor[1] + dy), dxfattribs=axis)
+    _text(space, "sensor axis", (end + 0.3 * size, sensor[1] - 0.4 * size), 0.8 * size)
     if sensor != clamp:
-        space.add_circle(sensor, 0.2 * size)
-        space.add_line(clamp, sensor, dxfattribs={"linetype": "DASHDOT", "ltscale": 0.2 * size})
+        out, edge = clamp[0] + size, low if sensor[1] < clamp[1] else top
+        bracket = [(end, edge), (end, sensor[1]), (sensor[0] + 0.3 * size, sensor[1])]
+        bracket += [(sensor[0] + 0.3 * size, sensor[1] + math.copysign(0.3 * size, edge - sensor[1]))]
+        bracket += [(out, bracket[-1][1]), (out, edge)]
+        if abs(edge - sensor[1]) > 0.3 * size:
+            space.add_lwpolyline(bracket, close=True)
 
 
 def _section_view(space: Modelspace, shape: LShaped, at: Point, *, size: float) -> float:

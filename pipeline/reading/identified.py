@@ -21,7 +21,7 @@ from pipeline.formats.whisker_file import (
     write_whisker_file,
 )
 from pipeline.reading.predictions import Prediction
-from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, whisker_indices
+from whisker_array.identification.bench import DRAWN, Bench, Unknown
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.knowledge import knowledge_of
 from whisker_array.whisker.shapes import LShaped
@@ -77,10 +77,8 @@ def table_of(found: Identified) -> list[str]:
     names = [name for name in Unknown if with_drawing or name not in DRAWN]
     lines += [_line(name.value, *found.of(name), found.nominal[name], _MEANINGS[name]) for name in names]
     for whisker in found.whiskers:
-        places = whisker_indices(whisker, n_whiskers=found.bench.gain.size)
-        for what, drawn, i in zip(OF_GAUGE, (1.0, 0.0, 0.0), places, strict=True):
-            value, sd = float(found.bench.vector()[i]), float(found.sd[i])
-            lines.append(_line(f"{what} {whisker}", value, sd, drawn, digits=".4f"))
+        gain, sd = float(found.bench.gain[whisker]), float(found.sd[len(Unknown) + whisker])
+        lines.append(_line(f"gain {whisker}", gain, sd, 1.0, digits=".4f"))
     unused = [str(whisker) for whisker in range(found.bench.gain.size) if whisker not in found.whiskers]
     if unused:
         lines.append(f"not identified, no usable line over the piece: whisker {', '.join(unused)}")
@@ -122,10 +120,9 @@ def confounded(
         least_part: least component of a unit direction for a number to count as part of it.
     """
     scaled = found.covariance / np.outer(found.before, found.before)
-    own = [whisker_indices(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
-    felt = [*range(len(Unknown)), *(i for one in own for i in one)]
+    felt = [*range(len(Unknown)), *(len(Unknown) + whisker for whisker in found.whiskers)]
     values, vectors = np.linalg.eigh(scaled[np.ix_(felt, felt)])
-    names = [*(name.value for name in Unknown), *(name for _ in own for name in (_GAINS, *OF_GAUGE[1:]))]
+    names = [*(name.value for name in Unknown), *(_GAINS for _ in found.whiskers)]
     groups: list[tuple[str, ...]] = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < open_share**2:
@@ -159,13 +156,13 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
     write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))
 
 
-def prediction_lines(found: Sequence[Prediction]) -> list[str]:
-    """Figures of the whisker with their uncertainty, in lines of text."""
-    lines = [f"{'as identified':32}{'':>10}{'95 %':>12}"]
+def prediction_lines(found: Sequence[Prediction], *, measured: bool = True) -> list[str]:
+    """Figures of the whisker in lines of text, with their uncertainty if it was measured."""
+    lines = [f"{'as identified':32}{'':>10}{'95 %':>12}" if measured else "as drawn"]
     for one in found:
         if math.isnan(one.value):
             lines.append(f"{one.what:32}{'jams':>10}")
             continue
-        within = "may jam" if math.isnan(one.sd) else f"+-{_WIDE * one.sd:.2g}"
-        lines.append(f"{one.what:32}{one.value:10.4g}{within:>12}")
+        within = "may jam" if math.isnan(one.sd) else f"+-{_WIDE * one.sd:.2g}" if measured else ""
+        lines.append(f"{one.what:32}{one.value:10.4g}{within:>12}".rstrip())
     return lines

@@ -145,7 +145,7 @@ class Intake:
         stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics
-        self.stage = StageWork(stage_of(stage), timeout_s=stage.timeout_s)
+        self.stage = StageWork(stage_of(stage, calls.jobs.settings("")), timeout_s=stage.timeout_s)
         self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.camera.timeout_s)
         self.touching = TouchQueue(
             store,

@@ -229,6 +229,5 @@ def _draw_sensors(
         whiskers,
         rng=rng,
         full_scale_n_mm=range_land_moments * abs(touch.land_moment_n_mm()),
-        memory=False,
         noise=2e-4 * float(np.exp(rng.uniform(0.0, np.log(10.0)))),
     )

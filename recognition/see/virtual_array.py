@@ -51,7 +51,7 @@ class VirtualArray:
         rng = np.random.default_rng(self.seed)
         range_n_mm = self.range_land_moments * abs(touch.land_moment_n_mm())
         chain = draw_sensor_chain(
-            plan.array.n_whiskers * plan.array.kinds, rng=rng, full_scale_n_mm=range_n_mm, memory=False
+            plan.array.n_whiskers * plan.array.kinds, rng=rng, full_scale_n_mm=range_n_mm
         )
         stage = draw_stage_play(rng=rng.spawn(1)[0])
         return rng if self.noise_seed is None else np.random.default_rng(self.noise_seed), chain, stage

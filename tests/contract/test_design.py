@@ -111,3 +111,20 @@ def test_an_array_or_walls_must_be_given(capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.parametrize("wrong", ["--out=w.json", "--picture=p.toml", "--out=none/w.toml"])
 def test_files_are_refused_before_the_search(wrong: str) -> None:
     assert main([*ASKED, wrong]) == 1
+
+
+def test_a_drawn_whisker_is_compared_with_the_limits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn = tmp_path / "drawn.toml"
+    drawn.write_text(
+        'kind = "L"\nl1_mm = 30.0\nl2_mm = 2.5\nl3_mm = 2.5\nbeta_deg = 0.0\npreload_mm = 0.6\ntip_radius_mm = 0.05\n'
+        'friction = 0.2\ncharacter_height_mm = 5.0\nmaterial = "music wire"\n'
+        '[section]\nkind = "ribbon"\nthickness_mm = 0.2\nwidth_mm = 1.0\n'
+    )
+    assert main([*ASKED, "--whisker", str(drawn)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("worst edge contrast") for line in lines)
+    assert "+-" not in "".join(lines)  # nothing is known of its uncertainty
+    (axis,) = (line for line in lines if line.startswith("sensor axis") and ">=" in line)
+    assert axis.endswith("broken")

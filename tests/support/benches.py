@@ -101,16 +101,13 @@ class HiddenBench:
     stage_s: float
 
 
-def hidden_bench(
-    seed: int, *, memory: bool = True, gains_shown: bool = False, whiskers: int = 3
-) -> HiddenBench:
+def hidden_bench(seed: int, *, gains_shown: bool = False, whiskers: int = 3) -> HiddenBench:
     """A bench whose every number is drawn as a workshop knows it before, and its recording of pits.
 
     The tip slides through places `_FINER` times as close as the samples, as on iron.
 
     Args:
         seed: of all numbers, and of the noise.
-        memory: whether gauges creep and lag, and the stage's screw is as it is bought.
         gains_shown: whether a weight on each tip has shown the gains, as well as it does.
         whiskers: of the comb.
     """
@@ -127,22 +124,13 @@ def hidden_bench(
     stage = draw_stage_play(rng=rng)
     play_mm = abs(float(off[list(Unknown).index(Unknown.PLAY)])) * before[list(Unknown).index(Unknown.PLAY)]
     stage = replace(stage, play_mm=play_mm)
-    if not memory:
-        stage = replace(stage, rate=0.0, wave_mm=0.0, return_mm=0.0)
     truth = Bench.of_vector(nominal.vector() + before * off)
     truth = truth.with_values(play_mm=play_mm, friction=max(truth[Unknown.FRICTION], _SLIPPERY))
     step_mm = 0.03125
     size = [round(value / step_mm) * step_mm for value in piece.size_mm]
     region = (_BESIDE_MM, _BESIDE_MM, _BESIDE_MM + size[0], _BESIDE_MM + size[1])
     plan = RasterPlan(comb, region, comb.pitch_mm / 28, step_mm, speed_mm_s=50.0, lead_mm=1.5, two_way=True)
-    chain = draw_sensor_chain(
-        whiskers, rng=rng, full_scale_n_mm=3.0 * abs(touch.land_moment_n_mm()), memory=memory
-    )
-    if chain.memory is not None:
-        quick, lag = chain.memory.creep[:, :2].sum(axis=1), chain.memory.play_weight @ chain.memory.play_n_mm
-        truth = replace(truth, memory=np.stack([quick, lag / chain.memory.largest_n_mm]))
-    else:
-        truth = replace(truth, memory=np.zeros_like(truth.memory))
+    chain = draw_sensor_chain(whiskers, rng=rng, full_scale_n_mm=3.0 * abs(touch.land_moment_n_mm()))
     fine = trace_scan(
         _lain(piece, truth),
         # the stage is set up by what the friction is taken for

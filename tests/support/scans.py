@@ -66,15 +66,11 @@ def _assert_values(one: object, other: object, *names: str) -> None:
 
 
 def assert_same_calibration(one: Calibration | None, other: Calibration | None) -> None:
-    """Gains, offsets, where they are from, and memories are alike."""
+    """Gains, offsets and where they are from are alike."""
     assert (one is None) == (other is None)
     if one is not None and other is not None:
         _assert_arrays(one, other, "gain", "offset_n_mm")
         _assert_values(one, other, "from_land")
-        assert (one.memory is None) == (other.memory is None)
-        if one.memory is not None:
-            names = ("creep", "relax_s", "play_weight", "play_n_mm", "largest_n_mm")
-            _assert_arrays(one.memory, other.memory, *names)
 
 
 def assert_same_scan(one: Scan, other: Scan) -> None:

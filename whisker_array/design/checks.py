@@ -250,7 +250,7 @@ def check(
         Bound.SIGNAL: (1e6 * np.abs(arm @ land) * section.c_vertical_mm / beam, 1e6 * limits.strain, False),
         Bound.ELBOW: (whisker.l2_mm - half, request.depth_mm + room, False),
         Bound.CLAMP: (clamp - half - preload_mm, room, False),
-        Bound.AXIS: (axis, preload_mm, False),
+        Bound.AXIS: (axis, preload_mm + limits.axis_clearance_mm, False),
         Bound.LOWERED: (axis, clamp + limits.axis_raise * whisker.l1_mm, True),
     }
     if isinstance(section, Rectangle):

@@ -8,7 +8,8 @@ deflection, linear    |D11 f| / l1, elastica against linear beam            10 %
 sideways slide        d0 Dzz/Dyy tan(alpha), on a wall along the trace      half a line pitch
 quasi-static          speed / four line pitches / first frequency           a tenth (Assumption 5)
 signal                strain at the base on the land                        200 microstrain
-elbow, clamp, axis    heights above the land                                clear of the plate
+elbow, clamp          heights above the land                                clear of the plate
+axis                  height of the sensor's axis above the land            1.5 mm
 """
 
 from __future__ import annotations
@@ -149,6 +150,8 @@ class Limits(OneLine):
         strain: least strain at the base on the land, for a gauge.
         clearance_depths: least room between the land and the clamp or elbow, in depths of the marks.
         axis_raise: greatest height of the sensor's axis above the clamp, in l1; 0: it is only lowered, as in the paper.
+        axis_clearance_mm: least height of the sensor's axis above the land: room for a foil gauge on its carrier, with
+            its cable.
     """
 
     l1_mm: tuple[float, float] = (5.0, 80.0)
@@ -165,6 +168,7 @@ class Limits(OneLine):
     strain: float = 200e-6
     clearance_depths: float = 1.0
     axis_raise: float = 0.0
+    axis_clearance_mm: float = 1.5
 
 
 @dataclass(frozen=True)

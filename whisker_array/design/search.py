@@ -226,7 +226,7 @@ def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Va
         x[6] = math.log(preload)
         x[0] = np.clip(math.log(reach * preload), *box[0])
         l1 = math.exp(x[0])
-        x[3] = preload / l1
+        x[3] = (preload + limits.axis_clearance_mm) / l1
         if limits.axis_raise > 0.0 and i % 2:
             # an axis above the line of A has a separate optimum, where the moment falls instead of rising
             x[3] = rng.uniform(*box[3])

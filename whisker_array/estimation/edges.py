@@ -16,7 +16,6 @@ from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.crossing import fill_from_crossing
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, land_surface, remove_drift, whisker_gain
-from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.estimation.registration import registration_mm
 from whisker_array.scan.calibration import apply_calibration
 from whisker_array.scan.scan import Scan, only
@@ -125,7 +124,7 @@ def edge_map(
     Raises:
         MapError: a sweep without usable samples or without land; `within_mm` was not scanned.
     """
-    scan = only(remove_memory(scan))
+    scan = only(scan)
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm, within_mm=within_mm)
     layers, known = on_grid(swept, grid)
@@ -156,7 +155,7 @@ def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
     Raises:
         MapError: as in `edge_map`.
     """
-    scan = only(remove_memory(scan))
+    scan = only(scan)
     swept = [land_ratio(scan, sweep) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm)
     layers, _ = on_grid(swept, grid)

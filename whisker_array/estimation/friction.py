@@ -17,7 +17,6 @@ from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.estimate import friction_from_shapes, friction_from_two_ways, is_profiler
 from whisker_array.estimation.land import land_coefficients, land_surface
-from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
 
@@ -53,7 +52,6 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
     SHAPES needs a profiler on the lines of a differentiator, and gains that are known from a bench (not from land).
     TWO_WAYS needs passes that are traced again on their return, but no gains.
     """
-    scan = remove_memory(scan)
     differ = [i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)]
     profile = [i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)]
     found = []

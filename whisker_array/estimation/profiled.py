@@ -24,7 +24,6 @@ from whisker_array.estimation.edges import edge_map, land_ratio, play_between
 from whisker_array.estimation.estimate import is_profiler, lean_from_moment, moment_per_lift, tip_shift_mm
 from whisker_array.estimation.friction import USABLE_SD, LandFriction, land_friction
 from whisker_array.estimation.gridding import PlateGrid, SweptLines, common_grid, on_grid
-from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.estimation.relief import (
     STEEPEST,
     Relief,
@@ -55,7 +54,6 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
     Raises:
         MapError: a sweep without usable samples or without land.
     """
-    scan = remove_memory(scan)
     known = next((f for f in land_friction(scan) if f.sd < USABLE_SD), None)
     profiler = next((i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)), None)
     differentiator = next((i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)), None)

@@ -1,6 +1,6 @@
 """Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations.
 
-A `Bench` holds numbers by name, except those that differ from whisker to whisker (`OF_GAUGE`) and those of screws.
+A `Bench` holds numbers by name, except the gain of each whisker and those of screws.
 """
 
 from __future__ import annotations
@@ -54,11 +54,6 @@ class Unknown(StrEnum):
 
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Unknowns of the whisker itself, fixed by its manufacture."""
-OF_GAUGE = ("gain", "creep", "lag")
-"""Numbers that differ from whisker to whisker."""
-MEMORIES = len(OF_GAUGE) - 1
-MEMORY_SD = 0.02
-"""Prior standard deviation of creep and lag; measured gauges reach 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of an uncalibrated gain, and of one calibrated by a weight on the tip."""
 GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
@@ -78,7 +73,6 @@ class Bench(OneLine):
     Attributes:
         values: value of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
-        memory: (2, whiskers) creep within seconds and lag, as shares of a load (`gauge_memory.gauges`).
         screw: (2, 1 + 2 leads) errors of the stage's screws along x and y: a share of the travel, and amplitudes of
             waves with periods `LEADS_MM`, mm (`screw_basis`).
 
@@ -88,7 +82,6 @@ class Bench(OneLine):
 
     values: Mapping[Unknown, float]
     gain: NDArray[np.float64]
-    memory: NDArray[np.float64]
     screw: NDArray[np.float64]
 
     def __post_init__(self) -> None:
@@ -96,9 +89,7 @@ class Bench(OneLine):
         if missing or not all(math.isfinite(value) for value in self.values.values()):
             raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
-        memory: tuple[int | str, ...] = (MEMORIES, "whiskers")
-        own = {"gain": memory[1:], "memory": memory, "screw": (2, _PER_SCREW)}
-        freeze_arrays(WhiskerError, self, own)
+        freeze_arrays(WhiskerError, self, {"gain": ("whiskers",), "screw": (2, _PER_SCREW)})
 
     def __getitem__(self, name: Unknown) -> float:
         return self.values[name]
@@ -108,16 +99,16 @@ class Bench(OneLine):
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then of `OF_GAUGE` for all whiskers, then of the screws."""
+        """All numbers in the order of `Unknown`, then the gains, then those of the screws."""
         values = [self.values[name] for name in Unknown]
-        return np.concatenate([values, self.gain, self.memory.ravel(), self.screw.ravel()])
+        return np.concatenate([values, self.gain, self.screw.ravel()])
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
         """Make a bench from numbers in the order of `vector`."""
-        gain, *memory = numbers[len(Unknown) : -2 * _PER_SCREW].reshape(1 + MEMORIES, -1)
+        gain = numbers[len(Unknown) : -2 * _PER_SCREW]
         values = dict(zip(Unknown, map(float, numbers), strict=False))
-        return cls(values, gain, np.array(memory), numbers[-2 * _PER_SCREW :].reshape(2, -1))
+        return cls(values, gain, numbers[-2 * _PER_SCREW :].reshape(2, -1))
 
     def moved(self, step: NDArray[np.float64]) -> Bench:
         """Return the bench with a step (n,) added to its numbers, in the order of `vector`.
@@ -190,7 +181,7 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
         beta_deg = math.degrees(whisker.beta_rad)
         drawn = (whisker.l1_mm, whisker.l2_mm, whisker.lowered_mm, beta_deg)
         values |= zip(DRAWN, drawn, strict=False)
-    return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)), np.zeros((2, _PER_SCREW)))
+    return Bench(values, np.ones(n_whiskers), np.zeros((2, _PER_SCREW)))
 
 
 def first_order_sd(
@@ -207,11 +198,6 @@ def first_order_sd(
         [(moved(i, s) - moved(i, -s)) / (2.0 * s) if s > 0.0 else 0.0 for i, s in enumerate(steps.tolist())]
     )
     return float(np.sqrt(slope @ covariance @ slope))
-
-
-def whisker_indices(whisker: int, *, n_whiskers: int) -> list[int]:
-    """Indices of a whisker's own numbers in `Bench.vector`, in the order of `OF_GAUGE`."""
-    return [len(Unknown) + block * n_whiskers + whisker for block in range(1 + MEMORIES)]
 
 
 def screw_slice(n: int, *, along_x: bool) -> slice:
@@ -232,7 +218,7 @@ def prior_sd(
 
     They assume lengths measured by a caliper (0.1 mm), an angle set by a jig (1.5 degrees), wire as sold (5 % of
     stiffness), a tip as ground (20 %), a preload set by a feeler gauge (5 %), friction of steel on steel (0.1), the
-    play of a usual stage (0.03 mm), gauges like those measured, and a piece placed by hand.
+    play of a usual stage (0.03 mm), and a piece placed by hand.
     """
     sd = {name: name.sd for name in Unknown}
     sd[Unknown.RADIUS] = max(tip_sd * nominal[Unknown.RADIUS], 0.005)
@@ -242,7 +228,6 @@ def prior_sd(
         [
             *(sd[name] for name in Unknown),
             *np.full(n, gain_sd),
-            *np.full(MEMORIES * n, MEMORY_SD),
             *np.tile([TRAVEL_SD, *np.full(2 * len(LEADS_MM), WAVE_SD_MM)], 2),
         ]
     )

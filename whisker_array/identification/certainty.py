@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
-from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, whisker_indices
+from whisker_array.identification.bench import Bench, Unknown
 from whisker_array.identification.traces import Trace
 
 LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-4}
-LAG_LEFT_OUT = 4e-4
-"""Errors that all passes share, so that they do not show as scatter: of some lengths, mm, and of the lag.
+"""Errors that all passes share, so that they do not show as scatter, mm.
 Measured with `tests.benchmarks.identify_benches` on seeds below 50; other seeds must test them."""
 COARSE_FACTOR = 2.0
 """Factor of the coarser grid from which the error of the fit's own grid is found."""
@@ -115,8 +114,6 @@ def left_out_covariance(nominal: Bench) -> NDArray[np.float64]:
     sd = np.zeros_like(nominal.vector())
     for name, off in LEFT_OUT.items():
         sd[list(Unknown).index(name)] = off
-    for whisker in range(nominal.gain.size):
-        sd[whisker_indices(whisker, n_whiskers=nominal.gain.size)[OF_GAUGE.index("lag")]] = LAG_LEFT_OUT
     return np.diag(sd**2)
 
 

@@ -28,7 +28,6 @@ from whisker_array.identification.bench import (
     Unknown,
     screw_basis,
     screw_slice,
-    whisker_indices,
 )
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.residuals import sample_sigma_n_mm
@@ -89,17 +88,11 @@ def plane_through(
     cloud = [ways.moved(root @ point) for point in points]
 
     moments = [np.empty((n, trace.measured_n_mm.size)) for trace in forward.traces]
-    signal = [np.zeros(trace.measured_n_mm.size) for trace in forward.traces]
-    units = [np.zeros((2, trace.measured_n_mm.size)) for trace in forward.traces]
     # in order of the radius, because a map serves tips of about one radius
     for i in sorted(range(n), key=lambda i: cloud[i][0][Unknown.RADIUS]):
         bench, tip = cloud[i]
-        for k, (trace, (s, u)) in enumerate(
-            zip(forward.traces, forward.predict(bench, tip=tip), strict=True)
-        ):
-            moments[k][i] = s + bench.memory[:, trace.whisker] @ u
-            signal[k] += s / n
-            units[k] += u / n
+        for k, moment in enumerate(forward.moments(bench, tip=tip)):
+            moments[k][i] = moment
 
     middle = [of_trace.mean(axis=0) for of_trace in moments]
     off = [of_trace - mean for of_trace, mean in zip(moments, middle, strict=True)]
@@ -115,9 +108,8 @@ def plane_through(
 
     names, jacobian = list(Unknown), []
     for k, (trace, slope) in enumerate(zip(forward.traces, slopes, strict=True)):
-        j = (sure[:, None] * slope).T @ inverse @ ways.by + np.outer(signal[k], ways.by_factor)
-        of_gauge = whisker_indices(trace.whisker, n_whiskers=at.gain.size)
-        j[:, of_gauge] = np.stack([signal[k] / at.gain[trace.whisker], *units[k]], axis=1)
+        j = (sure[:, None] * slope).T @ inverse @ ways.by + np.outer(middle[k], ways.by_factor)
+        j[:, len(names) + trace.whisker] = middle[k] / at.gain[trace.whisker]
         # a screw that is ahead has the effect of a piece that is shifted back
         along_x = trace.plan.direction.along_x
         shift = j[:, names.index(Unknown.SHIFT_X if along_x else Unknown.SHIFT_Y)]

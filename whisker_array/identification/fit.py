@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import OneLine
-from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.identification.bench import (
     BENCH_GAIN,
     DRAWN,
@@ -33,12 +32,10 @@ from whisker_array.identification.bench import (
     nominal_bench,
     prior_sd,
     screw_slice,
-    whisker_indices,
 )
 from whisker_array.identification.certainty import COARSE_FACTOR, Fitted, left_out_covariance
 from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
-from whisker_array.identification.gauge_memory import LARGEST_LANDS
 from whisker_array.identification.piece_map import Heights
 from whisker_array.identification.residuals import innovations, residuals, sample_sigma_n_mm, weight
 from whisker_array.identification.traces import MOST_TRACES, Trace, traces_of
@@ -190,9 +187,8 @@ def identify(
         only = tuple(name for name in only if name not in DRAWN)
     known = scan.calibration is not None and not scan.calibration.from_land
     nominal = nominal_bench(whisker, scan.touch, n_whiskers=scan.n_whiskers)
-    scan = remove_memory(scan) if known else replace(scan, calibration=None)
-    largest_n_mm = LARGEST_LANDS * abs(scan.touch.land_moment_n_mm())
-    traces = traces_of(scan, about=nominal, largest_n_mm=largest_n_mm)
+    scan = scan if known else replace(scan, calibration=None)
+    traces = traces_of(scan)
     clusters = {trace.cluster for trace in traces}
     if len(clusters) < fewest_clusters:
         raise IdentifyError(
@@ -204,7 +200,7 @@ def identify(
     free = np.zeros(before.size, dtype=np.bool_)
     free[: len(Unknown)] = [name in only for name in Unknown]
     for whisker_number in used:
-        free[whisker_indices(whisker_number, n_whiskers=scan.n_whiskers)] = True
+        free[len(Unknown) + whisker_number] = True
     for along_x in {trace.plan.direction.along_x for trace in traces}:
         free[screw_slice(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
@@ -217,7 +213,6 @@ def identify(
             nominal=whisker,
             about=about,
             setup_friction=scan.touch.friction,
-            largest_n_mm=largest_n_mm,
             grid_mm=coarser * grid_mm,
         )
         forward.exclude_jams(about)
@@ -225,7 +220,7 @@ def identify(
 
     found, cloud, rested, left = nominal, np.diag(before**2), [nominal.vector()], [np.inf]
     for number, each in enumerate(ROUNDS):
-        lines = traces_of(scan, about=found, largest_n_mm=largest_n_mm, most=each.lines)
+        lines = traces_of(scan, most=each.lines)
         forward = lay_map(found, each.coarser, lines)
         around = partial(
             plane_through,

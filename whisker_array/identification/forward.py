@@ -1,12 +1,12 @@
 r"""Predict the recording of a bench over a piece by contact simulation along its lines.
 
 piece --dilated by the tip--> heights and slopes, and how they change with its radius   (once)
-map --pose, play--> contact along the lines --gain, creep, lag--> raw signal minus that of the air
+map --pose, play--> contact along the lines --gain--> raw signal minus that of the air
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.identification.bench import Bench, Unknown, screw_basis
-from whisker_array.identification.gauge_memory import lag_response
 from whisker_array.identification.piece_map import Heights, PieceMap
 from whisker_array.identification.traces import JAM_LANDS, Trace, mask_jams
 from whisker_array.simulation.contact import trace_contact
@@ -41,7 +40,6 @@ class Forward:
         nominal: LShaped | Touch,
         about: Bench,
         setup_friction: float,
-        largest_n_mm: float,
         grid_mm: float = GRID_MM,
     ) -> None:
         """Make the map of the piece.
@@ -52,38 +50,20 @@ class Forward:
             nominal: the whisker as drawn.
             about: bench near which predictions are made; the map is for its tip.
             setup_friction: friction at which the stage was set up, so that the tip is at the commanded position.
-            largest_n_mm: largest past load of a gauge.
             grid_mm: pitch of the map.
         """
         self.traces = tuple(traces)
         self.nominal = nominal
-        self._setup, self._largest = setup_friction, largest_n_mm
+        self._setup = setup_friction
         self._sweeps = [
             _Sweep.of(list(sweep)) for _, sweep in groupby(self.traces, key=lambda trace: id(trace.plan))
         ]
         self._piece = PieceMap(heights, [sweep.plan for sweep in self._sweeps], about=about, grid_mm=grid_mm)
 
-    def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
-        """For each trace (samples,), N mm: the moment at the tip, changed by the memory of its gauge.
+    def moments(self, bench: Bench, *, tip: TipModel | None = None) -> list[NDArray[np.float64]]:
+        """Predict gain times moment (samples,) of every trace, N mm.
 
-        Args:
-            bench: the numbers.
-
-        Raises:
-            WhiskerError: an impossible number.
-        """
-        predicted = self.predict(bench)
-        return [
-            signal + bench.memory[:, trace.whisker] @ units
-            for trace, (signal, units) in zip(self.traces, predicted, strict=True)
-        ]
-
-    def predict(
-        self, bench: Bench, *, tip: TipModel | None = None
-    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Predict gain times moment (samples,) and the effects of unit creep and lag (2, samples) of every trace.
-
-        All are in N mm. Where a tip jams, the moment is limited to that at which a jam begins.
+        Where a tip jams, the moment is limited to that at which a jam begins.
 
         Raises:
             WhiskerError: an impossible number.
@@ -91,7 +71,7 @@ class Forward:
         touch = bench.touch(self.nominal)
         tip = touch.tip if tip is None else tip
         pushed = tip.pushed()
-        found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        found: list[NDArray[np.float64]] = []
         surface = self._piece.surface(touch.tip_radius_mm)
         for sweep in self._sweeps:
             plan = sweep.plan
@@ -114,14 +94,7 @@ class Forward:
                 there = at + sweep.screw_basis @ screw
                 moment = np.stack([np.interp(there, at, line) for line in moment])
             most = JAM_LANDS * np.abs(np.median(moment, axis=1, keepdims=True))
-            moment = np.clip(moment, -most, most)
-            lag = lag_response(
-                np.where(np.isnan(sweep.jam_load_n_mm), moment, sweep.jam_load_n_mm),
-                play_n_mm=sweep.play_n_mm,
-                largest_n_mm=self._largest,
-            )
-            units = np.stack([sweep.crept_n_mm, lag[:, ::STEPS]], axis=1)
-            found += zip(moment[:, ::STEPS], units, strict=True)
+            found += list(np.clip(moment, -most, most)[:, ::STEPS])
         return found
 
     def exclude_jams(self, bench: Bench) -> None:
@@ -134,27 +107,16 @@ class Forward:
             for trace, p in zip(self.traces, self.moments(bench), strict=True)
         ]
         self.traces = tuple(masked)
-        self._sweeps = [
-            replace(sweep, jam_load_n_mm=_jam_loads(masked.pop(0) for _ in sweep.whiskers))
-            for sweep in self._sweeps
-        ]
 
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """Common data of a sweep's lines, and their samples, one row each.
-
-    `jam_load_n_mm` (lines, steps) is the recorded load where tips jammed, NaN elsewhere: a jam is not predicted, but
-    its effect on the gauge afterwards is. `screw_basis` is that of `_screw_basis`.
-    """
+    """Common data of a sweep's lines; `screw_basis` is that of `_screw_basis`."""
 
     plan: SweepPlan
     line_mm: NDArray[np.float64]
     screw_basis: NDArray[np.float64]
     whiskers: NDArray[np.intp]
-    crept_n_mm: NDArray[np.float64]
-    play_n_mm: NDArray[np.float64]
-    jam_load_n_mm: NDArray[np.float64]
 
     @classmethod
     def of(cls, traces: Sequence[Trace]) -> _Sweep:
@@ -164,16 +126,7 @@ class _Sweep:
             line_mm=np.array([trace.line_mm for trace in traces]),
             screw_basis=_screw_basis(traces[0].plan),
             whiskers=np.array([trace.whisker for trace in traces]),
-            crept_n_mm=np.stack([trace.crept_n_mm for trace in traces]),
-            play_n_mm=np.stack([trace.play_n_mm for trace in traces]),
-            jam_load_n_mm=_jam_loads(traces),
         )
-
-
-def _jam_loads(traces: Iterable[Trace]) -> NDArray[np.float64]:
-    loads = [np.where(np.isnan(trace.measured_n_mm), trace.load_n_mm, np.nan) for trace in traces]
-    between = STEPS // 2
-    return np.repeat(np.stack(loads), STEPS, axis=1)[:, between : between - STEPS + 1]
 
 
 def _screw_basis(plan: SweepPlan) -> NDArray[np.float64]:

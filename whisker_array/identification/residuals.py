@@ -2,9 +2,9 @@ r"""Residuals of a fit: measured minus predicted samples, whitened.
 
     measured - predicted = level + scatter,      level(n) = level(n - 1) + step,     sd of a step: WALK of the scatter
 
-The level is the error of the predicted gauge memory: a peak between two samples moves the plays, and the rest of the
-pass is off by a thousandth. The innovations of a Kalman filter for such a walk are independent (A. C. Harvey,
-Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 4.1)::
+The level is the drift of the zero, and the creep of a gauge, which is not predicted. The innovations of a Kalman
+filter for such a walk are independent (A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter,
+1989, 4.1)::
 
     e = (v - l) / sqrt(P + sigma^2),     g = P / (P + sigma^2),     l += g (v - l),     P = P (1 - g) + step^2
 

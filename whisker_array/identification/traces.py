@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import usable_moments
-from whisker_array.identification.bench import Bench
-from whisker_array.identification.gauge_memory import gauge_effects
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.passes import SweepPlan
 
@@ -31,9 +29,6 @@ class Trace(OneLine):
         whisker: number of the whisker.
         line_mm: plate coordinate across the trace.
         measured_n_mm: (samples,) signal minus that in the air, NaN where unusable.
-        crept_n_mm: (samples,) contribution of a creep of 1.
-        play_n_mm: (plays,) states of the plays of a lag when the pass began.
-        load_n_mm: (samples,) the signal without creep and lag, jams included.
     """
 
     plan: SweepPlan
@@ -41,18 +36,13 @@ class Trace(OneLine):
     whisker: int
     line_mm: float
     measured_n_mm: NDArray[np.float64]
-    crept_n_mm: NDArray[np.float64]
-    play_n_mm: NDArray[np.float64]
-    load_n_mm: NDArray[np.float64]
 
 
-def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST_TRACES) -> tuple[Trace, ...]:
+def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
     """Choose the most informative lines of a recording: for every whisker and sweep those with the most relief.
 
     Args:
         scan: the recording.
-        about: present estimate of the bench.
-        largest_n_mm: largest past load of a gauge.
         most: greatest number of lines.
 
     Raises:
@@ -60,8 +50,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
     """
     groups: list[list[Trace]] = []
     cluster = 0
-    added = gauge_effects(scan, gain=about.gain, memory=about.memory, largest_n_mm=largest_n_mm)
-    for sweep, of_gauges in zip(scan.sweeps, added, strict=True):
+    for sweep in scan.sweeps:
         moment = usable_moments(scan, sweep)
         for whisker in range(moment.shape[1]):
             lines = [
@@ -71,9 +60,6 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
                     whisker,
                     float(sweep.plan.line_mm[p, whisker]),
                     mask_jams(moment[p, whisker]),
-                    of_gauges.crept_n_mm[p, whisker],
-                    of_gauges.play_n_mm[p, whisker],
-                    of_gauges.load_n_mm[p, whisker],
                 )
                 for p in range(moment.shape[0])
                 if np.isfinite(moment[p, whisker]).mean() > 0.5

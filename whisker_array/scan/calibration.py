@@ -16,7 +16,7 @@ The axis of whiskers is the last but one, the axis of samples the last.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +37,6 @@ class Calibration(Gauges):
     """
 
     from_land: bool = False
-
-    def applied(self) -> Calibration:
-        """Return the calibration for a signal to which gain and offset are already applied."""
-        return replace(self, gain=np.ones(self.gain.size), offset_n_mm=np.zeros(self.gain.size))
 
 
 def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> NDArray[np.float32]:

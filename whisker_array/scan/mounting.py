@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError, TraceDirection
 from whisker_array.scan.sensor import SensorChain, measure
-from whisker_array.scan.sensor_memory import SensorState
 from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
 from whisker_array.scan.stagger import to_instants, to_places
 from whisker_array.scan.sweep import Sweep
@@ -55,7 +55,7 @@ class Mounted(OneLine):
         sensor: gains, noise, converter; None: ideal.
         stage: position errors of the stage; None: none.
         rng: needed with a sensor or a stage.
-        state: state of the gauges; each pass updates it.
+        drift_n_mm: (whiskers,) drift of the zeros; each pass updates it.
     """
 
     surfaces: dict[float, TouchSurface]
@@ -66,7 +66,7 @@ class Mounted(OneLine):
     sensor: SensorChain | None
     stage: StagePlay | None
     rng: np.random.Generator | None
-    state: SensorState | None
+    drift_n_mm: NDArray[np.float64]
     _turned: dict[tuple[float, TraceDirection], TouchSurface] = field(default_factory=dict)
 
     def feel(
@@ -125,7 +125,7 @@ class Mounted(OneLine):
                     chain=chain,
                     sample_rate_hz=sample_rate_hz,
                     rng=rng,
-                    state=None if self.state is None else self.state.part(whiskers),
+                    drift_n_mm=self.drift_n_mm[whiskers],
                     pause_s=pause_s,
                 )
                 air, moment = raw[..., :air_samples], to_places(raw[..., air_samples:], behind)
@@ -204,6 +204,7 @@ def mount(
             surfaces[each.tip_radius_mm] = prepare_surface(
                 fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
             )
-    state, origin_mm = None if sensor is None else sensor.at_rest(), -pad * height_map.pitch_mm
+    drift_n_mm = np.zeros(0 if sensor is None else sensor.n_whiskers)
+    origin_mm = -pad * height_map.pitch_mm
     size_mm = height_map.size_mm
-    return Mounted(surfaces, origin_mm, size_mm, tuple(touches), fidelity, sensor, stage, rng, state)
+    return Mounted(surfaces, origin_mm, size_mm, tuple(touches), fidelity, sensor, stage, rng, drift_n_mm)

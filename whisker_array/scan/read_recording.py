@@ -18,7 +18,6 @@ from whisker_array.scan.calibration import Calibration, apply_calibration
 from whisker_array.scan.checked_file import CheckedFile
 from whisker_array.scan.pass_log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor_memory import SensorMemory
 from whisker_array.scan.session import gather_sweeps
 from whisker_array.scan.stagger import to_places
 from whisker_array.scan.sweep import Sweep, fill_air
@@ -74,8 +73,7 @@ class RecordingReader(CheckedFile):
         calibration = None if self.raw else self._calibration(volt=units == VOLT)
         if calibration is not None and units == VOLT:
             self._moment = apply_calibration(self._moment.T, calibration).T
-            # the signal is in N mm now; only creep and hysteresis of the gauges are left to correct
-            calibration = None if calibration.memory is None else calibration.applied()
+            calibration = None  # the signal is in N mm now
         kind, touches = self._kinds()
         self._rows, self._offset_mm = self._rows_of_passes(), self._offsets()
         # passes of a log stay single; otherwise those of one direction, dragged or pushed, form a sweep
@@ -134,18 +132,12 @@ class RecordingReader(CheckedFile):
             unknown = "is in volts without a calibration"
             self.require(not volt, unknown, "run `tactile-marks calibrate` on it first")
             return None
-        n, memory, at = self._n_whiskers, None, "calibration/memory"
+        n = self._n_whiskers
         gain = self.numbers("calibration/gain", (n,))
         offset = self.numbers("calibration/offset_v" if volt else "calibration/offset_n_mm", (n,))
         from_land = bool(self.file["calibration"].attrs.get("from_land", False))
         with self.naming("calibration cannot be used: ", hint="calibrate it again"):
-            if at in self.file:
-                tables = {
-                    name: self.numbers(f"{at}/{name}", shape, most=_LARGEST_TABLE)
-                    for name, shape in memory_shapes(n).items()
-                }
-                memory = SensorMemory(**tables, largest_n_mm=self.attribute("largest_n_mm", group=at))
-            return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land, memory=memory)
+            return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land)
 
     def _kinds(self) -> tuple[tuple[int, ...], tuple[Touch, ...]]:
         """Kind of each whisker, and the touch of each kind."""
@@ -292,16 +284,6 @@ class RecordingReader(CheckedFile):
             "record them at even steps from one start, or resample them; an encoder's counter may have wrapped",
         )
         return start, step
-
-
-def memory_shapes(n_whiskers: int) -> dict[str, tuple[int | None, ...]]:
-    """Names and shapes of the tables of /calibration/memory."""
-    return {
-        "creep": (n_whiskers, None),
-        "relax_s": (None,),
-        "play_weight": (n_whiskers, None),
-        "play_n_mm": (None,),
-    }
 
 
 def _common(values: NDArray[np.float64]) -> float:

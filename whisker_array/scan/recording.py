@@ -33,10 +33,6 @@ each begins with its air samples. A star marks required items; the others have t
     /calibration           attribute: from_land, gains estimated on land rather than on a bench (0)
     /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
     /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"
-    /calibration/memory    creep and lag of the gauges (none), as in whisker_array/scan/sensor_memory.py; attribute:
-                           largest_n_mm
-    /calibration/memory/creep, relax_s, play_weight, play_n_mm
-                           (whisker, term) share of the load, (term,) s, (whisker, play) share, (play,) N mm
 """
 
 from __future__ import annotations
@@ -54,7 +50,7 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError, report_damage
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.pass_log_file import write_log
-from whisker_array.scan.read_recording import FORMAT, FORMAT_VERSION, VOLT, RecordingReader, memory_shapes
+from whisker_array.scan.read_recording import FORMAT, FORMAT_VERSION, VOLT, RecordingReader
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.stagger import to_instants
 from whisker_array.simulation.traces import SampleFlag
@@ -177,11 +173,6 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
     file["calibration/gain"] = calibration.gain
     file["calibration/offset_v" if volt else "calibration/offset_n_mm"] = calibration.offset_n_mm
     file["calibration"].attrs["from_land"] = calibration.from_land
-    if calibration.memory is not None:
-        memory = file["calibration"].create_group("memory")
-        memory.attrs["largest_n_mm"] = calibration.memory.largest_n_mm
-        for name in memory_shapes(calibration.gain.size):
-            memory[name] = getattr(calibration.memory, name)
 
 
 def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:

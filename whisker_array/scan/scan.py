@@ -112,7 +112,7 @@ def trace_scan(
         others: touches of the further kinds of the plan's array.
         bench: as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a
             (rows, cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft
-            dirt of the part; default: none), sensor (gains, noise, converter, creep; default: ideal), stage (play and
+            dirt of the part; default: none), sensor (gains, noise, converter; default: ideal), stage (play and
             position errors; default: ideal), rng (needed with a sensor or a stage).
 
     Raises:

@@ -1,16 +1,17 @@
 """Sensor chain: from the moment at each whisker's base to the recorded number.
 
-    moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw
+    moment --x (1 + vibration)--x gain--+ offset--+ drift--+ noise--ADC--> raw
 
-Hysteresis and creep are those of `sensor_memory`; `calibration` inverts the chain. The axis of whiskers is the last but
-one, the axis of samples the last. Moments are in N mm; all random draws use the given rng.
+`calibration` inverts the chain. Creep and hysteresis of gauges, 1 to 3 % of a load, are left out: what is read did not
+change with them (docs/notes/sensors.md). The axis of whiskers is the last but one, the axis of samples the last.
+Moments are in N mm; all random draws use the given rng.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated, Self
 
@@ -28,7 +29,6 @@ from glyphs.ranges import (
     require_range,
 )
 from glyphs.surface.display import OneLine
-from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
 
 
 class Sensors(StrEnum):
@@ -44,12 +44,11 @@ class SensorError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gauges(OneLine, Validated, error=SensorError):
-    """Gain, offset and memory of the gauges of an array.
+    """Gain and offset of the gauges of an array.
 
     Attributes:
         gain: (n,) float64, output per true moment, nominally 1, not 0.
         offset_n_mm: (n,) float64, output without a moment, N mm.
-        memory: creep and hysteresis; None: none, or not known.
 
     Raises:
         SensorError: arrays that do not agree or are not finite, or a gain of 0.
@@ -57,7 +56,6 @@ class Gauges(OneLine, Validated, error=SensorError):
 
     gain: NDArray[np.float64]
     offset_n_mm: NDArray[np.float64]
-    memory: SensorMemory | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,11 +65,6 @@ class Gauges(OneLine, Validated, error=SensorError):
         if (self.gain == 0.0).any():
             dead = int(np.argmin(np.abs(self.gain)))
             raise SensorError(f"whisker {dead} has a gain of 0: it is dead", hint="leave it out")
-        if self.memory is not None and self.memory.n_whiskers != self.n_whiskers:
-            raise SensorError(
-                f"{self.n_whiskers} gains but a memory of {self.memory.n_whiskers} whiskers",
-                hint="give one of each for every whisker",
-            )
 
     @property
     def n_whiskers(self) -> int:
@@ -81,8 +74,7 @@ class Gauges(OneLine, Validated, error=SensorError):
     def of(self, whiskers: Sequence[int]) -> Self:
         """Select some of the whiskers."""
         chosen = list(whiskers)
-        memory = None if self.memory is None else self.memory.of(chosen)
-        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
+        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,10 +109,6 @@ class SensorChain(Gauges):
         """One count of the converter, N mm; 0 without a converter."""
         return 0.0 if self.adc_bits is None else 2.0 * self.adc_range_n_mm / 2.0**self.adc_bits
 
-    def at_rest(self) -> SensorState:
-        """State of the gauges after a long time in air."""
-        return SensorState.at_rest(self.n_whiskers, self.memory)
-
 
 def draw_sensor_chain(
     n_whiskers: int,
@@ -131,7 +119,6 @@ def draw_sensor_chain(
     offset_sd: float = 0.01,
     vibration: float = 0.002,
     adc_bits: int | None = 16,
-    memory: bool = True,
     noise: float = 2e-4,
     drift_a_minute: float = 3e-3,
 ) -> SensorChain:
@@ -139,14 +126,13 @@ def draw_sensor_chain(
 
     Args:
         n_whiskers: number of whiskers.
-        rng: random generator of gains, offsets and memory.
+        rng: random generator of gains and offsets.
         full_scale_n_mm: converter range in both directions, N mm. About three times the land moment leaves room
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
         gain_sd: standard deviation of the gain about 1; draws are limited to 3 standard deviations.
         offset_sd: standard deviation of the offset, as a share of full scale.
         vibration: rms vibration of the base as a share of the preload.
         adc_bits: resolution of the converter; None: no conversion.
-        memory: whether the gauges have creep and hysteresis, drawn by `draw_memory`.
         noise: rms of one sample, as a share of full scale (the largest load); measured on whiskers.
         drift_a_minute: rms drift of the zero in a minute, as a share of full scale; measured on whiskers.
 
@@ -156,14 +142,11 @@ def draw_sensor_chain(
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
     require_not_negative(SensorError, offset_sd=offset_sd)
-    # a separate generator, so that a seed gives the same gains, offsets and noise with and without memory
-    memory_rng = rng.spawn(1)[0]
     return SensorChain(
         gain=1.0 + gain_sd * np.clip(rng.standard_normal(n_whiskers), -3.0, 3.0),
         offset_n_mm=offset_sd * full_scale_n_mm * rng.standard_normal(n_whiskers),
         noise_n_mm=noise * full_scale_n_mm,
         drift_n_mm_per_sqrt_s=drift_a_minute / math.sqrt(60.0) * full_scale_n_mm,
-        memory=draw_memory(n_whiskers, rng=memory_rng, largest_n_mm=full_scale_n_mm) if memory else None,
         vibration=vibration,
         adc_range_n_mm=full_scale_n_mm if adc_bits is not None else math.inf,
         adc_bits=adc_bits,
@@ -212,7 +195,7 @@ def measure(
     chain: SensorChain,
     sample_rate_hz: float,
     rng: np.random.Generator,
-    state: SensorState | None = None,
+    drift_n_mm: NDArray[np.float64] | None = None,
     pause_s: float = 0.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Measure true moments with a sensor chain.
@@ -223,7 +206,7 @@ def measure(
         chain: sensor chain of these whiskers.
         sample_rate_hz: samples per second, which sets the drift of the zero between two samples.
         rng: random generator of vibration, noise and drift; the same seed gives the same raw signal.
-        state: state of the gauges, which is updated; default: at rest.
+        drift_n_mm: (whiskers,) drift of the zeros before the first sample, which is updated; default: none.
         pause_s: time in air before each pass, in addition to the air samples; 0: none.
 
     Returns:
@@ -238,13 +221,8 @@ def measure(
     require_positive(SensorError, sample_rate_hz=sample_rate_hz)
     n, samples = moment.shape[-2:]
     passes = moment.reshape(-1, n, samples).astype(np.float32)
-    state = chain.at_rest() if state is None else state
+    drift = np.zeros(n) if drift_n_mm is None else drift_n_mm
     raw = passes * (1.0 + _noise(rng, chain.vibration, (len(passes), 1, samples)))
-    if chain.memory is not None:
-        for i, load in enumerate(raw):
-            if pause_s > 0.0:
-                rest_gauges(chain.memory, state, seconds=pause_s)
-            raw[i] = read_gauges(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
     raw *= chain.gain.astype(np.float32)[:, None]
     raw += chain.offset_n_mm.astype(np.float32)[:, None]
     raw += _noise(rng, chain.noise_n_mm, raw.shape)
@@ -255,10 +233,10 @@ def measure(
         paused, during = (
             _noise(rng, chain.drift_n_mm_per_sqrt_s * math.sqrt(t), raw.shape[:2]) for t in (pause_s, seconds)
         )
-        after = state.drift_n_mm + np.cumsum(paused + during, axis=0, dtype=np.float64)
+        after = drift + np.cumsum(paused + during, axis=0, dtype=np.float64)
         raw += (after - during).astype(np.float32)[..., None]
         raw += during[..., None] * np.linspace(0.0, 1.0, samples, dtype=np.float32)
-        state.drift_n_mm[:] = after[-1]
+        drift[:] = after[-1]
     raw, saturated = convert(raw, chain)
     return raw.reshape(moment.shape), saturated.reshape(moment.shape)
 

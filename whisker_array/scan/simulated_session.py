@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
@@ -12,15 +11,6 @@ from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
 from whisker_array.scan.mounting import Mounted, VirtualBench, mount
 from whisker_array.scan.sensor import SensorChain, measure
-from whisker_array.scan.sensor_memory import (
-    CREEP,
-    HOLD_S,
-    ZERO_SHIFT,
-    SensorMemory,
-    SensorState,
-    fit_memory,
-    read_gauges,
-)
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
@@ -29,8 +19,6 @@ from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
 
 _BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
-_MOMENT_SAMPLES = 16
-"""Number of samples of one reading on the bench: too short for creep."""
 _BEYOND_HEIGHTS = 0.5
 """Greatest run of whiskers beyond the part, character heights."""
 
@@ -38,41 +26,14 @@ _BEYOND_HEIGHTS = 0.5
 def bench_calibration(
     chain: SensorChain, touch: Touch, *, sample_rate_hz: float, rng: np.random.Generator
 ) -> Calibration:
-    """Measure gains and offsets of an array in air and then on a reference plate.
-
-    Creep and hysteresis, if the chain has them, are measured by holding and removing one load.
-    """
+    """Measure gains and offsets of an array in air and then on a reference plate."""
     air = np.zeros((chain.n_whiskers, _BENCH_SAMPLES))
     land_n_mm = touch.land_moment_n_mm()
     (raw_air, _), (raw_land, _) = (
-        measure(one, chain=chain, sample_rate_hz=sample_rate_hz, rng=rng) for one in (air, air + land_n_mm)
+        measure(moment, chain=chain, sample_rate_hz=sample_rate_hz, rng=rng)
+        for moment in (air, air + land_n_mm)
     )
-    found = calibrate_lead_in(raw_air, raw_land, expected_land_moment_n_mm=land_n_mm)
-    if chain.memory is None:
-        return found
-    memory = _bench_memory(chain, chain.memory.largest_n_mm, sample_rate_hz=sample_rate_hz, rng=rng)
-    rest = SensorState.at_rest(chain.n_whiskers, memory)
-    read = read_gauges(air + land_n_mm, memory=memory, state=rest, step_s=1.0 / sample_rate_hz)
-    # convert to the gain of a gauge without memory, which the plate does not show
-    return replace(found, gain=found.gain * land_n_mm / read.mean(axis=1), memory=memory)
-
-
-def _bench_memory(
-    chain: SensorChain, largest_n_mm: float, *, sample_rate_hz: float, rng: np.random.Generator
-) -> SensorMemory:
-    """Fit the memory to the gauges' response to holding and removing the largest load; it includes their drift."""
-    air, hold = np.zeros((chain.n_whiskers, _MOMENT_SAMPLES)), round(HOLD_S * sample_rate_hz)
-    load = np.concatenate([air, np.full((chain.n_whiskers, hold), -largest_n_mm), air], axis=1)
-    # the bench's own converter, whose range covers the largest load and its creep
-    wide = replace(chain, adc_range_n_mm=2.0 * chain.adc_range_n_mm)
-    raw, _ = measure(load, chain=wide, sample_rate_hz=sample_rate_hz, rng=rng)
-    n = _MOMENT_SAMPLES
-    zero, first, last, after = (
-        raw[:, at : at + n].mean(axis=1, dtype=np.float64) for at in (0, n, hold, n + hold)
-    )
-    shift = np.clip((after - zero) / (first - zero), *ZERO_SHIFT)
-    crept = np.clip((last - first) / (first - zero), CREEP[0], shift)
-    return fit_memory(crept, shift, largest_n_mm=largest_n_mm)
+    return calibrate_lead_in(raw_air, raw_land, expected_land_moment_n_mm=land_n_mm)
 
 
 class SimulatedSession:

@@ -13,15 +13,15 @@ far as the part reaches.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from glyphs.named import load_named
 from pipeline.common.file_stamp import FileStamp, stamp_of
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.common.settings import SettingsError
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.kinds import PHOTO_SUFFIXES
 from pipeline.formats.part_files import set_of
 from whisker_array.scan.stage_error import StageError
@@ -157,12 +157,12 @@ class SimulatedStage:
 
     Attributes:
         folder: folder of the height maps, named as the parts; .npz with its soil.
-        sensors: sensors of the stage.
+        reading: its whisker, sensors and fidelity.
         seed: seed of the sensors' gains, offsets and noise.
     """
 
     folder: Path
-    sensors: Literal["real", "ideal"] = "real"
+    reading: ReadSettings = field(default_factory=ReadSettings)
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
@@ -175,9 +175,8 @@ class SimulatedStage:
         """
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.framed_session import FramedSession
-        from recognition.see.virtual_array import VirtualArray
+        from pipeline.reading.readers import virtual_array
         from recognition.see.virtual_bench import VirtualBench
-        from whisker_array.scan.sensor import Sensors
 
         maps = _files_of(self.folder, order.part_name, _MAP_SUFFIXES)
         if not maps:
@@ -190,7 +189,7 @@ class SimulatedStage:
             session = VirtualBench.mount(
                 height_map,
                 order.plan.height_mm,
-                VirtualArray(sensors=Sensors(self.sensors), seed=self.seed),
+                replace(virtual_array(self.reading), seed=self.seed),
                 soil=top.soil,
                 part_id=order.part_name,
             ).open_session()
@@ -233,7 +232,7 @@ class BenchStage:
         return FramedSession(self._bench.session(order.part_name), **frame)
 
 
-def stage_of(settings: StageSettings) -> Stage | SessionStage[ScanOrder] | None:
+def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionStage[ScanOrder] | None:
     """The stage of the service; None if it has none.
 
     Raises:
@@ -247,7 +246,9 @@ def stage_of(settings: StageSettings) -> Stage | SessionStage[ScanOrder] | None:
         from pipeline.bench.settings import read_bench
 
         return BenchStage(read_bench(settings.bench))
-    return None if settings.folder is None else SimulatedStage(_there(settings.folder, "height maps"))
+    if settings.folder is None:
+        return None
+    return SimulatedStage(_there(settings.folder, "height maps"), reading)
 
 
 def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:

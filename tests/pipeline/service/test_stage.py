@@ -19,6 +19,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartRecord, PartState, TouchWait
+from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
 from pipeline.reading.part_orders import PartOrder
@@ -70,7 +71,9 @@ def test_recording_lies_in_the_frame_of_the_order(
         region_mm=(x0 + off[0], y0 + off[1], x1 + off[0], y1 + off[1]),
         middle_mm=(10.0 + off[0], 5.0 + off[1]),
     )
-    made = feel_plan(SimulatedStage(plates, sensors="ideal"), ScanOrder("plate", plan), tmp_path)
+    made = feel_plan(
+        SimulatedStage(plates, ReadSettings(sensors="ideal")), ScanOrder("plate", plan), tmp_path
+    )
     # half a line pitch
     assert pit_mm(made) == pytest.approx((6.0 + off[0], 4.0 + off[1]), abs=0.06)
     scan = read_scan(made)

@@ -28,6 +28,7 @@ from whisker_array.design.trade import speed_trade_off
 from whisker_array.design.tuned import Kind, factors, middle_friction, tune
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.surface import prepare_surface
+from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import linear_error
 from whisker_array.whisker.enhancement import enhancement_factor, is_jammed, normal_force_n
 from whisker_array.whisker.sections import Rectangle, Round
@@ -140,11 +141,20 @@ def test_no_feasible_whisker_by_chance_is_better(made: Design) -> None:
     assert found >= 10
 
 
-def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
+def test_everything_twice_as_large_is_the_same_design(made: Design, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "whisker_array.design.design._STARTS", 5
+    )  # one alone ends on another part of a flat ridge
     request = replace(ASKED, depth_mm=2.0 * ASKED.depth_mm, character_height_mm=10.0)
     usual = Limits()
     l1, thickness = ((2.0 * low, 2.0 * high) for low, high in (usual.l1_mm, usual.thickness_mm))
-    limits = replace(usual, l1_mm=l1, thickness_mm=thickness, force_n=4.0 * usual.force_n)
+    limits = replace(
+        usual,
+        l1_mm=l1,
+        thickness_mm=thickness,
+        force_n=4.0 * usual.force_n,
+        axis_clearance_mm=2.0 * usual.axis_clearance_mm,
+    )
     twice = design_whisker(request, limits=limits)
     assert twice.contrast == pytest.approx(made.contrast, rel=1e-3)
     for name in ("l1_mm", "lowered_mm"):
@@ -152,6 +162,23 @@ def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
     assert twice.preload_mm == pytest.approx(2.0 * made.preload_mm, rel=0.02)
     assert twice.request.tip_radius_mm == pytest.approx(2.0 * made.request.tip_radius_mm)
     assert twice.frequency_hz == pytest.approx(0.5 * made.frequency_hz, rel=0.01)
+
+
+@pytest.mark.parametrize("height_mm", [2.0, 3.0, 5.0, 8.0, 12.0])
+def test_the_default_whisker_leaves_room_for_its_sensor(height_mm: float) -> None:
+    request = Request(
+        alpha_rad=(math.radians(30.0), math.radians(60.0)),
+        mu=(0.1, 0.4),
+        depth_mm=0.04 * height_mm,
+        character_height_mm=height_mm,
+    )
+    preload_mm = default_preload_mm(height_mm)
+    rows = check(default_whisker(height_mm), request, Limits(), preload_mm=preload_mm).rows()
+    slack = {row.bound: row.slack for row in rows}
+    assert slack.pop(Bound.AXIS) > -1e-9
+    broken = {bound for bound, left in slack.items() if left < 0.0}
+    # small ones have their axis above the clamp; large ones press with more than half a newton on steep rough walls
+    assert broken == ({Bound.LOWERED} if height_mm < 3.0 else {Bound.FORCE} if height_mm >= 5.0 else set())
 
 
 def test_speed_costs_contrast(made: Design) -> None:

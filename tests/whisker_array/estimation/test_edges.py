@@ -124,7 +124,7 @@ def test_tilt_dome_gains_offsets_and_drift_are_taken_off(fidelity: Fidelity, sta
     ideal = edge_map(trace_scan(stamped, touch=TOUCH, plan=plan, fidelity=fidelity))
     mounted = edge_map(trace_scan(plate, touch=TOUCH, plan=plan, fidelity=fidelity))
     rng = np.random.default_rng(3)
-    chain = draw_sensor_chain(8, rng=rng, gain_sd=0.03, memory=False)
+    chain = draw_sensor_chain(8, rng=rng, gain_sd=0.03)
     noisy = edge_map(trace_scan(plate, touch=TOUCH, plan=plan, fidelity=fidelity, sensor=chain, rng=rng))
     assert np.ptp(chain.gain) > 0.05
     # marks are 0.055 rms. The mounting moves d0 itself by up to 7 % at the corners, and h / d0 with it.

@@ -41,11 +41,11 @@ class Stub:
         """(samples, own numbers)."""
         return np.random.default_rng(7).normal(size=(trace.measured_n_mm.size, len(OWN)))
 
-    def predict(self, bench: Bench, *, tip: TipModel | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
+    def moments(self, bench: Bench, *, tip: TipModel | None = None) -> list[np.ndarray]:
         off = (bench.vector() - self.start.vector())[OWN]
         # so fast a wave that no plane follows it
         jump = self.jump_n_mm * np.sign(np.sin(1e6 * off.sum()))
-        return [(1.0 + self.slopes(t) @ off + jump, np.zeros((2, t.measured_n_mm.size))) for t in self.traces]
+        return [1.0 + self.slopes(t) @ off + jump for t in self.traces]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def scan() -> Scan:
 
 def stub(scan: Scan, jump_n_mm: float = 0.0) -> Stub:
     start = nominal_bench(scan.touch, scan.touch, n_whiskers=scan.n_whiskers)
-    traces = traces_of(scan, about=start, largest_n_mm=1e3, most=4)
+    traces = traces_of(scan, most=4)
     return Stub(traces, scan.touch, start, jump_n_mm)
 
 
@@ -105,10 +105,10 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(scan: Scan) -> None:
     """The tangent is the piece's shift, the prediction another place: alike within a fifth, for walls have kinks;
     a line along a groove feels nothing of it but the rounding of maps."""
     about = nominal_bench(scan.touch, scan.touch, n_whiskers=scan.n_whiskers)
-    traces = traces_of(scan, about=about, largest_n_mm=1e3, most=16)
+    traces = traces_of(scan, most=16)
     forward = Forward(
         PIECE.height_mm, traces, nominal=scan.touch, about=about, setup_friction=scan.touch.friction,
-        largest_n_mm=1e3, grid_mm=0.0125,
+        grid_mm=0.0125,
     )  # fmt: skip
     before = prior_sd(about)
     free = np.ones(before.size, dtype=np.bool_)

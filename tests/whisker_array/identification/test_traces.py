@@ -8,15 +8,12 @@ import numpy as np
 
 from glyphs.surface.pieces import Piece, PieceKind
 from tests.support.benches import recorded
-from whisker_array.identification.bench import nominal_bench
 from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.scan.scan import Scan
 
 
 def chosen(scan: Scan) -> tuple[Trace, ...]:
-    about = nominal_bench(scan.touch, scan.touch, n_whiskers=scan.n_whiskers)
-    largest_n_mm = 3.0 * abs(scan.touch.land_moment_n_mm())
-    return traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=24)
+    return traces_of(scan, most=24)
 
 
 def test_drift_has_no_say_in_which_lines_are_fitted() -> None:

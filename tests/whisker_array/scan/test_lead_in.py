@@ -35,7 +35,7 @@ def scan_with(chain: SensorChain, *, lead_mm: float = 2.0, air_samples: int = 16
 
 
 def test_gain_and_offset_are_found() -> None:
-    chain = draw_sensor_chain(4, rng=np.random.default_rng(4), memory=False)
+    chain = draw_sensor_chain(4, rng=np.random.default_rng(4))
     scan = scan_with(chain)
     found = calibrate_scan(scan)
     np.testing.assert_allclose(found.calibration.gain, chain.gain, rtol=2e-3)
@@ -49,7 +49,7 @@ def test_gain_and_offset_are_found() -> None:
 
 
 def test_a_whisker_that_never_ran_in_keeps_its_gain() -> None:
-    chain = draw_sensor_chain(4, rng=np.random.default_rng(4), memory=False)
+    chain = draw_sensor_chain(4, rng=np.random.default_rng(4))
     scan = scan_with(chain)
     flags = scan.sweeps[0].flags.copy()
     flags[:, 2, 0] = 8

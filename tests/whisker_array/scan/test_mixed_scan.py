@@ -135,7 +135,7 @@ def test_touches_and_sensors_must_fit_the_rows() -> None:
 
 def test_every_row_has_its_own_sensors() -> None:
     rng = np.random.default_rng(5)
-    off = {"noise": 0.0, "drift_a_minute": 0.0, "vibration": 0.0, "adc_bits": None, "memory": False}
+    off = {"noise": 0.0, "drift_a_minute": 0.0, "vibration": 0.0, "adc_bits": None}
     chain = draw_sensor_chain(2 * N, rng=rng, **off)
     raw = mixed(sensor=chain, rng=rng)
     for a, b in zip(mixed().sweeps, raw.sweeps, strict=True):

@@ -19,7 +19,6 @@ from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
-from whisker_array.scan.sensor_memory import draw_memory
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import default_touch
 
@@ -42,20 +41,13 @@ def content(scan: Scan, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-def remembering(calibration: Calibration | None) -> Calibration:
-    assert calibration is not None
-    memory = draw_memory(calibration.gain.size, rng=np.random.default_rng(2), largest_n_mm=20.0)
-    return replace(calibration, memory=memory)
-
-
 def test_round_trip_is_exact(scan: Scan, tmp_path: Path) -> None:
     calibrated = replace(scan, calibration=Calibration(np.array([1.1, 0.9, 1.0]), np.array([0.1, -0.2, 0.0])))
-    creeping = replace(calibrated, calibration=remembering(calibrated.calibration))
-    for number, one in enumerate((scan, calibrated, creeping)):
+    for number, one in enumerate((scan, calibrated)):
         path = tmp_path / f"{number}.h5"
         save_scan(one, path)
         assert_same_scan(one, load_scan(path))
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["0.h5", "1.h5", "2.h5"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["0.h5", "1.h5"]
 
 
 def test_the_stated_names_are_in_the_file(recording: Path) -> None:
@@ -173,19 +165,6 @@ def test_a_calibration_leaves_the_rest_as_it_is(scan: Scan, recording: Path, tmp
         save_calibration(recording, Calibration(np.ones(2), np.zeros(2)))
 
 
-def _remember(**changed: np.ndarray) -> Edit:
-    """Unit gains, and a memory of one term and one play with something wrong."""
-    memory = {"creep": np.zeros((3, 1)), "relax_s": np.ones(1), "play_weight": np.zeros((3, 1))}
-
-    def change(file: h5py.File) -> None:
-        file["calibration/gain"], file["calibration/offset_n_mm"] = np.ones(3), np.zeros(3)
-        for name, value in {**memory, "play_n_mm": np.ones(1), **changed}.items():
-            file[f"calibration/memory/{name}"] = value
-        file["calibration/memory"].attrs["largest_n_mm"] = 20.0
-
-    return change
-
-
 def _sparse(file: h5py.File) -> None:
     rows = file["scan/signal"].shape[0]
     del file["scan/signal"]
@@ -249,8 +228,6 @@ BROKEN: dict[str, tuple[Edit, str]] = {
         ],
         "calibrat",
     ),
-    "creep below nothing": (_remember(creep=-np.ones((3, 1))), "creep has values out of range"),
-    "plays of other whiskers": (_remember(play_weight=np.zeros((2, 1))), "has shape"),
     "flags of another shape": (put("scan/flags", np.zeros((4, 3), np.uint8)), "has shape"),
 }
 

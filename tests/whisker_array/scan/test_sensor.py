@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chai
 LAND = -6.5  # N mm, about default_whisker(5.0)
 RATE = 1000.0
 SIX_SIGMA = 6.0
+LARGEST, N = 20.0, 200
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -81,6 +83,35 @@ def test_drawn_chains_have_the_spread_asked_for() -> None:
     assert abs(chain.gain.mean() - 1.0) < SIX_SIGMA * 0.03 / math.sqrt(n)
     assert chain.adc_bits == 16
     assert draw_sensor_chain(2, rng=rng(), adc_bits=None).adc_step_n_mm == 0.0
+
+
+def test_noise_and_drift_are_the_figures() -> None:
+    chain = draw_sensor_chain(N, rng=rng(), full_scale_n_mm=LARGEST, vibration=0.0, adc_bits=None)
+    still = replace(chain, drift_n_mm_per_sqrt_s=0.0)
+    raw, _ = measure(np.zeros((N, 200)), chain=still, sample_rate_hz=RATE, rng=rng(1))
+    assert (raw - chain.offset_n_mm[:, None]).std() / LARGEST == pytest.approx(2e-4, rel=0.05)
+    minute = replace(chain, noise_n_mm=0.0)
+    raw, _ = measure(np.zeros((N, 600)), chain=minute, sample_rate_hz=10.0, rng=rng(2))
+    walked = (raw[:, -1] - chain.offset_n_mm) / LARGEST
+    assert walked.std() == pytest.approx(3e-3, rel=6.0 / np.sqrt(2 * N))
+
+
+def test_drift_goes_on_from_pass_to_pass() -> None:
+    chain = replace(draw_sensor_chain(N, rng=rng()), noise_n_mm=0.0, vibration=0.0, adc_bits=None)
+    drift_n_mm = np.zeros(N)
+    for seed in range(6):
+        raw, _ = measure(
+            np.zeros((10, N, 50)),
+            chain=chain,
+            sample_rate_hz=10.0,
+            rng=rng(seed),
+            drift_n_mm=drift_n_mm,
+            pause_s=5.0,
+        )
+    walked = raw[-1, :, -1] - chain.offset_n_mm
+    seconds = 60 * (5.0 + 5.0)
+    expected = chain.drift_n_mm_per_sqrt_s * np.sqrt(seconds)
+    assert walked.std() == pytest.approx(expected, rel=6.0 / np.sqrt(2 * N))
 
 
 def lead_in(n: int = 3, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
