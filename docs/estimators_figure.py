@@ -20,12 +20,14 @@ from whisker_array.scan.scan import trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.sections import Rectangle
 from whisker_array.whisker.shapes import straight_whisker
 from whisker_array.whisker.touch import default_touch, profiling_touch
 
 HEIGHT_MM = 5.0
-TOUCH = default_touch(HEIGHT_MM)
+# the paper's sensor, at the height of the tip
+TOUCH = default_touch(HEIGHT_MM).with_whisker(replace(default_whisker(HEIGHT_MM), l3_mm=None))
 FRICTIONS = (0.1, 0.3, 0.5)
 SCANS = 3
 COLOURS = {30.0: BLUE, 45.0: GREEN, 60.0: VERMILION}
