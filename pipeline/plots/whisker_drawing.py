@@ -90,7 +90,7 @@ def whisker_drawing(whisker: WhiskerFile) -> Drawing:
         level = (run, elbow[1])
         space.add_aligned_dim(elbow, clamp, distance=1.8 * size, text="l1 <>", dimstyle="mm").render()
         space.add_angular_dim_3p(
-            (0.75 * run, elbow[1]), center=elbow, p1=level, p2=clamp, text="β <>", dimstyle="mm"
+            (0.5 * run, elbow[1]), center=elbow, p1=level, p2=clamp, text="β <>", dimstyle="mm"
         ).render()
         dashes = {"linetype": "DASHDOT", "ltscale": 0.2 * size}
         space.add_line(elbow, (0.85 * run, elbow[1]), dxfattribs=dashes)
@@ -142,7 +142,7 @@ def _side_view(
     axis = {"linetype": "DASHDOT", "ltscale": 0.2 * size}
     for dx, dy in ((0.8 * size, 0.0), (0.0, 0.8 * size)):
         space.add_line((sensor[0] - dx, sensor[1] - dy), (sensor[0] + dx, sensor[1] + dy), dxfattribs=axis)
-    _text(space, "sensor axis", (end + 0.3 * size, sensor[1] - 0.4 * size), 0.8 * size)
+    _text(space, "sensor axis", (sensor[0] - 6.0 * size, sensor[1] + 0.4 * size), 0.8 * size)
     if sensor != clamp:
         out, edge = clamp[0] + size, low if sensor[1] < clamp[1] else top
         bracket = [(end, edge), (end, sensor[1]), (sensor[0] + 0.3 * size, sensor[1])]
