@@ -22,6 +22,7 @@ from recognition.recogniser.read_line import ReadLine
 from recognition.see.codes import Code, codes_of, without_codes
 from recognition.see.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
 from recognition.see.registered import photo_views, stainless_view
+from recognition.see.text_line import TextLine
 from recognition.see.view import View
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
@@ -58,14 +59,17 @@ class VisionReader:
     def of_photo(self, photo: Photo) -> SenseEvidence:
         """Evidence of a photograph, with no more pixels than its characters need."""
         codes = codes_of(shrunk(photo, SIZES[-1]))
+        about: tuple[TextLine, ...] = ()
         for small in shrunk_versions(photo):
-            evidence = self._of_size(small, codes)
+            evidence = self._of_size(small, codes, about)
             main = None if evidence.lines is None else evidence.lines.main
             if main is not None and is_large_enough(small, main.line.height_mm):
                 break
+            # lines keep their places in a larger picture
+            about = evidence.lines.places if evidence.lines and main and main.is_text else ()
         return evidence
 
-    def _of_size(self, photo: Photo, codes: Sequence[Code]) -> SenseEvidence:
+    def _of_size(self, photo: Photo, codes: Sequence[Code], about: Sequence[TextLine]) -> SenseEvidence:
         """Look at the photograph; if it is not sure, also without stains, which must be clearly surer to count."""
         times, bare = StepTimes(), without_codes(photo, codes)
         with times.step("see"):
@@ -76,7 +80,7 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             codes=tuple(codes),
         )
-        evidence = self._of_views(views, log, times)
+        evidence = self._of_views(views, log, times, about)
         if photo.others:
             return evidence
         reading = decide(Evidence.of(evidence), self.settings)
@@ -86,7 +90,7 @@ class VisionReader:
         clean_view = stainless_view(bare)
         if clean_view is None:
             return evidence
-        clean = self._of_views([clean_view], log, times)
+        clean = self._of_views([clean_view], log, times, about)
         other = decide(Evidence.of(clean), self.settings)
         surer = log_odds(other.confidence) > log_odds(reading.confidence) + CLEARLY_NATS
         # the same text again is no further evidence: it is the same photograph
@@ -95,11 +99,13 @@ class VisionReader:
         texts = frozenset({reading.plain_text} if reading.confidence > EVEN else ())
         return clean.logged(other_texts=texts)
 
-    def _of_views(self, views: Sequence[View], log: Log, times: StepTimes) -> SenseEvidence:
+    def _of_views(
+        self, views: Sequence[View], log: Log, times: StepTimes, about: Sequence[TextLine]
+    ) -> SenseEvidence:
         assert log.photo is not None
         request = self._scaled if log.photo.pitch_mm is not None else self._unscaled
         with times.step("find"):
-            part = find(views, request, twice=self.settings.templates_judge)
+            part = find(views, request, about=about, twice=self.settings.templates_judge)
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         log = replace(log, seconds=times.seconds)

@@ -96,7 +96,7 @@ class TactileReader:
             except MapError as error:
                 return nothing_felt(error, replace(log, seconds=times.seconds))
         with times.step("find"):
-            part = find([view], self.request, about=about, twice=True)
+            part = find([view], self.request, about=() if about is None else (about,), twice=True)
         with times.step("measure"):
             marks, main = None, part.main
             if main is not None:

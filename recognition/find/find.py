@@ -8,25 +8,22 @@ The format decides which of several lines is the serial. Other text on the part 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import permutations
 from types import MappingProxyType
 
 import numpy as np
 
 from recognition.find.finder import overlap
-from recognition.find.ink import on_ink
 from recognition.find.layouts import other_layout
-from recognition.find.line_variants import lengthen
 from recognition.find.looks import Looks
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, read_ways, ways_possible
 from recognition.find.part_lines import PartLines
-from recognition.find.promise import is_convincing, promise_of, rank
+from recognition.find.promise import is_convincing, promise_of
 from recognition.find.region import stands_in
 from recognition.find.request import LineFormat, LineRequest
-from recognition.find.search import UPSIDE_DOWN_DEG, Move, Search
+from recognition.find.search import Move, Search
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import readable
@@ -51,7 +48,7 @@ def search_of(view: View, request: LineRequest, looks: Looks | None = None) -> S
 
 
 def find(
-    views: Sequence[View], request: LineRequest, *, about: TextLine | None = None, twice: bool = False
+    views: Sequence[View], request: LineRequest, *, about: Sequence[TextLine] = (), twice: bool = False
 ) -> PartLines:
     """Find and read the lines of a part.
 
@@ -59,114 +56,36 @@ def find(
         views: views of the part in one frame, under different lights. Those after the first are read if the ones before
             are not enough.
         request: what is looked for.
-        about: position of the line, if known.
+        about: positions of the part's lines, that of the serial first, if they are known.
         twice: look a second time even if one look is sure: templates need accurate places.
     """
+    limits = request.limits
+    looks = Looks(limit_s=limits.limit_s)
     searched: list[tuple[Search, list[ReadLine]]] = []
     for view in views:
-        search = search_of(view, request, searched[0][0].looks if searched else None)
-        searched.append((search, search.lines() if about is None else search.read([about])))
+        # each light may be looked at as often
+        looks.most = None if limits.most_looks is None else looks.count + limits.most_looks
+        search = search_of(view, request, looks)
+        searched.append((search, search.lines(about)))
         # if only a later light is sure, that may be chance: then the line is read under all lights
-        if is_convincing(search.in_region(searched[-1][1]), request.limits.sure):
+        if is_convincing(search.in_region(searched[-1][1]), limits.sure):
             break
     search, lines = max(
         searched, key=lambda each: max(map(promise_of, each[0].in_region(each[1])), default=-np.inf)
     )
     candidates, part = search.in_region(lines), PartLines(None)
     if candidates:
-        other_lights = [search.on(view) for view in views if view is not search.view]
-        closely = partial(_read_closely, search, others=other_lights, always=len(searched) > 1, twice=twice)
-        main = _main_line(search, candidates, partial(closely, grammar=request.grammar))
+        others = [search.on(view) for view in views if view is not search.view]
+        best = [*search.read(read.line for read in candidates[:2]), candidates[0]]
+        main = _read_closely(
+            search, best[0], grammar=request.grammar, others=others, always=len(searched) > 1, twice=twice
+        )
         part = _with_other_lines(search, main, [line for line in lines if apart(line, main)])
         part = replace(part, candidates=_places(search.view, candidates))
+    if limits.most_looks is not None:
+        looks.most = looks.count + limits.layout_looks
     layout = other_layout(search, part.main, part.candidates)
-    return replace(part, layout=layout, looks=search.looks.count, stopped=search.looks.stopped)
-
-
-def _main_line(
-    search: Search, candidates: Sequence[ReadLine], closely: Callable[[ReadLine], ReadLine]
-) -> ReadLine:
-    """The serial's line, read closely.
-
-    Args:
-        search: search of a view.
-        candidates: lines in the serial's region, most promising first.
-        closely: reads a line again, from several looks.
-    """
-    first = _most_promising(search, candidates)
-    read = [closely(line) for line in first]
-    if search.request.grammar is not None and not any(map(search.is_plain, read)):
-        for line in (*_refined_freely(search, candidates), *_laid_anew(search, first[0], read[0])):
-            read.append(closely(line))
-            if search.is_plain(read[-1]):
-                break
-    return max(read, key=promise_of)
-
-
-def _most_promising(
-    search: Search, candidates: Sequence[ReadLine], *, most_lines: int = 3, chance_nats: float = 1.0
-) -> list[ReadLine]:
-    """The most promising line, and under a format others that are as promising by chance, each refined.
-
-    Args:
-        search: search of a view.
-        candidates: lines in the serial's region, most promising first.
-        most_lines: most lines that are compared.
-        chance_nats: difference in promise that a closer look may turn round.
-    """
-    lines = [_right_way_up(search, search.refine(candidates))]
-    for line in candidates if search.request.grammar is not None else ():
-        near = promise_of(line) > promise_of(candidates[0]) - chance_nats
-        if near and len(lines) < most_lines and all(apart(line, other) for other in lines):
-            lines.append(_right_way_up(search, search.refine([line])))
-    return lines
-
-
-def _right_way_up(search: Search, best: ReadLine) -> ReadLine:
-    """The line in the direction that is more promising; unchanged if there is no doubt."""
-    if search.is_plain(best) and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
-        return best
-    return rank([best, *search.read([best.line.reversed])])[0]
-
-
-def _refined_freely(search: Search, candidates: Sequence[ReadLine], *, most_lines: int = 3) -> list[ReadLine]:
-    """Lines that are text without the format: refined without it, and read under it.
-
-    The finder may see half of a serial at twice its height. The format fits that nowhere, but without it the line is
-    text, and grows to the whole serial.
-    """
-    freely = (combine_looks(line.line, line.looks, None) for line in candidates)
-    texts: list[ReadLine] = []
-    for line in rank(line for line in freely if line is not None):
-        clear = is_convincing([line], search.request.limits.some) and len(texts) < most_lines
-        if clear and all(apart(line, text) for text in texts):
-            texts.append(line)
-    return search.read([search.under(None).refine([text]).line for text in texts])
-
-
-def _laid_anew(
-    search: Search,
-    first: ReadLine,
-    closely: ReadLine,
-    *,
-    chance_nats: float = 1.0,
-    ends_heights: float = 0.5,
-) -> list[ReadLine]:
-    """The line refitted to its ink and lengthened, if a closer look doubts it; only where that is without doubt.
-
-    Args:
-        search: search of the view.
-        first: the line at the first look.
-        closely: the same at several looks.
-        chance_nats: difference in promise that counts as chance.
-        ends_heights: length that is added at both ends, character heights.
-    """
-    if promise_of(closely) > promise_of(first) - chance_nats:
-        return []
-    known = search.request.height_mm is not None
-    lines = on_ink(search.view, first.line, first.columns, height_known=known)
-    longer = [lengthen(line, ends_heights, ends_heights) for line in (first.line, *lines)]
-    return [line for line in search.read([*lines, *longer]) if search.is_plain(line)]
+    return replace(part, layout=layout, looks=looks.count, stopped=looks.stopped)
 
 
 def _read_closely(
@@ -188,7 +107,9 @@ def _read_closely(
         always: whether to look several times even if one look is sure.
         twice: whether to look at least twice.
     """
-    if always or not best.is_agreed:
+    if not best.is_text:
+        looks = []
+    elif always or not best.is_agreed:
         looks = search.more_looks(best, (BETWEEN, *MOVES))
         for number, other in enumerate(others, start=1):
             # under another light, look first without a move
@@ -209,7 +130,7 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
     unassigned: list[ReadLine] = []
     for line in others:
         if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
-            unassigned.append(line)
+            unassigned += search.read([line.line])
     request, serial = search.request, _serial_of(main, search.request.grammar)
     ways = ways_possible(request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg)
     unsure = not is_convincing([main], request.limits.settled)

@@ -18,10 +18,12 @@ from itertools import permutations
 import numpy as np
 from scipy import ndimage
 
-from recognition.find.line_variants import lengthen
+from recognition.find.line_variants import is_same_place, lengthen
+from recognition.find.orientation import line_in_view
 from recognition.find.promise import is_convincing, promise_of
 from recognition.find.search import Search
 from recognition.language.constrained_decoding import choose
+from recognition.language.orientation import Way
 from recognition.recogniser.read_line import ReadLine
 from recognition.see.text_line import TextLine
 from recognition.see.view import GREY, HEIGHTS, KNOWN, Layers, View
@@ -72,7 +74,15 @@ def other_layout(
         sure = bool(choice.text) and choice.probability * main.likely >= doubtful
         if sure and (grammar is not None or len(choice.text) >= least_places):
             return None
-    lines = list(candidates) if main is None else [main.line, *candidates]
+    lines: list[TextLine] = []
+    for line in (
+        *search.candidates()[:1],
+        *(() if main is None else (main.line,)),
+        *candidates,
+        *search.candidates(),
+    ):
+        if not any(is_same_place(line, other) for other in lines):
+            lines.append(line)
     return next(_layouts(search, main, lines), None)
 
 
@@ -92,13 +102,14 @@ def _layouts(
         return choose(read[0].lattice, grammar, k=1).text if reads_well else ""
 
     mirror = search.on(search.view.mirrored)
-    there = mirror.candidates()[: limits.most_lines]
-    if text := text_of(mirror.read([*there, *(line.reversed for line in there)])):
+    there = [line_in_view(line, search.view, Way.ROWS_REVERSED) for line in lines[:2]]
+    if text := text_of(mirror.read([*there, *(line.reversed for line in there)], cheap=True)):
         yield Layout(LayoutKind.MIRRORED, (text,))
     lengths = () if grammar is None else sorted(grammar.lengths() or ())[:3]
-    for line, places in [*((line, lengths) for line in lines), *_columns(lines)]:
+    vertical = search.turned_candidates(90.0)[:1]
+    for line, places in [*((line, lengths) for line in (*lines, *vertical)), *_columns(lines)]:
         laid = _laid_side_by_side(search.view, line, places)
-        columns = (search.on(view).read(rows) for view, rows in laid)
+        columns = (search.on(view).read(rows, cheap=True) for view, rows in laid)
         best = max(columns, key=lambda read: promise_of(read[0]) if read else -math.inf, default=[])
         if text := text_of(best):
             yield Layout(LayoutKind.COLUMN, (text,))
@@ -131,7 +142,7 @@ def _columns(
 
 def _two_lines(
     search: Search,
-    candidates: Sequence[TextLine],
+    lines: Sequence[TextLine],
     *,
     least_step: float = 0.8,
     alike: float = 1.6,
@@ -141,7 +152,7 @@ def _two_lines(
 
     Args:
         search: search of the view.
-        candidates: places that look like a line.
+        lines: places that look like a line.
         least_step: least distance from one line down to the other, character heights.
         alike: greatest ratio of the heights of their characters.
         clear: least mean probability of the characters of each.
@@ -149,10 +160,9 @@ def _two_lines(
     grammar = search.request.grammar
     if grammar is None:
         return
-    lines = [*candidates, *search.candidates()[: search.request.limits.most_lines]]
     clearly = [
         (read.line, open_places.text)
-        for read in search.under(None).read(lines)
+        for read in search.under(None).read(lines, cheap=True)
         if (open_places := read.open_places[0]).n_places
         and float(np.exp(open_places.log_belief.max(axis=1)).mean()) >= clear
     ]

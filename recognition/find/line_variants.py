@@ -10,24 +10,10 @@ import numpy as np
 from recognition.see.text_line import TextLine, moved_across, points_along
 from recognition.see.view import View
 
-MOVES = (
-    (0.0, 0.8, 0.0),
-    (0.0, 1.25, 0.0),
-    (0.2, 1.0, 0.0),
-    (-0.2, 1.0, 0.0),
-    (0.0, 1.0, 5.0),
-    (0.0, 1.0, -5.0),
-)
-"""Moves of a doubtful line (down, factor of the height, rotation in degrees), as the finder may be inaccurate."""
-SIZES = (0.85, 1.18)
-"""Factors by which the height of a doubtful line of a photograph is changed. On 143 photographs of the calibration
-design they raise accepted ones from 65 to 68, none wrong. With the true lines still more would be accepted."""
 SAGS = (-0.95, -0.5, 0.5, 0.95)
 """Sags by which a doubtful line is bent, character heights: under dirt the finder takes an arc for a straight line. On
 89 photographs of arcs of the calibration design, dirt from 0.3 on, they raise characters from 66 to 74 %."""
-GROWTHS = (1.0, 2.2)
-"""Character heights by which a line is lengthened if a character lies at its end."""
-LONGER = ((1.5, 0.0), (0.0, 1.5), (1.5, 1.5), (3.0, 0.0), (0.0, 3.0))
+LONGER = ((1.5, 1.5), (1.5, 0.0), (0.0, 1.5), (3.0, 0.0), (0.0, 3.0))
 """Character heights added before and after a doubtful line."""
 CROPS = (0.85, 0.62)
 """Character heights tried in a view that is cropped to one line, in view heights."""
@@ -105,7 +91,33 @@ def bend(line: TextLine, sag: float, *, points: int = 33) -> TextLine:
 
 def variants(line: TextLine) -> list[TextLine]:
     """A doubtful line moved, sized, turned and lengthened."""
-    return [*(move_line(line, *move) for move in MOVES), *longer(line)]
+    moves = ((0.0, 0.8), (0.0, 1.25), (0.2, 1.0), (-0.2, 1.0), (0.0, 1.0, 5.0), (0.0, 1.0, -5.0))
+    return [*(move_line(line, *move) for move in moves), *longer(line)]
+
+
+def is_same_place(
+    line: TextLine,
+    other: TextLine,
+    *,
+    most_across: float = 0.06,
+    most_along: float = 0.25,
+    most_size: float = 0.06,
+) -> bool:
+    """Whether two lines lie so near that the recogniser sees the same.
+
+    Args:
+        line, other: the lines.
+        most_across, most_along: greatest distance of their ends and middles across and along, character heights.
+        most_size: greatest logarithm of the ratio of their heights.
+    """
+    if abs(math.log(line.height_mm / other.height_mm)) > most_size:
+        return False
+    shares = np.array([0.0, 0.5, 1.0])
+    apart = (points_along(line, shares) - points_along(other, shares)) / line.height_mm
+    along = other.centre_mm[-1] - other.centre_mm[0]
+    along = along / np.linalg.norm(along)
+    across = apart @ np.array([-along[1], along[0]])
+    return bool(np.abs(across).max() < most_across and np.abs(apart @ along).max() < most_along)
 
 
 def lengthen(line: TextLine, before: float, after: float) -> TextLine:

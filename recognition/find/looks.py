@@ -17,28 +17,31 @@ class Looks:
 
     Attributes:
         count: runs of the recogniser.
-        stopped: why a look was refused; empty if none was.
+        most: most runs of the recogniser.
+        stopped: why the deadline refused a look; empty if it did not.
     """
 
     def __init__(self, *, most: int | None = None, limit_s: float | None = None) -> None:
         """Start with a part.
 
         Args:
-            most: most runs of the recogniser.
-            limit_s: seconds after which it is not run any more.
+            most: most runs of the recogniser (default: no limit).
+            limit_s: seconds after which it is not run any more (default: no limit).
         """
-        self.count, self.stopped = 0, ""
-        self._most, self._limit_s, self._start_s = most, limit_s, monotonic()
+        self.count, self.most, self.stopped = 0, most, ""
+        self._limit_s, self._start_s = limit_s, monotonic()
         self._posteriors: dict[tuple[object, ...], NDArray[np.float32]] = {}
         self._strip: tuple[tuple[object, ...], Layers] | None = None
 
-    def may_look(self) -> bool:
-        """Whether another look is allowed."""
-        if self._most is not None and self.count >= self._most:
-            self.stopped = f"stopped after {self.count} looks"
-        elif self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
+    def may_look(self, *, spared: int = 0) -> bool:
+        """Whether another look is allowed.
+
+        Args:
+            spared: looks that are kept for later.
+        """
+        if self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
             self.stopped = f"stopped after {self._limit_s:g} s"
-        return not self.stopped
+        return not self.stopped and (self.most is None or self.count + spared < self.most)
 
     def posteriors(
         self, view: View, line: TextLine, *, wider: float = WIDER, skip_columns: int = 0

@@ -87,12 +87,14 @@ def read_ways(
     for way in ways:
         by_likely_images = readable(text, way, grammar) and not readable(text, way, grammar, exact=True)
         if by_likely_images or (in_mirror and way is Way.ROWS_REVERSED):
+            if not search.looks.may_look():
+                break  # an orientation that was not looked at stays possible
             there = search.on(search.view.mirrored if way.mirrors else search.view)
-            seen[way] = next(iter(there.read([_line_in_view(line.line, search.view, way)])), None)
+            seen[way] = next(iter(there.read([line_in_view(line.line, search.view, way)])), None)
     return replace(line, other_ways=MappingProxyType(seen))
 
 
-def _line_in_view(line: TextLine, view: View, way: Way) -> TextLine:
+def line_in_view(line: TextLine, view: View, way: Way) -> TextLine:
     """The line in the coordinates of the rotated or mirrored view."""
     points = line.centre_mm
     if way.mirrors:

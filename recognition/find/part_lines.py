@@ -32,3 +32,9 @@ class PartLines:
     layout: Layout | None = None
     looks: int = 0
     stopped: str = ""
+
+    @property
+    def places(self) -> tuple[TextLine, ...]:
+        """Positions of all lines, that of the serial first."""
+        lines = (*(() if self.main is None else (self.main,)), *self.named.values(), *self.others)
+        return tuple(read.line for read in lines)

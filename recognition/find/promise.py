@@ -28,3 +28,8 @@ def promise_of(read: ReadLine, *, turned_cost: float = 1.5, bent_cost: float = 0
     """
     turned, bent = abs(read.line.turned_deg) > 45.0, len(read.line.centre_mm) > 2
     return read.promise - turned_cost * turned - bent_cost * bent
+
+
+def share_of(read: ReadLine) -> float:
+    """Promise of a line as a share of its maximum."""
+    return promise_of(read) / max(read.lattice.n_places, 1)

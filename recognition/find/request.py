@@ -34,43 +34,36 @@ class LineFormat:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchLimits:
-    """Limits of a search: number of lines, and the promise at which it stops.
+    """Limits of a search: its looks, its price, and the promise at which it stops.
 
     Attributes:
-        most_lines: lines that are read, most promising first.
-        most_turned: lines that are also read upside down, or running down or up.
-        most_refined: lines that are refined if they are not convincing.
-        plain: share of the greatest promise from which the whole view and upside-down lines are not searched.
-        sure: share of the greatest promise from which a line is convincing, and fainter lines are not searched.
-        some: share of the greatest promise from which rotated and small lines are not searched.
-        settled: share of the greatest promise above which a line is not refitted to its ink.
-        hopeless: promise per place below which a line is not refined. Of 90 photographs of the calibration design 39
-            searches ended below it; refining gave one of these a text, which was wrong.
-        clear_heights: finder's score from which a line is not clutter, and much smaller ones are not searched. On 24
-            cluttered frames the clutter reached 1.1.
-        most_refits: most refits of a line to its ink.
-        chance_gain: least promise that a line must gain by being bent or read at another width, nats: of two readings
-            the wrong one is often a little more promising by chance.
+        most_lines: lines of the finder that are read, most promising first.
+        plain: share of the greatest promise from which a line is without doubt.
+        sure: share of the greatest promise from which a line is convincing, and no other light is looked at.
+        settled: share of the greatest promise above which a line is not searched for any further.
+        chance_gain: least promise that a line must gain by being read at another width, nats: of two readings the
+            wrong one is often a little more promising by chance.
         rewidened: ratio of the usual and the fitting width of a strip from which a doubtful line is read at both.
         narrowest: advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38.
-        most_looks: most runs of the recogniser for a part (default: no limit).
+        most_looks: most runs of the recogniser for each view of a part.
+        spared_looks: looks of these that are spared for the line that is decided on and its orientations.
+        layout_looks: most further runs that look for another layout of a doubtful part.
+        least_gain_per_ms: price of processor time: expected gain of a try, right characters for each ms, below which
+            it is left out.
         limit_s: seconds after which no line is read any more (default: no limit).
     """
 
     most_lines: int = 6
-    most_turned: int = 3
-    most_refined: int = 2
     plain: float = 0.9
     sure: float = 0.7
-    some: float = 0.4
     settled: float = 0.9975
-    hopeless: float = -1.0
-    clear_heights: float = 1.2
-    most_refits: int = 3
     chance_gain: float = 1.0
-    rewidened: float = 1.3
+    rewidened: float = 1.5
     narrowest: float = 0.32
-    most_looks: int | None = None
+    most_looks: int | None = 24
+    spared_looks: int = 8
+    layout_looks: int = 10
+    least_gain_per_ms: float = 0.002
     limit_s: float | None = None
 
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from glyphs.fonts.glyph import Font
 from recognition.find.finder import overlap
 from recognition.find.line_variants import anywhere
-from recognition.find.promise import rank
-from recognition.find.region import about_region
+from recognition.find.promise import is_convincing, rank
 from recognition.find.search import Move, Search
 from recognition.find.template_fonts import STYLES, MarkStyle, TemplateFonts
 from recognition.glyph_match.chain import Placed, place_bounds
@@ -36,7 +35,6 @@ from recognition.glyph_match.predicted import template_key
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.recogniser.steps import Steps
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.see.view import View
 from whisker_array.whisker.touch import Touch, default_touch
 
 
@@ -65,11 +63,22 @@ class TemplateSearch(Search):
         """Propose lines, most promising first, without reading them."""
         return self._candidates(*self._tries[0])
 
-    def lines(self) -> list[ReadLine]:
-        """Read the lines of the view, most promising first; try raised and dotted marks if sunk ones fail."""
-        return self._until_sure((style, self._candidates(style, sizes)) for style, sizes in self._tries)
+    def turned_candidates(self, *turns_deg: float) -> list[TextLine]:
+        """Return nothing: templates are matched along level rows only."""
+        return []
 
-    def read(self, lines: Iterable[TextLine]) -> list[ReadLine]:
+    def lines(self, about: Sequence[TextLine] = ()) -> list[ReadLine]:
+        """Read the lines of the view, most promising first; try raised and dotted marks if sunk ones fail."""
+        if about:
+            return self.read(about)
+        lines = self._until_sure((style, self._candidates(style, sizes)) for style, sizes in self._tries)
+        if is_convincing(lines, self.request.limits.plain):
+            return lines
+        return rank([*lines, *self.read(read.line.reversed for read in lines[:1])])
+
+    def read(
+        self, lines: Iterable[TextLine], *, cheap: bool = False, like: ReadLine | None = None
+    ) -> list[ReadLine]:
         """Read each line in each style; the most promising comes first."""
         lines = list(lines)
         return self._until_sure((style, lines) for style in STYLES)
@@ -78,13 +87,9 @@ class TemplateSearch(Search):
         lines: list[ReadLine] = []
         for style, proposed in tries:
             lines = rank([*lines, *self._looks(proposed, style)])
-            if self._reaches(lines, self.request.limits.sure):
+            if is_convincing(self.in_region(lines), self.request.limits.sure):
                 break
         return lines
-
-    def refine(self, lines: Sequence[ReadLine]) -> ReadLine:
-        """Return the best line; `_look` has already moved it to its place."""
-        return lines[0]
 
     def more_looks(self, read: ReadLine, moves: Iterable[Move]) -> list[Steps]:
         """Return nothing: `_look` has already tried every position near the line."""
@@ -125,7 +130,7 @@ class TemplateSearch(Search):
             return [self.request.height_mm]
         matching = self._fonts.matching
         count = math.ceil(math.log(matching.largest / matching.smallest) / math.log(matching.size_step)) + 1
-        sizes = [matching.largest * min(self._near.size_mm) / matching.size_step**k for k in range(count)]
+        sizes = [matching.largest * min(self.near.size_mm) / matching.size_step**k for k in range(count)]
 
         def explained_mm(height_mm: float) -> float:
             rows = self.under(None)._rows(font, style, height_mm, pixels=sketch_pixels)
@@ -133,14 +138,10 @@ class TemplateSearch(Search):
 
         return sorted(sizes, key=explained_mm, reverse=True)
 
-    @property
-    def _near(self) -> View:
-        return about_region(self.request.region, self.view)
-
     def _rows(self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int) -> list[_PlacedLine]:
         """Place characters of one height along level rows of the view, which overlap."""
         glyphs = self._glyphs(font, style, height_mm, pixels=pixels)
-        rows = anywhere(self._near, height_mm=height_mm, blind_step=0.5, most_blind=100)
+        rows = anywhere(self.near, height_mm=height_mm, blind_step=0.5, most_blind=100)
         return [self._place(row, font, glyphs) for row in rows]
 
     def _looks(self, lines: Iterable[TextLine], style: MarkStyle) -> list[ReadLine]:

@@ -1,53 +1,74 @@
-"""The table of tries: how lines are proposed and refined, when, and from which promise no longer.
+"""The table of tries: what each way to look for a line gains, what it costs, and when it pays no more.
 
-If the usual lines are not convincing, proposals follow. The table counts which one gave the best line of 680 parts of
-the calibration design (the first pass counts as well):
+A try proposes lines, most promising first, which are looked at a few at a time. Its gain is the number of characters
+that become right with the first few of them, by the promise of the best line so far; its cost is processor time. The
+next few gain `FADES` times as much. `SearchLimits.least_gain_per_ms` is the price below which nothing is tried.
 
-                usual   faint   whole view   small   slanted   upside down   running down
-    felt          617     213           17       3         1             0              0
-    photograph    341     307           10      39         2             2              0
+Gains and costs are rounded from searches of 65 unlike parts without a price, and smoothed between neighbours::
 
-No line of these parts runs down, and few are upside down.
+    python tests/benchmarks/search_log.py FONTS OTHER_GENERATORS --out searches.csv
+
+None of those parts lay turned, and few lines were small. Gains of "vertical", "slanted", "reversed", "small" and
+"smallest" are chosen so that one part in twenty may be so.
 """
 
 from __future__ import annotations
 
-import math
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import Enum, auto
+from dataclasses import KW_ONLY, dataclass
+from typing import Protocol, TypeAlias
 
 from recognition.find.finder import FoundLine, find_lines
 from recognition.find.ink import on_ink
 from recognition.find.line_variants import (
-    GROWTHS,
     SAGS,
-    SIZES,
     anywhere,
     bend,
     lengthen,
     longer,
     move_line,
-    variants,
     whole_view,
 )
-from recognition.find.promise import is_convincing, promise_of
-from recognition.find.region import about_region
 from recognition.find.request import LineRequest
 from recognition.find.tiles import find_in_tiles
 from recognition.recogniser.read_line import ReadLine
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.see.view import View, ViewKind
 
-Lines = Sequence[ReadLine]
+BANDS = (-1.0, -0.5, 0.0, 0.4, 0.7, 0.9, 0.9975)
+"""Shares of the greatest promise between which gains are counted."""
+FADES = 0.5
+"""Ratio of the gains of the next few lines of a try and of those before."""
+LOOK_MS = 9.0
+"""Processor time of a look at a usual line, ms."""
 
 
-class Start(Enum):
-    """Start of a try."""
+class Searched(Protocol):
+    """What a search knows before it reads."""
 
-    VIEW = auto()
-    FIRST_LINES = auto()
-    BEST_LINE = auto()
+    @property
+    def request(self) -> LineRequest:
+        """What is looked for."""
+
+    @property
+    def view(self) -> View:
+        """The whole view."""
+
+    @property
+    def near(self) -> View:
+        """The part of the view that is searched."""
+
+    @property
+    def finder_lines(self) -> Sequence[FoundLine]:
+        """The finder's lines, most promising first."""
+
+    def turned_candidates(self, *turns_deg: float) -> list[TextLine]:
+        """Propose lines turned by about these angles."""
+
+
+Gains: TypeAlias = tuple[float, ...]
+Propose: TypeAlias = Callable[[Searched, Sequence[ReadLine]], Sequence[TextLine]]
 
 
 @dataclass(frozen=True)
@@ -55,132 +76,171 @@ class Try:
     """A way to look for a line.
 
     Attributes:
-        propose: proposes lines to read, from all lines so far or from the one that is refined.
-        skip_from: share of the greatest promise from which it is skipped.
-        start: what it starts from; what starts from lines refines them.
-        applies: whether a line is worth a refinement.
-        replaces_next: whether the next row is skipped where this one applies.
-        least_promise: promise from which a proposed line is more than a guess.
-        repeats: most refinements of a line.
-        gain_nats: least promise that a line must gain each time.
+        name: its name.
+        propose: lines to look at, from all lines so far, most promising first.
+        felt, seen: characters that become right on a scan and in a photograph, for each of the `BANDS`.
+        ms: processor time before the first look, ms.
+        few: lines that are looked at each time.
+        refines: whether it starts from the best line, and not from the view.
+        nats: least promise by which a refined line must exceed the best one: of two readings the wrong one is often a
+            little more promising by chance, and so is a longer line.
     """
 
-    propose: Callable[[Lines], Sequence[TextLine]]
-    skip_from: float
-    start: Start = Start.VIEW
-    applies: Callable[[Lines], bool] = lambda _: True
-    replaces_next: bool = False
-    least_promise: float = -math.inf
-    repeats: int = 1
-    gain_nats: Callable[[ReadLine], float] = lambda _: 0.0
+    name: str
+    propose: Propose
+    _: KW_ONLY
+    felt: Gains
+    seen: Gains
+    ms: float = 0.0
+    few: int = 2
+    refines: bool = False
+    nats: float = 0.0
+
+    def gain_per_ms(self, kind: ViewKind, share: float, *, times: int) -> float:
+        """Expected gain for each ms.
+
+        Args:
+            kind: kind of the view.
+            share: promise of the best line so far, as a share of its maximum.
+            times: how often it was tried.
+        """
+        gains = self.seen if kind is ViewKind.PHOTO else self.felt
+        cost_ms = self.few * LOOK_MS + (0.0 if times else self.ms)
+        return gains[bisect_right(BANDS, share)] * FADES**times / cost_ms
 
 
-def proposals(view: View, request: LineRequest, candidates: Sequence[FoundLine]) -> tuple[Try, ...]:
-    """Proposals of a view whose usual lines are not convincing, in the order in which they are tried."""
-    limits, height_mm, photo = request.limits, request.height_mm, view.kind is ViewKind.PHOTO
-    clear = max((each.score for each in candidates), default=0.0) >= limits.clear_heights
-    # a line fills much of a scan, but may be small in a photograph. The best of many noisy tiles has a high score by
-    # chance: without promise it is only a guess
-    small = [Try(lambda _: _in_tiles(view, request, fine=False), limits.some, least_promise=0.0)]
-    # a known height is one scale, which the first of these has searched
-    if height_mm is None and not clear:
-        small.append(Try(lambda _: _in_tiles(view, request, fine=True), limits.some, least_promise=0.0))
-    return (
-        Try(lambda _: [] if height_mm is not None else whole_view(view), limits.plain),
-        Try(lambda lines: [read.line.reversed for read in lines[: limits.most_turned]], limits.plain),
-        *(small if photo else ()),
-        Try(lambda _: _faint(view, request), limits.some if photo else limits.sure),
-        Try(lambda _: _in_directions(view, request, (90.0,)), limits.some),
-        Try(lambda _: _in_directions(view, request, _slants_deg(view)), limits.some),
-        *(() if photo else small),
-    )
+def _further(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    """The finder's lines after the first, and arcs through the cells of the first two."""
+    first = [line for each in search.finder_lines[:2] for line in (each.line, each.bent) if line is not None]
+    return [*first, *(each.line for each in search.finder_lines[2:])]
 
 
-def refinements(view: View, request: LineRequest) -> tuple[Try, ...]:
-    """Refinements of the best lines, in the order in which they are tried."""
-    limits, known = request.limits, request.height_mm is not None
-
-    def is_doubtful(lines: Lines) -> bool:
-        return not is_convincing(lines, limits.settled)
-
-    def on_its_ink(lines: Lines) -> Sequence[TextLine]:
-        return on_ink(view, lines[0].line, lines[0].columns, height_known=known)
-
-    def at_other_heights(lines: Lines) -> Sequence[TextLine]:
-        return [move_line(lines[0].line, 0.0, size) for size in SIZES]
-
-    resize = Try(at_other_heights, limits.settled, Start.BEST_LINE, is_doubtful, repeats=2)
-    return (
-        Try(
-            on_its_ink, limits.settled, Start.FIRST_LINES, is_doubtful,
-            repeats=limits.most_refits, gain_nats=_much_of_doubt,
-        ),
-        # without a format the length is unknown, so another word may follow after a gap
-        Try(
-            lambda lines: longer(lines[0].line), math.inf, Start.BEST_LINE,
-            lambda lines: request.grammar is None and is_convincing(lines, limits.sure), replaces_next=True,
-        ),
-        Try(lambda lines: variants(lines[0].line), limits.sure, Start.FIRST_LINES),
-        *((resize,) if view.kind is ViewKind.PHOTO and not known else ()),
-        Try(_longer_at_ends, math.inf, Start.BEST_LINE, repeats=3),
-    )  # fmt: skip
+def _faint(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [each.line for each in find_lines(search.near, height_mm=search.request.height_mm, faint=True)]
 
 
-def with_sags(request: LineRequest, line: TextLine) -> Try:
-    """Bend a line, if the best one is doubtful."""
-    gain = request.limits.chance_gain
-    bends = [bend(line, sag) for sag in SAGS]
-    return Try(lambda _: bends, request.limits.sure, Start.BEST_LINE, gain_nats=lambda _: gain)
+def _blind(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return anywhere(search.near, height_mm=search.request.height_mm)
 
 
-def straight_and_bent(candidates: Sequence[FoundLine]) -> list[TextLine]:
-    """The positions of found lines, straight and as arcs."""
-    return [line for each in candidates for line in (each.line, each.bent) if line is not None]
+def _whole_view(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [] if search.request.height_mm is not None else whole_view(search.near)
 
 
-def _faint(view: View, request: LineRequest) -> list[TextLine]:
-    faint = find_lines(view, height_mm=request.height_mm, faint=True)[: request.limits.most_lines]
-    return [*(candidate.line for candidate in faint), *anywhere(view, height_mm=request.height_mm)]
+def _reversed(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [lines[0].line.reversed] if lines else []
 
 
-def _in_tiles(
-    view: View, request: LineRequest, *, fine: bool, most_small: int = 16, most_reversed: int = 4
-) -> list[TextLine]:
-    # most_small: number of small lines that are read; many of those found are only edges of a machine. In 24
-    # cluttered frames the serial was among the first ten, and if it was read, among the first four
-    # most_reversed: number of these that are also read upside down
-    small = find_in_tiles(about_region(request.region, view), height_mm=request.height_mm, fine=fine)
-    lines = [candidate.line for candidate in small[:most_small]]
-    return [*lines, *(line.reversed for line in lines[:most_reversed])]
+def _small(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return _in_tiles(search, fine=False)
 
 
-def _slants_deg(
-    view: View, *, slants_deg: Sequence[float] = (30.0, -30.0, 60.0, -60.0), slanted_sides: float = 2.5
-) -> Sequence[float]:
+def _smallest(search: Searched, lines: Sequence[ReadLine], *, clear_heights: float = 1.2) -> list[TextLine]:
+    # clear_heights: finder's score from which a line is not clutter. On 24 cluttered frames the clutter reached 1.1
+    clear = bool(search.finder_lines) and search.finder_lines[0].score >= clear_heights
+    # a known height is one scale, which the larger tiles have searched
+    return [] if clear or search.request.height_mm is not None else _in_tiles(search, fine=True)
+
+
+def _in_tiles(search: Searched, *, fine: bool) -> list[TextLine]:
+    return [each.line for each in find_in_tiles(search.near, height_mm=search.request.height_mm, fine=fine)]
+
+
+def _vertical(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [way for line in search.turned_candidates(90.0) for way in (line, line.reversed)]
+
+
+def _slanted(search: Searched, lines: Sequence[ReadLine], *, slanted_sides: float = 2.5) -> list[TextLine]:
     # slanted_sides: ratio of the view's sides from which there is no room for a slanted line
-    short, long = sorted(view.size_mm)
-    return slants_deg if long < slanted_sides * short else ()
+    short, long = sorted(search.view.size_mm)
+    turns_deg = (30.0, -30.0, 60.0, -60.0) if long < slanted_sides * short else ()
+    return [way for line in search.turned_candidates(*turns_deg) for way in (line, line.reversed)]
 
 
-def _in_directions(view: View, request: LineRequest, turns_deg: Sequence[float]) -> list[TextLine]:
-    turned = [c for turn in turns_deg for c in find_lines(view, height_mm=request.height_mm, turned_deg=turn)]
-    best = sorted(turned, key=lambda candidate: -candidate.score)[: request.limits.most_turned]
-    lines = [*straight_and_bent(best[:1]), *(candidate.line for candidate in best[1:])]
-    return [*lines, *(line.reversed for line in lines)]
+def _on_ink(search: Searched, lines: Sequence[ReadLine]) -> Sequence[TextLine]:
+    known = search.request.height_mm is not None
+    return on_ink(search.view, lines[0].line, lines[0].columns, height_known=known)
 
 
-def _much_of_doubt(read: ReadLine, *, share: float = 0.3) -> float:
-    return share * (read.lattice.n_places - promise_of(read))
+def _resized(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    sizes = () if search.request.height_mm is not None else (0.83, 1.2)
+    return [move_line(lines[0].line, 0.0, size) for size in sizes]
 
 
-def _longer_at_ends(lines: Lines, *, end_heights: float = 0.55) -> list[TextLine]:
+def _shifted(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [move_line(lines[0].line, down, 1.0) for down in (0.2, -0.2)]
+
+
+def _turned(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [move_line(lines[0].line, 0.0, 1.0, deg) for deg in (5.0, -5.0)]
+
+
+def _bent(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return [bend(lines[0].line, sag) for sag in SAGS]
+
+
+def _longer(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
+    return longer(lines[0].line)
+
+
+def _next_word(search: Searched, lines: Sequence[ReadLine], *, add_heights: float = 3.0) -> list[TextLine]:
+    if search.request.grammar is not None:
+        return []
+    return [lengthen(lines[0].line, *ends) for ends in ((add_heights, 0.0), (0.0, add_heights))]
+
+
+def _longer_at_ends(
+    search: Searched, lines: Sequence[ReadLine], *, end_heights: float = 0.55, add_heights: float = 2.2
+) -> list[TextLine]:
     """Lengthen a line where a character lies at its end: others may follow beyond.
 
     Args:
+        search: search of the view.
+        lines: lines so far.
         end_heights: distance from a strip's end within which a character may have a neighbour beyond it, character
             heights.
+        add_heights: length that is added, character heights.
     """
     line, columns = lines[0].line, lines[0].columns
     near = (end_heights + MARGIN) * HEIGHT_ROWS
     first, last = bool((columns[:1] < near).any()), bool((columns[-1:] > line.columns() - near).any())
-    return [lengthen(line, first * far, last * far) for far in GROWTHS] if first or last else []
+    return [lengthen(line, first * add_heights, last * add_heights)] if first or last else []
+
+
+TRIES = (
+    Try("further", _further,
+        felt=(3.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.0, 0.0), seen=(0.8, 0.8, 0.8, 0.5, 0.2, 0.1, 0.0, 0.0)),
+    Try("faint", _faint, ms=12.0,
+        felt=(1.0, 1.0, 0.5, 0.3, 0.1, 0.05, 0.0, 0.0), seen=(0.7, 0.6, 0.5, 0.3, 0.1, 0.05, 0.0, 0.0)),
+    Try("blind", _blind,
+        felt=(0.7, 0.5, 0.3, 0.1, 0.0, 0.0, 0.0, 0.0), seen=(0.3, 0.3, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0)),
+    Try("whole view", _whole_view,
+        felt=(0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0), seen=(0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    Try("small", _small, ms=30.0, few=3,
+        felt=(0.2, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0), seen=(0.7, 0.5, 0.5, 0.3, 0.0, 0.0, 0.0, 0.0)),
+    Try("smallest", _smallest, ms=60.0, few=3,
+        felt=(0.2, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0), seen=(0.5, 0.3, 0.3, 0.2, 0.0, 0.0, 0.0, 0.0)),
+    Try("vertical", _vertical, ms=12.0,
+        felt=(0.4, 0.4, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0), seen=(0.4, 0.4, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    Try("slanted", _slanted, ms=40.0,
+        felt=(0.7, 0.7, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0), seen=(0.7, 0.7, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    Try("reversed", _reversed, few=1, refines=True,
+        felt=(0.3, 0.3, 0.3, 0.2, 0.03, 0.0, 0.0, 0.0), seen=(0.3, 0.3, 0.3, 0.2, 0.03, 0.0, 0.0, 0.0)),
+    Try("resized", _resized, refines=True, nats=0.2,
+        felt=(0.0, 0.2, 0.3, 0.3, 0.3, 0.3, 0.05, 0.0), seen=(0.2, 0.3, 0.4, 0.3, 0.3, 0.3, 0.07, 0.0)),
+    Try("on ink", _on_ink, refines=True, nats=0.2,
+        felt=(0.1, 0.2, 0.3, 0.3, 0.2, 0.1, 0.05, 0.0), seen=(0.1, 0.2, 0.3, 0.3, 0.2, 0.1, 0.05, 0.0)),
+    Try("shifted", _shifted, refines=True, nats=0.2,
+        felt=(0.0, 0.1, 0.2, 0.2, 0.2, 0.2, 0.04, 0.0), seen=(0.0, 0.05, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0)),
+    Try("turned", _turned, refines=True, nats=0.2,
+        felt=(0.0, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.0), seen=(0.0, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.0)),
+    Try("bent", _bent, few=4, refines=True, nats=1.0,
+        felt=(0.0, 0.1, 0.1, 0.1, 0.05, 0.0, 0.0, 0.0), seen=(0.0, 0.1, 0.2, 0.2, 0.05, 0.0, 0.0, 0.0)),
+    Try("longer", _longer, refines=True, nats=0.5,
+        felt=(0.0, 0.1, 0.2, 0.2, 0.1, 0.05, 0.0, 0.0), seen=(0.0, 0.1, 0.2, 0.2, 0.1, 0.05, 0.0, 0.0)),
+    # without a format the length is unknown, so another word may follow after a gap
+    Try("words", _next_word, refines=True, nats=0.5,
+        felt=8 * (0.2,), seen=8 * (0.2,)),
+    Try("at its ends", _longer_at_ends, few=1, refines=True, nats=0.5,
+        felt=8 * (0.5,), seen=8 * (0.5,)),
+)  # fmt: skip
