@@ -21,8 +21,8 @@ from .formats.npz import write_npz
 from .formats.part_files import PartFiles
 from .formats.photos import read_photo, write_photo
 from .formats.touch_file import read_height_map, read_scan
-from .reading.any_files import read
 from .reading.as_record import reading_record
+from .reading.part_job import read
 from .reading.part_reader import PartReader
 
 __all__ = [

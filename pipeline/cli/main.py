@@ -30,7 +30,7 @@ from pipeline.workers.interrupts import interrupts_noted
 
 PROGRAM = "tactile-marks"
 _HELP = ("--help", "-h", "--help-all")
-_READ_BY = ("pipeline.runs.task", "pipeline.reading.readers", "recognition.surface")
+_READ_BY = ("pipeline.reading.part_job", "pipeline.reading.part_reader", "recognition.surface")
 """Modules that a worker needs for its first part."""
 
 

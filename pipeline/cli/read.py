@@ -77,8 +77,7 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
         CommandError: the file has several parts.
     """
     from pipeline.plots.pictures import save_figure
-    from pipeline.reading.part_reader import PartReader
-    from pipeline.reading.readers import open_reader
+    from pipeline.reading.part_job import PartJob, reading_of
     from pipeline.runs.production import parts_for
     from recognition.decide.picture import reading_figure
 
@@ -86,6 +85,6 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     if len(parts) > 1:
         raise CommandError(f"{file}: has {len(parts)} parts", hint="inspect draws one part: name its file")
     (part,) = parts
-    found = PartReader(open_reader(settings), settings).read(part)
-    save_figure(reading_figure(found, title=part.name), picture)
-    return [f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]
+    reading = reading_of(PartJob(part, settings))
+    save_figure(reading_figure(reading, title=part.name), picture)
+    return [f"{part.name}: {reading}", *(f"  {message}" for message in reading.messages())]

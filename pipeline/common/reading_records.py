@@ -197,7 +197,8 @@ class ReadingRecord:
         rotation_deg: rotation of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty if no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
-        seconds: time taken to read it, loading included.
+        seconds: time from the opening of the files to the decision: with the download of URLs, without the making
+            of the reader and the time on a stage.
         at: time of the reading; the store sets its own.
         part: name of the part.
         error: why there is no reading; empty if there is one.

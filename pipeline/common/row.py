@@ -41,7 +41,7 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         decision: accept, review or reject; empty with an error.
         confidence: confidence that the whole text is right, 0 to 1.
         source: tactile, vision or fused.
-        seconds: time spent, loading included.
+        seconds: time from the opening of its files to the decision; for a part that cannot be read, until the error.
         error: why there is no reading; empty if there is one.
         font: font whose templates fit best.
         height_mm: character height found; None if unknown in mm.

@@ -41,11 +41,14 @@ class DriftWatch:
     A comparison takes some tenths of a second, the first one seconds, as it imports SciPy's statistics.
 
     Attributes:
+        window: number of most recent parts that are compared.
         certificate: certificate to compare with.
         found: differences at the last comparison; empty if there are none.
         parts: number of parts checked so far.
         first: message of the first difference found; empty if there was none.
     """
+
+    window = WINDOW
 
     def __init__(self, certificate: Certificate) -> None:
         self.certificate = certificate

@@ -16,6 +16,7 @@ from pipeline.common.texts import without_blanks
 from pipeline.formats.glyph_database import load_database, save_database
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import enrol
+from pipeline.reading.part_job import PartJob, reading_of
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,8 @@ def _compare(parts: Sequence[PartFiles], without: ReadSettings, learned: ReadSet
 
 def _read(part: PartFiles, settings: ReadSettings) -> str:
     """The text read from a part, without blanks; empty if it cannot be read."""
-    from pipeline.reading.part_reader import PartReader
-    from pipeline.reading.readers import reader_of
-
-    reader = PartReader(reader_of(settings), settings.model_copy(update={"mode": "tactile", "active": False}))
+    alike = settings.model_copy(update={"mode": "tactile", "active": False})
     try:
-        return without_blanks(reader.read(part).text)
+        return without_blanks(reading_of(PartJob(replace(part, font=""), alike)).text)
     except MarksError:
         return ""

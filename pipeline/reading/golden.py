@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.errors import naming
 from pipeline.formats.touch_file import read_scan
-from pipeline.reading.part_orders import sender_names
+from pipeline.reading.sender_names import sender_names
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:

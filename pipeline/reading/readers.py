@@ -1,24 +1,29 @@
-"""Make readers from settings; a worker caches them, because making templates takes longer than reading a part."""
+"""Make readers from settings, and check jobs before they are used, in a worker.
+
+A worker caches readers, because making templates takes longer than reading a part. Formats, fonts and glyph databases
+from outside may take any amount of work; a worker's is limited.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from glyphs.errors import FileError
-from glyphs.fonts.glyph import Font
+from glyphs.errors import FileError, MarksError
 from pipeline.common.file_stamp import FileStamp, stamp_if_there
-from pipeline.common.job_file import files_of
+from pipeline.common.job_file import SUFFIX, JobFile, files_of, job_of
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
-from pipeline.reading.certificate import acceptance_of
-from recognition.decide.depth_rules import DepthRule, depth_rule, least_depth
-from recognition.find.request import LineFormat
-from recognition.language.grammar import Grammar
-from recognition.language.orientation import Orientation
-from recognition.reader import Reader
-from recognition.see.virtual_array import VirtualArray
-from whisker_array.scan.sensor import Sensors
-from whisker_array.simulation.traces import Fidelity
+from pipeline.errors import OwnFileError
+
+if TYPE_CHECKING:
+    from glyphs.fonts.glyph import Font
+    from recognition.decide.depth_rules import DepthRule
+    from recognition.find.request import LineFormat
+    from recognition.reader import Reader
+    from recognition.see.virtual_array import VirtualArray
 
 MOST_KEPT = 8
 """Most readers kept; the least recently used is evicted."""
@@ -57,6 +62,10 @@ def open_reader(settings: ReadSettings) -> Reader:
         SettingsError: settings contradict each other.
         ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
+    from pipeline.reading.certificate import acceptance_of
+    from recognition.language.orientation import Orientation
+    from recognition.reader import Reader
+
     settings.check_accept_risk()
     return Reader(
         fonts=_fonts(settings),
@@ -79,16 +88,20 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
     Raises:
         FileError: the whisker's file cannot be used.
     """
-    whisker = None
-    if settings.whisker is not None:
-        from pipeline.formats.whisker_file import read_whisker_file
+    from pipeline.formats.whisker_file import read_whisker_file
+    from recognition.see.virtual_array import VirtualArray
+    from whisker_array.scan.sensor import Sensors
+    from whisker_array.simulation.traces import Fidelity
 
-        whisker = read_whisker_file(settings.whisker).touch
+    whisker = None if settings.whisker is None else read_whisker_file(settings.whisker).touch
     return VirtualArray(whisker, Sensors(settings.sensors), Fidelity(settings.fidelity))
 
 
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
     """The expected lines beside the serial, by name."""
+    from recognition.find.request import LineFormat
+    from recognition.language.grammar import Grammar
+
     lines = map(NamedLine.parse, settings.line)
     return {line.name: LineFormat(Grammar.parse(line.format), line.region) for line in lines}
 
@@ -99,16 +112,52 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
         return settings.font
     from pipeline.formats.glyph_database import load_database
 
-    kept = load_database(settings.database).fonts
-    if not kept and not settings.font:
+    enrolled = load_database(settings.database).fonts
+    if not enrolled and not settings.font:
         raise FileError(settings.database, "holds no font", "add one with: tactile-marks glyphs build")
-    fonts = tuple(font for name, font in kept.items() if not settings.font or name in settings.font)
-    return (*fonts, *(name for name in settings.font if name not in kept))
+    fonts = tuple(font for name, font in enrolled.items() if not settings.font or name in settings.font)
+    return (*fonts, *(name for name in settings.font if name not in enrolled))
 
 
 def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:
     """The depth rules of the settings, and the least depth as one more."""
+    from recognition.decide.depth_rules import depth_rule, least_depth
+
     rules = [depth_rule(text) for text in settings.depth_rule]
     if settings.min_depth_mm is not None:
         rules.append(least_depth(settings.min_depth_mm))
     return tuple(rules)
+
+
+def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
+    """Read a job, and check that everything named in it can be used.
+
+    Args:
+        path: path of the file, which need not exist.
+        written: its keys.
+        digest: SHA-256 of the file.
+
+    Raises:
+        OwnFileError: a file that it names cannot be used.
+        FileError: its settings cannot be used.
+    """
+    job = job_of(path, written, digest)
+    try:
+        open_reader(job.settings)
+    except MarksError as error:
+        if not isinstance(error, FileError):
+            raise FileError(f"{job.name}{SUFFIX}", error.what, error.hint) from error
+        own = error.path in files_of(job.settings)
+        raise (OwnFileError if own else FileError)(error.path, error.what, error.hint) from error
+    return job
+
+
+def check_line(line_format: str, text: str) -> tuple[str, ...]:
+    """Reasons why a text does not match a format, in words; empty if it matches.
+
+    Raises:
+        FormatError: an invalid format.
+    """
+    from recognition.language.grammar import Grammar
+
+    return Grammar.parse(line_format).objections(text)

@@ -33,7 +33,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     from pipeline.formats.npz import write_npz
     from pipeline.formats.part_files import PartFiles
     from pipeline.formats.photos import write_photo
-    from pipeline.reading.part_orders import PartOrder, read_order
+    from pipeline.reading.part_job import PartJob, read_sent
 
     cv2.setNumThreads(1)
     height_mm = settings.height_mm or 5.0
@@ -45,7 +45,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
         write_npz(Path(files.height_map), part.height_map)
         write_photo(Path(files.photo), photo)
         with contextlib.suppress(FileError):
-            read_order(PartOrder(folder, files), settings, limits)
+            read_sent(PartJob(files, settings, limits=limits, folder=folder))
 
 
 def _a_text(settings: ReadSettings) -> str:

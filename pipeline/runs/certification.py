@@ -31,13 +31,12 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.certificate_statistics import KindOfParts
+from pipeline.reading.part_job import PartJob, Wants, files_to_send, lost_part, read_listed
 from pipeline.reading.readers import open_reader
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
 from pipeline.runs.production import parts_for
 from pipeline.runs.progress import Progress
-from pipeline.runs.setting_files import files_to_send
-from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
 from recognition.decide.risk import least_score, require_kept
 
@@ -177,9 +176,9 @@ def _read_all(
     with Progress() as progress, show_compiling(progress.line), workers.opened(len(parts)) as executor:
         progress.start(len(parts) - known)
         sent = files_to_send(settings) if executor.remote else None
-        order = RunOrder(settings, digests=True, measures=True, sent=sent)
+        job = PartJob(settings=settings, wants=Wants(digest=True, measures=True), sent=sent)
         tasks = [part.absolute() for part in parts] if executor.remote else parts
-        for _, read in resumable(journal, tasks, executor, read_listed, order, lost=lost_part):
+        for _, read in resumable(journal, tasks, executor, read_listed, job, lost=lost_part):
             progress.advance(failed=bool(read.record.error))
 
 

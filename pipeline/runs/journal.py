@@ -14,6 +14,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
@@ -32,12 +33,13 @@ R = TypeVar("R")
 
 _TABLES = """
 create table if not exists run (kind text, version integer, description text);
-create table if not exists parts (number integer primary key, name blob unique, kept text, again text);
+create table if not exists parts
+    (number integer primary key, name blob, again integer, kept text{facts}, unique (name, again));
 """
-# stores any number of parts: all of them or none
-_KEEP = "insert into parts (name, {0}) values {1} on conflict (name) do update set {0} = excluded.{0}"
 _IN_ORDER = """
-select kept, again from parts left join temp.asked using (name) order by asked.rowid is null, asked.rowid, number
+select {columns} from parts first left join parts second on second.name = first.name and second.again = 1
+left join temp.asked on asked.name = first.name
+where first.again = 0 order by asked.rowid is null, asked.rowid, first.number
 """
 _MOST_TOGETHER = 64
 _SYNC_S = 1.0  # a power failure loses the parts of the last second, at most
@@ -53,6 +55,7 @@ class Journal(Generic[Kept]):
         kind: kind of run, in one word.
         version: version of the stored form.
         keeps: type stored for a part; pydantic writes and reads it.
+        facts: columns beside it, which can be read without it; see `facts_of`.
         file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
         path: journal file.
         description: description of the run, in plain JSON values.
@@ -64,6 +67,7 @@ class Journal(Generic[Kept]):
     kind: ClassVar[str]
     version: ClassVar[int] = 1
     keeps: ClassVar[Any]
+    facts: ClassVar[tuple[str, ...]] = ()
     file: ClassVar[str] = ""
 
     def __init__(
@@ -105,9 +109,9 @@ class Journal(Generic[Kept]):
                 elif key_of(held) != key_of(self.description):
                     what = f"holds another {self.kind} ({differences(held, self.description)})"
                     raise self._unusable(what, f"name another one, or remove {self.path.name} to start again")
-                rows = self._db.execute("select name, again is not null from parts").fetchall()
-                self.names = {_text(name) for name, _ in rows}
-                self.again = {_text(name) for name, again in rows if again}
+                rows = self._db.execute("select name, again from parts").fetchall()
+                self.names = {as_text(name) for name, again in rows if not again}
+                self.again = {as_text(name) for name, again in rows if again}
         except BaseException:
             self.close()
             raise
@@ -135,8 +139,8 @@ class Journal(Generic[Kept]):
     @cached_property
     def done(self) -> dict[str, Kept]:
         """Stored results by part name; grows with `keep`."""
-        rows = self._db.execute("select name, kept from parts order by number")
-        return {_text(name): self._parse(kept) for name, kept in rows}
+        rows = self._db.execute("select name, kept from parts where again = 0 order by number")
+        return {as_text(name): self.parse(kept) for name, kept in rows}
 
     def keep(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
         """Store the result of a part, and return it; the last one of a part counts.
@@ -161,28 +165,49 @@ class Journal(Generic[Kept]):
         Raises:
             FileError: it cannot be written.
         """
-        statement = _KEEP.format("again" if again else "kept", ", ".join(["(?, ?)"] * len(kept)))
+        columns = ("name", "again", "kept", *self.facts)
+        marks = f"({', '.join('?' * len(columns))})"
+        changed = ", ".join(f"{column} = excluded.{column}" for column in columns[2:])
+        statement = (
+            f"insert into parts ({', '.join(columns)}) values {', '.join([marks] * len(kept))}"
+            f" on conflict (name, again) do update set {changed}"
+        )
         with self._faults():
-            values = [value for name, one in kept.items() for value in (_blob(name), self._text(one))]
-            self._write(statement, values, synced=time.monotonic() >= self._synced_s + _SYNC_S)
+            rows = (
+                (as_blob(n), again, self._text(value), *self.facts_of(n, value)) for n, value in kept.items()
+            )
+            # one statement stores all of them or none
+            self._write(statement, [*chain(*rows)], synced=time.monotonic() >= self._synced_s + _SYNC_S)
         (self.again if again else self.names).update(kept)
         if not again and "done" in vars(self):
             self.done.update(kept)
         return kept
 
-    def entries(self, order: Iterable[str] = ()) -> Iterator[tuple[Kept, Kept | None]]:
-        """Stream the stored result of every part, with that of its second reading.
+    def facts_of(self, name: str, kept: Kept) -> Sequence[Any]:
+        """Values of the columns `facts` for the result of a part."""
+        return ()
+
+    def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
+        """Stream columns of the first result of every part, and then of its second one; None where it has none.
 
         Args:
+            columns: name, kept or one of `facts`.
             order: names of the parts that come first; names without a stored result are skipped.
         """
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
             self._db.execute("delete from temp.asked")
-            names = ((_blob(name),) for name in order)
+            names = ((as_blob(name),) for name in order)
             self._db.executemany("insert or ignore into temp.asked values (?)", names)
-        for kept, again in self._db.execute(_IN_ORDER):
-            yield self._parse(kept), self._parse(again) if again else None
+        selected = ", ".join(f"{reading}.{column}" for reading in ("first", "second") for column in columns)
+        yield from self._db.execute(_IN_ORDER.format(columns=selected))
+
+    def latest(self, count: int) -> list[Kept]:
+        """The first results of the parts that were stored last, in order."""
+        rows = self._db.execute(
+            "select kept from parts where again = 0 order by number desc limit ?", (count,)
+        ).fetchall()
+        return [self.parse(kept) for (kept,) in reversed(rows)]
 
     def close(self) -> None:
         """Close the journal; SQLite removes its extra files."""
@@ -238,7 +263,7 @@ class Journal(Generic[Kept]):
         return None if row is None else json.loads(row[2])
 
     def _begin(self) -> None:
-        self._db.executescript(_TABLES)
+        self._db.executescript(_TABLES.format(facts="".join(f", {name}" for name in self.facts)))
         run = (self.kind, self.version, json.dumps(self.description))
         # the output may still be that of the previous run: this line must be on the disk before any row
         self._write("insert into run values (?, ?, ?)", run, synced=True)
@@ -258,7 +283,8 @@ class Journal(Generic[Kept]):
         except ValueError:  # lone surrogates, which file names may hold: only Python's own JSON writes them
             return json.dumps(self._adapter.dump_python(kept, mode="json", exclude_defaults=True))
 
-    def _parse(self, text: str) -> Kept:
+    def parse(self, text: str) -> Kept:
+        """A result from the column `kept`."""
         try:
             return self._adapter.validate_json(text)
         except ValueError:  # likewise
@@ -366,9 +392,11 @@ def _cannot_be_written(path: Path, error: Exception) -> FileError:
     return FileError(path, f"cannot be written ({why})", f"{hint} and start the same command again")
 
 
-def _blob(name: str) -> bytes:
+def as_blob(name: str) -> bytes:
+    """A text for a column, whatever its characters."""
     return name.encode("utf-8", "surrogatepass")  # a file's name may hold lone surrogates
 
 
-def _text(name: bytes) -> str:
+def as_text(name: bytes) -> str:
+    """The text of a column."""
     return name.decode("utf-8", "surrogatepass")

@@ -10,8 +10,7 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Iterable
-
-from pipeline.common.reading_records import ReadingRecord
+from typing import NamedTuple
 
 FEWEST_PARTS = 12
 """Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
@@ -25,7 +24,21 @@ of two dies do not agree with each other."""
 _MOST_CONSIDERED = 2000
 
 
-def teachers(readings: Iterable[ReadingRecord]) -> dict[str, str]:
+class Outline(NamedTuple):
+    """What the passes over a lot go by, of a reading.
+
+    Attributes:
+        part, decision, text, confidence, error: as in `ReadingRecord`.
+    """
+
+    part: str
+    decision: str
+    text: str
+    confidence: float
+    error: str = ""
+
+
+def teachers(readings: Iterable[Outline]) -> dict[str, str]:
     """Choose the parts to learn from, and return their texts by name.
 
     They are the accepted parts, surest first, that add a character of which there are few exemplars so far.
@@ -33,25 +46,25 @@ def teachers(readings: Iterable[ReadingRecord]) -> dict[str, str]:
     Args:
         readings: readings of the lot, in any order.
     """
-    sure = (one for one in readings if one.decision == "accept" and not one.error)
+    sure = (reading for reading in readings if reading.decision == "accept" and not reading.error)
     chosen: dict[str, str] = {}
-    found: Counter[str] = Counter()
-    for one in heapq.nsmallest(_MOST_CONSIDERED, sure, key=lambda one: (-one.confidence, one.part)):
+    exemplars: Counter[str] = Counter()
+    for reading in heapq.nsmallest(_MOST_CONSIDERED, sure, key=lambda sure: (-sure.confidence, sure.part)):
         if len(chosen) == MOST_TEACHERS:
             break
-        text = "".join(one.text.split())
-        if any(found[char] < EXEMPLARS_EACH for char in text):
-            chosen[one.part] = text
-            found.update(text)
+        text = "".join(reading.text.split())
+        if any(exemplars[char] < EXEMPLARS_EACH for char in text):
+            chosen[reading.part] = text
+            exemplars.update(text)
     return dict(sorted(chosen.items()))
 
 
-def needs_another(reading: ReadingRecord) -> bool:
+def needs_another(reading: Outline) -> bool:
     """Whether a part must be read again: accepted and unreadable parts are not."""
     return reading.decision != "accept" and not reading.error
 
 
-def is_better(second: ReadingRecord, first: ReadingRecord) -> bool:
+def is_better(second: Outline, first: Outline) -> bool:
     """Whether a part's second reading replaces its first.
 
     It does if it is accepted, or if it has the same text and a higher confidence. An accepted reading is kept.

@@ -12,17 +12,18 @@ from dataclasses import replace
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import Objection, SerialAlarm, with_objection
 from pipeline.common.texts import first_of, without_blanks
+from pipeline.runs.lot import Outline
 
 Repeats = Mapping[str, Sequence[str]]
 """Names of the parts by serial, of serials that several parts have."""
 
 
-def find_repeats(records: Iterable[ReadingRecord]) -> Repeats:
+def find_repeats(readings: Iterable[Outline]) -> Repeats:
     """Find the serials with which several parts were accepted."""
     parts = defaultdict[str, list[str]](list)
-    for record in records:
-        if record.decision == "accept":
-            parts[without_blanks(record.text)].append(record.part)
+    for reading in readings:
+        if reading.decision == "accept":
+            parts[without_blanks(reading.text)].append(reading.part)
     return {text: names for text, names in parts.items() if len(names) > 1}
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
 from pipeline.common.settings import SettingsError
-from pipeline.runs.store_target import is_store
+from pipeline.runs.outputs import has_rows, is_store, unfinished
+from pipeline.runs.tables import SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,6 @@ class RunOptions:
             FileError: the suffix is unknown, or an output is finished or cannot be written.
             SettingsError: an evidence folder is set without a store.
         """
-        from pipeline.runs.run_journal import has_rows, unfinished
-        from pipeline.runs.tables import SUFFIXES
-
         if self.evidence is not None and self.store is None:
             raise SettingsError("--evidence goes with a store", hint="such as --out sqlite:///parts.db")
         if self.out is not None and self.store is None:

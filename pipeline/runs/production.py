@@ -24,13 +24,12 @@ from pipeline.formats.manifest import is_manifest, names_no_files
 from pipeline.formats.part_files import PartFiles, local_name
 from pipeline.formats.truth import Accuracy, PartTexts, load_truth, read_order
 from pipeline.reading.expected import load_expected
+from pipeline.reading.part_job import PartJob, Wants, check_run, files_to_send
 from pipeline.runs.options import RunOptions
+from pipeline.runs.outputs import unfinished
 from pipeline.runs.read_table import print_table
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.run_journal import unfinished
 from pipeline.runs.second_pass import runs_second_pass
-from pipeline.runs.setting_files import files_to_send
-from pipeline.runs.task import RunOrder, check_order
 from pipeline.runs.workbook import check_number
 from pipeline.workers.executors import Executor, WorkerLostError
 
@@ -102,17 +101,16 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         parts = [replace(p, expected=by_part(p.name) or p.expected) for p in parts]
     if executor.remote:
         parts = [part.absolute() for part in parts]
-    order = RunOrder(
-        settings,
+    pictured = options.store is not None and options.evidence is not None
+    job = PartJob(
+        settings=settings,
+        wants=Wants(pictures="review" if pictured else "", digest=options.store is not None),
         verify=expected is not None,
-        pictures=options.store is not None and options.evidence is not None,
-        digests=options.store is not None,
-        measures=watch is not None,
         sent=files_to_send(settings) if executor.remote else None,
     )
     resumes = options.out is not None and unfinished(Path(options.out)).exists()
     if not resumes:  # a resumed run checks below, if parts are left
-        _check(order, executor)
+        _check(job, executor)
     learning = runs_second_pass(options, settings, parts)
     description = {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
@@ -137,17 +135,17 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     with open_run(options, description, second_pass=learning) as run, run.progress as progress:
         done = len(run.journal.names)
         if resumes and done < len(parts):
-            _check(order, executor)
+            _check(job, executor)
         if run.journal.resumed:
             print(f"continuing an interrupted run: {done:,} parts are read already")
-        if run.journal.kept is not None:
-            print(f"{options.out} already existed; it is kept as {run.journal.kept}")
+        if run.journal.previous is not None:
+            print(f"{options.out} already existed; it is kept as {run.journal.previous}")
         progress.start(len(parts), done)
         run.on_row, run.watch = on_row, watch
         run.rules = SerialRules(duplicates=not options.repeats, order=serials)
         began = time.monotonic()
         with show_compiling(progress.line):
-            run.work(parts, order, executor)
+            run.work(parts, job, executor)
     elapsed_s = time.monotonic() - began
     if shown:
         print_table([shown[part.name] for part in parts])
@@ -200,9 +198,9 @@ def _contents_of_tables(
     return contents
 
 
-def _check(order: RunOrder, executor: Executor) -> None:
+def _check(job: PartJob, executor: Executor) -> None:
     """Check the settings in a worker, which then keeps the reader for its first part."""
-    (checked,) = executor.calls(check_order, order, [None])
+    (checked,) = executor.calls(check_run, job, [None])
     if checked.error is not None and not isinstance(checked.error, WorkerLostError):
         raise checked.error
 

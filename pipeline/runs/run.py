@@ -1,8 +1,8 @@
 """A run over many parts, read by an executor; every row is on the disk within a second.
 
-    listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine
-                                                            --> parts not accepted, read again (SecondPass)
-                                                            --> summary
+    listed parts --not done yet--> executor --ReadPart--> keep: store, journal, growing table
+                                                          --> parts not accepted, read again (SecondPass)
+                                                          --> export: table, summary
 
 Whatever ends the run, the same command continues where it stopped: a part in the journal is not read again. A part that
 only the store has is read again, but stored once, even if the run is repeated after its end.
@@ -21,17 +21,15 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import ANY_SERIAL, SerialRules
 from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_job import PartJob, lost_part, read_listed
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import resumable, set_aside, writing
 from pipeline.runs.lot_check import Repeats, find_repeats, repeated, reviewed
 from pipeline.runs.options import RunOptions
+from pipeline.runs.outputs import RunJournal, RunStore, export, write_quarantine
 from pipeline.runs.progress import Progress
-from pipeline.runs.quarantine import write_quarantine
-from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass
-from pipeline.runs.store_target import RunStore
 from pipeline.runs.summary import Summary
-from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.store.errors import UnfitError
 from pipeline.workers.executors import Executor
 
@@ -71,8 +69,8 @@ class Run:
     known: int = 0
     finished: bool = False
 
-    def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
-        """Read every part that the journal lacks, and sort the table in the order of the parts.
+    def work(self, parts: Sequence[PartFiles], job: PartJob, executor: Executor) -> None:
+        """Read every part that the journal lacks, and export the table in the order of the parts.
 
         Without a table the journal stays until the caller that opened the run is done.
 
@@ -80,58 +78,57 @@ class Run:
             FileError: the table cannot be written.
             ClusterError: the cluster is lost.
         """
-        failed: dict[str, str] = {}
-        for record in self.journal.records():
-            if record.error:
-                failed[record.part] = record.error
+        if self.watch is not None and self.journal.resumed:
+            for read in self.journal.latest(self.watch.window):
+                self.watch.add(read.record.source, read.measures)
         try:
-            for part, record in resumable(
-                self.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
+            for _, read in resumable(
+                self.journal, parts, executor, read_listed, job, lost=lost_part, kept=self._keep
             ):
-                if record.error:
-                    failed[part.name] = record.error
                 self.read_now += 1
-                self.progress.advance(failed=bool(record.error))
+                self.progress.advance(failed=bool(read.record.error))
         finally:
             if self.quarantine is not None:
-                bad = ((part, failed[part.name]) for part in parts if part.name in failed)
+                errors = self.journal.errors()
+                bad = ((part, errors[part.name]) for part in parts if part.name in errors)
                 write_quarantine(self.quarantine, bad)
         if self.second is not None:
-            waiting, order = self.second.learned_order(
-                self.journal, parts, order, executor, self.progress.line
-            )
+            waiting, job = self.second.learned_job(self.journal, parts, job, executor, self.progress.line)
             self.progress.more(len(waiting))
-            for _, record in resumable(
-                self.journal, waiting, executor, read_listed, order,
-                lost=lost_part, kept=lambda _, read: self._in_order(read.record), again=True,
+            for _, read in resumable(
+                self.journal, waiting, executor, read_listed, job,
+                lost=lost_part, kept=lambda _, read: self._in_order(read), again=True,
             ):  # fmt: skip
                 self.second.again += 1
-                self.progress.advance(failed=bool(record.error))
+                self.progress.advance(failed=bool(read.record.error))
         names = [part.name for part in parts]
-        repeats = find_repeats(self.journal.records(names)) if self.rules.duplicates else {}
+        repeats = find_repeats(self.journal.better(names)) if self.rules.duplicates else {}
         if self.journal.written:
-            self.journal.finish(names, lambda record: self._final(record, repeats))
+            export(self.journal, names, lambda record: self._final(record, repeats))
         else:
             for record in self.journal.records():
                 self._final(record, repeats)
         self.finished = True
 
-    def _in_order(self, record: ReadingRecord) -> ReadingRecord:
-        return reviewed(record, self.rules.by_order(record.text) if record.decision == "accept" else None)
+    def _in_order(self, read: ReadPart) -> ReadPart:
+        """What the journal keeps of a part, sent to review if its serial is not of the production order."""
+        record = read.record
+        objection = self.rules.by_order(record.text) if record.decision == "accept" else None
+        return ReadPart((reviewed(record, objection),), measures=read.measures)
 
-    def _record(self, part: PartFiles, read: ReadPart) -> ReadingRecord:
-        """Make the record of a part: check it against the lot, store it, and compare it with the certificate."""
-        record = self._in_order(read.record)
+    def _keep(self, part: PartFiles, read: ReadPart) -> ReadPart:
+        """Check a part against the lot, store it, and compare it with the certificate."""
+        kept = self._in_order(read)
         if self.store is not None:
             try:
-                self.known += not self.store.add(part, replace(read, readings=(record,)))
+                self.known += not self.store.keep(part, replace(read, readings=kept.readings))
             # a value that the store cannot hold must not end the run, now or when it is resumed
             except UnfitError as error:
-                problem = f"{record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
-                record = ReadingRecord.failed(record.part, problem)
+                problem = f"{part.name}: cannot be stored ({' '.join(str(error).split())[:500]})"
+                kept = ReadPart((ReadingRecord.failed(part.name, problem),), measures=read.measures)
         if self.watch is not None:
-            self.watch.add(record.source, read.measures)
-        return record
+            self.watch.add(kept.record.source, kept.measures)
+        return kept
 
     def _final(self, record: ReadingRecord, repeats: Repeats) -> ReadingRecord:
         objection = repeated(record, repeats)

@@ -16,15 +16,14 @@ from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.errors import is_url
 from pipeline.formats.part_files import PartFiles, split_name
+from pipeline.reading.part_job import PartJob, files_to_send
 from pipeline.runs.lot import FEWEST_PARTS, LEAST_AGREEMENT, needs_another, teachers
 from pipeline.runs.options import RunOptions
-from pipeline.runs.setting_files import files_to_send
-from pipeline.runs.task import RunOrder
 from pipeline.workers.executors import Executor, ordered_map
 
 if TYPE_CHECKING:
     from pipeline.reading.enrolment import EnrolReport
-    from pipeline.runs.run_journal import RunJournal
+    from pipeline.runs.outputs import RunJournal
 
 
 def runs_second_pass(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
@@ -73,28 +72,28 @@ class SecondPass:
     learned: EnrolReport | None = field(default=None, init=False)
     again: int = field(default=0, init=False)
 
-    def learned_order(
+    def learned_job(
         self,
         journal: RunJournal,
         parts: Sequence[PartFiles],
-        order: RunOrder,
+        job: PartJob,
         executor: Executor,
         say: Callable[[str], None],
-    ) -> tuple[Sequence[PartFiles], RunOrder]:
-        """Learn from the first readings, and return the parts to read again with their order.
+    ) -> tuple[Sequence[PartFiles], PartJob]:
+        """Learn from the first readings, and return the parts to read again with their job.
 
         Parts whose second reading is in the journal are left out.
 
         Args:
             journal: first readings.
             parts: parts of the lot.
-            order: run order (settings and files) of the first readings.
+            job: job of the first readings.
             executor: executor that cuts out characters.
             say: called with a message: what was learned, or why nothing was.
         """
         from recognition.decide.evidence import EVEN  # slow to import
 
-        firsts = [first for first, again in journal.entries() if again is None and needs_another(first)]
+        firsts = [first for first, again in journal.outlines() if again is None and needs_another(first)]
         # the better of two readings counts, so the second must be surer if it has another text
         texts_before = {first.part: first.text if first.confidence > EVEN else "" for first in firsts}
         waiting = [
@@ -103,19 +102,19 @@ class SecondPass:
             if part.name in texts_before and _learns_or_teaches(part)
         ]
         if not (waiting or self.always):
-            return (), order
+            return (), job
         from pipeline.reading.enrolment import enrol
 
         name = _font_name(parts)
         able = {p.name: p for p in parts if _learns_or_teaches(p) and not is_url(p.scan or p.height_map)}
-        texts = teachers(first for first, _ in journal.entries() if first.part in able)
+        texts = teachers(first for first, _ in journal.outlines() if first.part in able)
         reviewed = [replace(able[part], expected=text) for part, text in texts.items()]
         try:
             report = enrol(
                 reviewed,
                 self.database,
                 font=name,
-                settings=order.settings,
+                settings=job.settings,
                 vouching=False,
                 each=partial(ordered_map, executor),
             )
@@ -127,16 +126,15 @@ class SecondPass:
         except MarksError as error:
             self.database.unlink(missing_ok=True)
             say(f"nothing was learned from the lot: {error}")
-            return (), order
+            return (), job
         self.learned = report
         say(
             f"learned {name} from {len(report.enrolled) + len(report.known)} parts that were read with certainty:"
             f" {report.exemplars} exemplars of the characters {report.felt}"
         )
-        settings = order.settings.model_copy(update={"database": self.database, "font": (name,)})
-        return waiting, replace(
-            order, settings=settings, sent=files_to_send(settings) if order.sent is not None else None
-        )
+        settings = job.settings.model_copy(update={"database": self.database, "font": (name,)})
+        sent = None if job.sent is None else files_to_send(settings)
+        return waiting, replace(job, settings=settings, sent=sent)
 
 
 def _learns_or_teaches(part: PartFiles) -> bool:

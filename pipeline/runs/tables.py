@@ -36,6 +36,7 @@ COLUMNS = (*_FIRST, *(f.name for f in fields(ReadingRecord) if f.name not in _FI
 """Columns of JSON lines and Parquet."""
 MOST_TEXT = 100_000
 """Most characters of one escaped text; Python's own CSV reader takes up to 131,072."""
+_INFINITE = (math.inf, -math.inf)
 _GROUP_RECORDS = 500  # rows of a Parquet group, some megabytes in memory
 _ODD = re.compile(r"[\x00\ud800-\udfff]|\\(?=u(?:0000|005c|d[89a-f][0-9a-f]{2}))")
 # line breaks for some programs, though not in JSON
@@ -57,24 +58,22 @@ class LineForm:
     encode: Callable[[ReadingRecord], bytes]
 
 
-def write_table(records: Iterable[ReadingRecord], path: Path) -> None:
+def write_table(lines: Iterable[bytes], path: Path) -> None:
     """Write a table of lines or Parquet; the file appears whole or not at all.
 
     Args:
-        records: records that the table's form can encode.
+        lines: lines of records in the table's form.
         path: path of the table.
 
     Raises:
         FileError: it cannot be written.
     """
-    form = form_of(path)
-    lines = map(form.encode, records)
     with replacing(path) as temporary:
         if not grows(path):
             _write_parquet(lines, temporary)
             return
         with temporary.open("wb") as stream:
-            stream.write(form.head)
+            stream.write(form_of(path).head)
             stream.writelines(lines)
 
 
@@ -86,6 +85,15 @@ def grows(path: Path) -> bool:
 def form_of(path: Path) -> LineForm:
     """Form of a table's lines, or of the lines from which it is made."""
     return LINE_FORMS.get(path.suffix.lower(), LINE_FORMS[".jsonl"])
+
+
+def _csv_line(record: ReadingRecord) -> str:
+    cells = list(row_of(record).values())
+    line = csv_line(cells)
+    odd = (
+        len(line) > MOST_TEXT or _ODD.search(line) or any(cell != cell or cell in _INFINITE for cell in cells)
+    )
+    return csv_line(csv_cells(record)) if odd else line
 
 
 def csv_cells(record: ReadingRecord) -> list[Any]:
@@ -133,7 +141,7 @@ def _flat(place: dict[str, Any]) -> dict[str, Any]:
 
 LINE_FORMS = {
     ".csv": LineForm(
-        f"{CSV_BEGIN}{csv_line(CSV_COLUMNS)}".encode(), lambda record: csv_line(csv_cells(record)).encode()
+        f"{CSV_BEGIN}{csv_line(CSV_COLUMNS)}".encode(), lambda record: _csv_line(record).encode()
     ),
     ".jsonl": LineForm(b"", _json_line),
 }

@@ -49,7 +49,7 @@ from pipeline.common.serial_rules import SerialAlarm, SerialRules
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
-from pipeline.reading.part_orders import RECORDING, PartOrder
+from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.triage import ReadPart, agreement_of
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
@@ -391,19 +391,19 @@ class Intake:
     ) -> ReadPart:
         files = {upload.kind: str(upload.path) for upload in sent}
         photos = [str(upload.path) for upload in sent if upload.kind is EvidenceKind.PHOTO]
-        order = PartOrder(
-            folder or sent[0].path.parent,
+        job = PartJob(
             PartFiles(
                 part.name or Path(sent[-1].name if sent else RECORDING).stem,
                 files.get(EvidenceKind.HEIGHT_MAP, ""),
                 files.get(EvidenceKind.SCAN, ""),
                 tuple(photos) or tuple(map(str, earlier_photos)),
-                expected="" if self._in_shadow(part) else part.expected,
             ),
+            expected="" if self._in_shadow(part) else part.expected,
             earlier=bool(earlier_photos),
+            folder=folder or sent[0].path.parent,
             names={str(upload.path): upload.name for upload in sent},
         )
-        return await self.calls.read(order, job=part.job, database=part.database, felt_by=felt_by)
+        return await self.calls.read(job, job=part.job, database=part.database, felt_by=felt_by)
 
     async def _feel(self, part: PartRecord, call: TouchCall) -> PartRecord:
         """Have the stage feel a part, which lies there during a call, and read it.

@@ -35,7 +35,7 @@ from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, rea
 from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
 from pipeline.errors import OwnFileError, describe_fault
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
-from pipeline.reading.job_check import check_job, check_line
+from pipeline.reading.readers import check_job, check_line
 from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 
 MOST_AWAY_S = 3600.0

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
@@ -20,7 +20,7 @@ from pipeline.common.file_stamp import stamp_if_there
 from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
 from pipeline.errors import FaultError, OwnFileError
-from pipeline.reading.part_orders import PartOrder, check_settings, read_on_stage, read_order
+from pipeline.reading.part_job import PartJob, check_settings, read_on_stage, read_sent
 from pipeline.reading.triage import ReadPart
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, busy
@@ -124,7 +124,7 @@ class WorkerCalls:
 
     async def read(
         self,
-        order: PartOrder,
+        part: PartJob,
         *,
         job: str,
         database: str,
@@ -133,7 +133,7 @@ class WorkerCalls:
         """Read a part in a worker.
 
         Args:
-            order: its files.
+            part: its files; the settings are those of the job.
             job: name of its job.
             database: name of its glyph database.
             felt_by: stage and order, to feel the part pass by pass while it is read.
@@ -145,10 +145,11 @@ class WorkerCalls:
         """
         async with self._note_fault(job, database):
             settings = await self._settings_with(database, job)
+            part = replace(part, settings=settings, limits=self.limits)
             if felt_by is None:
-                return await self.call(read_order, order, settings, self.limits)
+                return await self.call(read_sent, part)
             # a second try would scan the part again
-            return await self.call(read_on_stage, order, settings, self.limits, *felt_by, tries=1)
+            return await self.call(read_on_stage, part, *felt_by, tries=1)
 
     async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
         """Call a function in a worker; a lost worker is replaced, and the call repeated.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import queue
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -25,6 +26,10 @@ from pipeline.workers.interrupts import raise_interrupt
 O = TypeVar("O")  # noqa: E741 - an order
 T = TypeVar("T")
 R = TypeVar("R")
+
+
+# Seconds for which an outcome waits for others that finish with it.
+_SOON_S = 0.002
 
 
 class WorkerLostError(MarksError):
@@ -115,6 +120,9 @@ class Executor:
                 lost.append(outcome.task)
                 tried, last = error.tried, outcome
                 continue
+            # quick tasks finish together: what comes of them is kept in fewer transactions
+            if held and self._ahead() > 1 and done.empty():
+                time.sleep(_SOON_S)
             # without workers the next task has finished before this outcome is reported; that does not count as more
             yield replace(outcome, more=self._ahead() > 1 and not done.empty())
         if tried and len(lost) == 1:

@@ -112,7 +112,8 @@ class Worker:
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)
-        until, before_s = time.monotonic() + timeout_s, self._core_s()
+        until = time.monotonic() + timeout_s
+        before_s = self._core_s() if timeout_s < 4.0 * LOOK_S else None  # a quick call of a part needs none
         while not stopped():
             left_s = until - time.monotonic()
             ready = wait([self._pipe, self.process.sentinel], max(0.0, min(LOOK_S, left_s)))
@@ -127,8 +128,9 @@ class Worker:
                     f"the worker has ended (exit code {code})", crashed=code not in _FROM_OUTSIDE
                 )
             if left_s <= 0.0:
-                starved = self._core_s() - before_s < _STARVED * timeout_s
+                starved = before_s is not None and self._core_s() - before_s < _STARVED * timeout_s
                 return WorkerLostError(late.format(f"{timeout_s:g}"), timed_out=True, starved=starved)
+            before_s = self._core_s() if before_s is None else before_s
         return WorkerLostError("the workers are stopping")
 
     def _core_s(self) -> float:

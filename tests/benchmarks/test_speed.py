@@ -22,7 +22,7 @@ from glyphs.stamping.stamp import stamp_line
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.runs.task import RunOrder, read_listed
+from pipeline.reading.part_job import PartJob, read_listed
 from pipeline.workers.pool import WorkPool
 from tests.benchmarks.one_core import TEXT
 from whisker_array.simulation.contact import trace_contact
@@ -258,7 +258,7 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
     spec = SynthSpec(format="AA999999", seed=1, font="gothic")
     for number in range(20):
         write_part(spec, tmp_path / f"part-{number}", number, photos=False)
-    order = RunOrder(ReadSettings(font=("gothic",), format=("AA999999",), height_mm=5.0))
+    job = PartJob(settings=ReadSettings(font=("gothic",), format=("AA999999",), height_mm=5.0))
     listed = [PartFiles(f"{p.stem} {k}", height_map=str(p)) for k in range(4) for p in tmp_path.glob("*.npz")]
     quickest: dict[int, float] = {}
     for jobs in (1, 2):
@@ -266,7 +266,7 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
 
             def run(executor: WorkPool = executor) -> float:
                 started = time.perf_counter()
-                outcomes = list(executor.calls(read_listed, order, listed))
+                outcomes = list(executor.calls(read_listed, job, listed))
                 assert all(o.result is not None and o.result.record.text for o in outcomes)
                 return time.perf_counter() - started
 

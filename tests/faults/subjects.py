@@ -27,13 +27,13 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.part_pictures import Picture
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal
 from pipeline.runs.options import RunOptions
+from pipeline.runs.outputs import RunJournal, export
 from pipeline.runs.run import open_run
-from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.task import RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.intake import NewPart, Received
 from pipeline.service.jobs import JobFolder
@@ -186,17 +186,17 @@ def _record(name: str) -> ReadingRecord:
 
 def _old_table(table: str, root: Path) -> None:
     with RunJournal(root / table, {"before": True}) as book:
-        book.keep("before", _record("before"))
-        book.finish(["before"])
+        book.keep("before", ReadPart((_record("before"),)))
+        export(book, ["before"])
 
 
 def _table_work(table: str, root: Path, say: Say) -> None:
     def run() -> None:
         with RunJournal(root / table, RUN) as book:
             for name in reversed(NAMES):
-                book.keep(name, _record(name))
+                book.keep(name, ReadPart((_record(name),)))
                 say(f"row {name}")
-            book.finish(NAMES)
+            export(book, NAMES)
         say("finished")
 
     tried(run)
@@ -215,8 +215,8 @@ def _table_check(table: str, root: Path, said: list[str], power: bool) -> None:
                 told = {word.split()[1] for word in said if word.startswith("row")}
                 assert told <= set(book.done), f"lost {sorted(told - set(book.done))}"
             for name in reversed(NAMES):
-                book.keep(name, _record(name))
-            book.finish(NAMES)
+                book.keep(name, ReadPart((_record(name),)))
+            export(book, NAMES)
         assert not marker.exists()
     assert [row.part for row in read_rows(path)] == NAMES
     assert _names_in(path.with_name(f"{table}~")) == ["before"], "the table that stood there before is lost"
@@ -234,7 +234,7 @@ def _names_in(path: Path) -> list[str]:
 # ------------------------------------------------------------------------------------------ a run into a store
 
 
-def _read(_: RunOrder, listed: PartFiles) -> ReadPart:
+def _read(_: PartJob, listed: PartFiles) -> ReadPart:
     picture = Picture(
         EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {}
     )
@@ -251,7 +251,7 @@ def _run_into_store(root: Path) -> None:
             def calls(self, _function: Any, order: Any, tasks: Any) -> Any:
                 return super().calls(_read, order, tasks)
 
-        run.work(parts, RunOrder(ReadSettings()), NoReader())
+        run.work(parts, PartJob(settings=ReadSettings()), NoReader())
 
 
 def _run_work(root: Path, say: Say) -> None:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
-from pipeline.runs.task import RunOrder
 from pipeline.workers.executors import Executor, Outcome
 
 
@@ -20,7 +20,7 @@ class FakeExecutor(Executor):
 
     def __init__(
         self,
-        answer: Callable[[PartFiles, RunOrder], ReadPart | Exception],
+        answer: Callable[[PartFiles, PartJob], ReadPart | Exception],
         *,
         breaks_after: int = 99,
         backwards: bool = False,
@@ -29,12 +29,12 @@ class FakeExecutor(Executor):
         self.read = list[str]()
 
     def calls(
-        self, function: Callable[[Any, Any], Any], order: RunOrder, tasks: Iterable[PartFiles]
+        self, function: Callable[[Any, Any], Any], job: PartJob, tasks: Iterable[PartFiles]
     ) -> Iterator[Outcome[Any, Any]]:
         for part in reversed(list(tasks)) if self.backwards else tasks:
             if len(self.read) == self.breaks_after:
                 raise KeyboardInterrupt
             self.read.append(part.name)
-            answer = self.answer(part, order)
+            answer = self.answer(part, job)
             failed = isinstance(answer, Exception)
             yield Outcome(part, error=answer) if failed else Outcome(part, answer)

@@ -14,7 +14,7 @@ import pyarrow.parquet
 from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
-from pipeline.runs.tables import SUFFIXES, write_table
+from pipeline.runs.tables import SUFFIXES, form_of, write_table
 from tests.support.csv_table import csv_rows
 
 _BEST = tuple(f.name for f in fields(CandidateRecord))
@@ -64,7 +64,7 @@ def read_rows(path: Path) -> list[TableRow]:
 def write_records(records: Iterable[ReadingRecord], path: Path) -> None:
     """Write a table of records."""
     check_writable(path, SUFFIXES)
-    write_table(records, path)
+    write_table(map(form_of(path).encode, records), path)
 
 
 def record_of_json(line: bytes) -> ReadingRecord:

@@ -23,13 +23,13 @@ from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import ReadSettings
 from pipeline.errors import describe_fault
-from pipeline.formats.part_files import PartFiles, settings_of
+from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_job import PartJob, reading_of
 from pipeline.reading.perturbation import REMOUNTED, Retake
 from pipeline.runs.journal import resumable
 
 if TYPE_CHECKING:
     from pipeline.workers.executors import Executor
-    from recognition.decide.reading import Reading
 
 RECORDED = "recorded"
 """Factor that distinguishes a real recording from a perturbed one."""
@@ -147,8 +147,9 @@ def _measure(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> Tr
     recording = part.recordings[(blank.number - 1) % len(part.recordings)]
     seed = zlib.crc32(f"{part.name} {array} {blank.number}".encode())
     again = None if blank.levels[RECORDED] else Retake(REMOUNTED, seed, array=array)
+    settings = plan.settings.model_copy(update={"active": False})
     try:
-        reading = _read(plan.settings, recording, again)
+        reading = reading_of(PartJob(recording, settings, retake=again))
     except MarksError as error:
         return replace(blank, error=str(error))
     # a fault of the program in one part must not end the study
@@ -157,13 +158,3 @@ def _measure(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> Tr
     depth_mm = None if reading.touch is None else reading.touch.depth_mean_mm
     measures = {} if depth_mm is None else {_DEPTH: depth_mm}
     return replace(blank, **answer_of(reading), measures=measures)
-
-
-def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
-    from pipeline.formats.remote import local_copies
-    from pipeline.reading.part_reader import PartReader
-    from pipeline.reading.readers import reader_of
-
-    reader = reader_of(settings_of(settings, listed))
-    with local_copies(listed, photos=settings.mode != "tactile") as files:
-        return PartReader(reader, settings.model_copy(update={"active": False})).read(files, again=again)

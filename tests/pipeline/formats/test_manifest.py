@@ -14,7 +14,7 @@ from pipeline.common.row import row_of
 from pipeline.formats.find_parts import discover
 from pipeline.formats.manifest import COLUMNS, read_manifest
 from pipeline.formats.part_files import PartFiles
-from pipeline.runs.quarantine import write_quarantine
+from pipeline.runs.outputs import write_quarantine
 
 
 def table(folder: Path, text: str | bytes) -> str:

@@ -19,7 +19,7 @@ from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.as_record import reading_record, rivals_of
-from pipeline.runs.task import RunOrder, read_listed
+from pipeline.reading.part_job import PartJob, read_listed
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
 from recognition.decide.reading import Candidate, CharacterReading, OtherLine, Reading
@@ -75,11 +75,11 @@ class FakeReader:
 
 @pytest.fixture(autouse=True)
 def _fake_readers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.reading.readers.reader_of", lambda _: FakeReader())
+    monkeypatch.setattr("pipeline.reading.readers.reader_of", lambda _, **__: FakeReader())
 
 
 def record_of(part: PartFiles) -> ReadingRecord:
-    return read_listed(RunOrder(ReadSettings(format=("99",))), part).record
+    return read_listed(PartJob(settings=ReadSettings(format=("99",))), part).record
 
 
 def stamped(folder: Path, *values: int) -> Path:

@@ -19,8 +19,7 @@ from pipeline.common.settings import Limits, ReadSettings
 from pipeline.formats.find_parts import with_file
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.reading.part_orders import PartOrder, read_order
-from pipeline.runs.task import RunOrder, read_listed
+from pipeline.reading.part_job import PartJob, read_listed, read_sent
 from recognition.see.photo_sizes import SIZES
 from recognition.settings import ReaderSettings
 
@@ -62,14 +61,12 @@ def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: P
     listed = PartFiles("part")
     for kind, path in files.items():
         listed = with_file(listed, kind, str(path))
-    by_command = read_listed(RunOrder(settings), listed).record
+    by_command = read_listed(PartJob(settings=settings), listed).record
     by_cluster = pickle.loads(
-        pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
+        pickle.dumps(read_listed(*pickle.loads(pickle.dumps((PartJob(settings=settings), listed)))))
     )
-    order = PartOrder(
-        tmp_path, PartFiles("part", height_map=str(files["height_map"]), photos=(str(files["photo"]),))
-    )
-    by_service = read_order(order, settings, Limits()).readings[-1]
+    sent = PartFiles("part", height_map=str(files["height_map"]), photos=(str(files["photo"]),))
+    by_service = read_sent(PartJob(sent, settings, limits=Limits(), folder=tmp_path)).readings[-1]
     assert by_command.error == ""
     assert told(by_command) == told(by_cluster.record) == told(by_service)
 

@@ -17,7 +17,7 @@ from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.formats.touch_file import read_part_map, read_scan
 from pipeline.reading.as_record import reading_record
-from pipeline.runs.task import RunOrder, read_listed
+from pipeline.reading.part_job import PartJob, read_listed
 from recognition.active.replay import read_kept
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.reading import Reading
@@ -64,7 +64,7 @@ def by_command(*files: Path) -> ReadingRecord:
     (listed,) = discover(list(map(str, files)))
     named = {Path(file).name for file in listed.files}
     assert named == {file.name for file in files}
-    return read_listed(RunOrder(SETTINGS), listed).record
+    return read_listed(PartJob(settings=SETTINGS), listed).record
 
 
 def by_python(*data: Any) -> Reading:

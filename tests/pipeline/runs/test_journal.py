@@ -26,7 +26,8 @@ from glyphs.errors import FileError
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from pipeline.common.row import row_of
 from pipeline.common.texts import csv_line, unescape_formula
-from pipeline.runs.run_journal import RunJournal
+from pipeline.reading.triage import ReadPart
+from pipeline.runs.outputs import RunJournal, export
 from pipeline.runs.tables import MOST_TEXT
 from tests.support.csv_table import csv_rows
 from tests.support.run_tables import TableRow, read_rows, record_of, record_of_json, write_records
@@ -86,7 +87,7 @@ def names(rows: Iterable[TableRow | ReadingRecord]) -> list[str]:
 
 
 def add(book: RunJournal, record: ReadingRecord) -> None:
-    book.keep(record.part, record)
+    book.keep(record.part, ReadPart((record,)))
 
 
 def begun(table: Path, rows: Sequence[ReadingRecord]) -> Path:
@@ -114,13 +115,13 @@ def _no_sync(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_run_ends_in_order_and_leaves_just_its_table(table: Path) -> None:
     rows = rows_of(5)
     with RunJournal(table, RUN) as book:
-        assert (book.resumed, book.kept, set(book.names)) == (False, None, set())
+        assert (book.resumed, book.previous, set(book.names)) == (False, None, set())
         for i in (3, 0, 4, 1, 2):
             add(book, rows[i])
             assert rows[i].part in book.names
         assert names(book.records()) == ["part-3", "part-0", "part-4", "part-1", "part-2"]
         # part-1 is named twice and part-9 has no row; part-4 is not named and comes last
-        book.finish(["part-2", "part-1", "part-9", "part-1", "part-0", "part-3"])
+        export(book, ["part-2", "part-1", "part-9", "part-1", "part-0", "part-3"])
     assert [p.name for p in table.parent.iterdir()] == [table.name]
     assert names(read_rows(table)) == [f"part-{i}" for i in (2, 1, 0, 3, 4)]
     assert table.stat().st_mode & 0o777 == 0o666 & ~_umask()
@@ -147,7 +148,7 @@ def test_every_field_comes_back_from_every_file(
         with RunJournal(table, RUN) as book:
             assert book.names == set(names(rows))
             assert list(book.records()) == rows
-            book.finish(reversed(names(rows)))
+            export(book, reversed(names(rows)))
         found = read_rows(table)
         if suffix == ".csv":
             assert [(r.part, r.text) for r in found] == [(r.part, r.text) for r in map(in_csv, rows[::-1])]
@@ -209,7 +210,7 @@ def test_a_record_that_no_table_holds_is_an_error_and_harms_none(wrong: dict[str
     with RunJournal(table, RUN) as book:
         for record in (row("a"), replace(row("bad"), **wrong), row("b")):
             add(book, record)
-        book.finish([])
+        export(book, [])
     told = read_rows(table)
     assert names(told) == ["a", "bad", "b"]
     assert [r.part for r in told if "please report it" in r.error] == ["bad"]
@@ -242,9 +243,9 @@ def test_a_finished_table_is_kept(table: Path) -> None:
     for run in range(3):
         with RunJournal(table, RUN) as book:
             assert not book.resumed
-            assert book.kept == (kept if run else None)
+            assert book.previous == (kept if run else None)
             add(book, row(f"run-{run}"))
-            book.finish([])
+            export(book, [])
         assert names(read_rows(table)) == [f"run-{run}"]
         if run:
             old = kept.rename(table.with_name("old" + table.suffix))
@@ -269,7 +270,7 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     table.with_name(table.name + ".unfinished").unlink()
     with RunJournal(table, other) as book:
         assert not book.resumed
-        assert book.kept == (None if table.suffix == ".parquet" else table.with_name(table.name + "~"))
+        assert book.previous == (None if table.suffix == ".parquet" else table.with_name(table.name + "~"))
         assert set(book.names) == set()
 
 
@@ -308,7 +309,7 @@ def test_a_journal_of_another_version_is_told(table: Path, monkeypatch: pytest.M
     begun(table, rows_of(2))
     monkeypatch.setattr(RunJournal, "version", 99)
     with pytest.raises(
-        FileError, match=r"is the journal of a run, version 5, not of a run, version 99; name another one"
+        FileError, match=r"is the journal of a run, version 6, not of a run, version 99; name another one"
     ):
         RunJournal(table, RUN)
 
@@ -345,7 +346,7 @@ def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(suffix: str, tmp_
     assert len(kept) > 5
     with RunJournal(table, RUN) as book:
         assert book.names >= set(kept)
-        book.finish([])
+        export(book, [])
     assert names(read_rows(table))[: len(kept)] == kept
 
 
@@ -375,7 +376,7 @@ def _finish_peak(table: Path, n: int) -> int:
             )
         order = [f"part-{i}" for i in np.random.default_rng(6).permutation(n)]
         assert sum(1 for _ in book.records()) == n  # what libraries keep: pydantic has a cache of texts
-        return _peak(lambda: book.finish(order))
+        return _peak(lambda: export(book, order))
 
 
 @pytest.mark.usefixtures("_no_sync")

@@ -24,20 +24,21 @@ from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
+from pipeline.reading.drift import EVERY, DriftWatch
+from pipeline.reading.part_job import PartJob, Wants, files_to_send, read_listed, with_local_files
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.options import RunOptions
+from pipeline.runs.outputs import RunJournal
 from pipeline.runs.production import run_batch
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.setting_files import files_to_send, with_local_files
-from pipeline.runs.task import RunOrder, read_listed
 from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
+from tests.support.certificates import a_certificate, measured
 from tests.support.csv_table import csv_rows
 from tests.support.fake_executor import FakeExecutor
 from tests.support.run_tables import read_rows
 
-ORDER = RunOrder(ReadSettings(font=("gothic",), height_mm=3.0, experts=("network",)))
+JOB = PartJob(settings=ReadSettings(font=("gothic",), height_mm=3.0, experts=("network",)))
 PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
 
 
@@ -62,7 +63,7 @@ def reading(
 ) -> FakeExecutor:
     """Reads a text of every part but the bad ones, from the last to the first."""
 
-    def answer(part: PartFiles, _: RunOrder) -> ReadPart | Exception:
+    def answer(part: PartFiles, _: PartJob) -> ReadPart | Exception:
         lost = RuntimeError("its worker\nis lost")
         return lost if part.name in bad else ReadPart((record(part, text(part)),))
 
@@ -75,13 +76,13 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
         with RunJournal(path, {"a": 1}) as book:
             run = Run(book, tmp_path / "bad.csv")
             with pytest.raises(KeyboardInterrupt):
-                run.work(PARTS, ORDER, reading(*bad, breaks_after=breaks_after))
+                run.work(PARTS, JOB, reading(*bad, breaks_after=breaks_after))
         assert marker.exists()
         assert bad[0] in [p.name for p in read_manifest(str(tmp_path / "bad.csv"))]
     with RunJournal(path, {"a": 1}) as book:
         run = Run(book, tmp_path / "bad.csv")
         executor = reading()
-        run.work(PARTS, ORDER, executor)
+        run.work(PARTS, JOB, executor)
     assert executor.read == ["p0"]
     assert (run.read_now, run.summary.parts, run.summary.errors) == (1, 6, 2)
     assert not marker.exists()
@@ -97,11 +98,11 @@ def test_a_run_that_has_read_all_its_parts_ends_without_a_worker(
 ) -> None:
     options = RunOptions(out=str(flat.with_name("rows.csv")))
     with monkeypatch.context() as patch:
-        patch.setattr(RunJournal, "finish", Mock(side_effect=KeyboardInterrupt))
+        patch.setattr("pipeline.runs.run.export", Mock(side_effect=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
-            run_batch([str(flat)], ORDER.settings, options, Executor())
+            run_batch([str(flat)], JOB.settings, options, Executor())
     idle = reading()
-    run_batch([str(flat)], ORDER.settings, options, idle)
+    run_batch([str(flat)], JOB.settings, options, idle)
     assert idle.read == []
     assert len(read_rows(flat.with_name("rows.csv"))) == 1
 
@@ -122,10 +123,10 @@ def test_a_run_does_not_go_on_with_a_table_that_was_edited(
 
     def run() -> None:
         options = RunOptions(out="rows.csv", verify="expected.csv", order=Path("order.txt"))
-        run_batch(["manifest.csv"], ORDER.settings, options, Executor())
+        run_batch(["manifest.csv"], JOB.settings, options, Executor())
 
     with monkeypatch.context() as patch:
-        patch.setattr(RunJournal, "finish", Mock(side_effect=KeyboardInterrupt))
+        patch.setattr("pipeline.runs.run.export", Mock(side_effect=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             run()
     Path(edited).write_text(tables[edited].replace("b,", "c,").replace("AB12\n", "AB13\n"), encoding="utf-8")
@@ -138,16 +139,16 @@ def test_a_run_does_not_go_on_with_a_table_that_was_edited(
 
 def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:
     for own in ({"format": "re:["}, {"font": "nosuchfont"}):
-        read = read_listed(ORDER, PartFiles("a", str(flat), **own))
+        read = read_listed(JOB, PartFiles("a", str(flat), **own))
         assert "correct its format or font in the manifest" in read.record.error, read.record.error
-    read = read_listed(ORDER, PartFiles("a", str(flat)))
+    read = read_listed(JOB, PartFiles("a", str(flat)))
     assert (read.record.error, read.record.decision) == ("", "reject")
 
 
 def test_a_text_expected_that_the_format_forbids_is_told(flat: Path) -> None:
     listed = PartFiles("a", str(flat), expected="A1", format="99")
-    assert "text expected of a: is 'A1', but it does not fit" in read_listed(ORDER, listed).record.error
-    noted = read_listed(RunOrder(ORDER.settings, verify=True), PartFiles("a", str(flat)))
+    assert "text expected of a: is 'A1', but it does not fit" in read_listed(JOB, listed).record.error
+    noted = read_listed(PartJob(settings=JOB.settings, verify=True), PartFiles("a", str(flat)))
     assert "not verified" in noted.record.messages[-1]
 
 
@@ -181,7 +182,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
 
     def killed() -> None:
         with open_run(options, described) as run:
-            run.work(PARTS, ORDER, reading())
+            run.work(PARTS, JOB, reading())
             if moment == "the workers end":
                 raise KeyboardInterrupt
 
@@ -191,7 +192,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
     store.forget_keys(datetime.now(UTC) + timedelta(days=1))  # those of requests alone
     store.close()
     with open_run(options, described) as run:
-        run.work(PARTS, ORDER, reading())
+        run.work(PARTS, JOB, reading())
     assert run.known == (len(PARTS) if moment == "it has ended" else 0)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
         names = [
@@ -217,7 +218,7 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end() -> None:
     listed = [PartFiles("long", "a.npz", expected="A" * 300), PartFiles("odd \udcff", "b.npz"), PARTS[0]]
 
     with open_run(RunOptions(out="sqlite:///parts.db"), {}) as run:
-        run.work(listed, ORDER, reading(text=lambda _: "A1"))
+        run.work(listed, JOB, reading(text=lambda _: "A1"))
     assert (run.summary.errors, run.summary.decisions["accept"]) == (1, 2)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
         names = {
@@ -231,11 +232,11 @@ def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
     part = tmp_path / "part"
     write_part(SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
     settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)
-    order = RunOrder(settings, pictures=True)
-    plain = read_listed(order, PartFiles("a", f"{part}.npz"))
+    job = PartJob(settings=settings, wants=Wants(pictures="review"))
+    plain = read_listed(job, PartFiles("a", f"{part}.npz"))
     assert (plain.record.decision, plain.pictures) == ("accept", ())
     wrong = "Z9" if plain.record.text != "Z9" else "Y8"
-    refuted = read_listed(order, PartFiles("a", f"{part}.npz", expected=wrong))
+    refuted = read_listed(job, PartFiles("a", f"{part}.npz", expected=wrong))
     assert refuted.record.verdict == "refuted"
     assert [p.kind for p in refuted.pictures] == [EvidenceKind.EDGES_PICTURE]
     assert refuted.pictures[0].content.startswith(b"\xff\xd8")
@@ -258,7 +259,7 @@ def test_parts_with_one_serial_all_go_to_review(
         with open_run(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
             run.rules = rules
             run.on_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
-            run.work(parts, ORDER, reading(text=lambda p: ROWS[p.name], breaks_after=ends))
+            run.work(parts, JOB, reading(text=lambda p: ROWS[p.name], breaks_after=ends))
     decisions = {name: row.decision for name, row in rows.items()}
     assert decisions == {name: "accept" if name in ("p0", "p4") else "review" for name in ROWS}
     assert rows["p3"].messages == ("T3 is not in lot-7.csv",)
@@ -272,10 +273,30 @@ def test_parts_with_one_serial_all_go_to_review(
         assert {row.part: row.decision for row in read_rows(tmp_path / table)} == decisions
 
 
+def test_a_run_that_continues_compares_the_parts_from_before_with_the_certificate(tmp_path: Path) -> None:
+    """The few parts that are left would be too few to show that they are of another kind."""
+    parts = [PartFiles(f"p{k:02d}", f"p{k:02d}.npz") for k in range(EVERY + 2)]
+    rough = dict(zip([part.name for part in parts], measured(len(parts), rough_um=5.0), strict=True))
+
+    def answer(part: PartFiles, _: PartJob) -> ReadPart:
+        return ReadPart((record(part, "T1"),), measures=rough[part.name])
+
+    for ends, left in ((EVERY - 1, ""), (99, "unlike the certified ones")):
+        watch = DriftWatch(a_certificate())
+        with open_run(RunOptions(out=str(tmp_path / "rows.csv")), {}) as run:
+            run.watch = watch
+            with contextlib.suppress(KeyboardInterrupt):
+                run.work(parts, JOB, FakeExecutor(answer, breaks_after=ends))
+        watch.compare()
+        assert left in watch.first
+        assert bool(left) == bool(watch.first)
+    assert run.read_now == 3
+
+
 def test_repeated_serials_are_accepted_if_they_may_repeat(tmp_path: Path) -> None:
     with open_run(RunOptions(out=str(tmp_path / "rows.csv")), {}) as run:
         run.rules = SerialRules()
-        run.work(PARTS, ORDER, reading(text=lambda _: "T2"))
+        run.work(PARTS, JOB, reading(text=lambda _: "T2"))
     assert {row.decision for row in read_rows(tmp_path / "rows.csv")} == {"accept"}
 
 
@@ -288,7 +309,7 @@ def test_parts_with_one_serial_go_to_review_in_the_store_too() -> None:
         with open_run(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
             run.rules = SerialRules(duplicates=True)
             work = reading(text=lambda p: texts.get(p.name, p.name), breaks_after=breaks_after)
-            run.work(PARTS, ORDER, work)
+            run.work(PARTS, JOB, work)
         with contextlib.closing(Store.open("sqlite:///parts.db")) as store:
             return {part.name: part for part in store.parts()}
 

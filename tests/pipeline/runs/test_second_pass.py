@@ -13,17 +13,17 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import EnrolReport
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.options import RunOptions
+from pipeline.runs.outputs import RunJournal
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass, runs_second_pass
-from pipeline.runs.task import RunOrder
 from recognition.enrol.exemplars import ExemplarError
 from tests.support.fake_executor import FakeExecutor
 from tests.support.run_tables import read_rows
 
-ORDER = RunOrder(ReadSettings(format=("A9",)))
+JOB = PartJob(settings=ReadSettings(format=("A9",)))
 PARTS = [PartFiles(f"p{k:02d}", height_map=f"/lot/p{k:02d}.npz") for k in range(14)]
 TEXTS = {part.name: f"{'ABC'[k % 3]}{k % 2}" for k, part in enumerate(PARTS)}
 UNSURE = {"p03", "p05", "p08", "p11"}
@@ -59,9 +59,9 @@ class Reads(FakeExecutor):
         super().__init__(self.reading, **how)
         self.fonts = list[tuple[str, ...]]()
 
-    def reading(self, part: PartFiles, order: RunOrder) -> ReadPart:
-        self.fonts.append(order.settings.font)
-        return ReadPart((SECOND[part.name] if order.settings.font else first_reading(part.name),))
+    def reading(self, part: PartFiles, job: PartJob) -> ReadPart:
+        self.fonts.append(job.settings.font)
+        return ReadPart((SECOND[part.name] if job.settings.font else first_reading(part.name),))
 
     @property
     def again(self) -> list[str]:
@@ -106,7 +106,7 @@ def test_what_was_not_accepted_is_read_again_and_the_better_counts(
     path, executor = tmp_path / f"rows{suffix}", Reads()
     with RunJournal(path, {}) as book:
         run = run_of(book)
-        run.work(PARTS, ORDER, executor)
+        run.work(PARTS, JOB, executor)
     assert executor.again == sorted(UNSURE)
     assert executor.fonts[-1] == ("lot-die",)
     assert rows_of(path) == EXPECTED
@@ -127,13 +127,13 @@ def test_a_run_broken_off_in_the_second_pass_goes_on_there(
     executors = [Reads(breaks_after=9), Reads(breaks_after=7), Reads(breaks_after=1)]
     for executor in executors:
         with RunJournal(path, {}) as book, pytest.raises(KeyboardInterrupt):
-            run_of(book).work(PARTS, ORDER, executor)
+            run_of(book).work(PARTS, JOB, executor)
         # the table that grows has each part once, in the second pass too
         assert suffix != ".csv" or len(rows_of(path)) == len(read_rows(path))
     with RunJournal(path, {}) as book:
         last = Reads()
         run = run_of(book)
-        run.work(PARTS, ORDER, last)
+        run.work(PARTS, JOB, last)
     # each part once in either pass
     assert [len(e.read) for e in executors] == [9, 7, 1]
     assert [e.again for e in (*executors, last)] == [[], ["p03", "p05"], ["p08"], ["p11"]]
@@ -169,7 +169,7 @@ def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
     monkeypatch.setattr("pipeline.reading.enrolment.enrol", enrol)
     executor = Reads()
     with RunJournal(tmp_path / "rows.csv", {}) as book:
-        run_of(book).work(PARTS, ORDER, executor)
+        run_of(book).work(PARTS, JOB, executor)
     assert executor.again == []
     assert rows_of(tmp_path / "rows.csv") == {
         name: (TEXTS[name], first_reading(name).decision) for name in TEXTS
@@ -188,7 +188,7 @@ def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn
     parts[3] = replace(parts[3], font="gothic")  # unsure
     executor = Reads()
     with RunJournal(tmp_path / "rows.csv", {}) as book:
-        run_of(book).work(parts, ORDER, executor)
+        run_of(book).work(parts, JOB, executor)
     assert executor.again == sorted(UNSURE - {"p03"})
     assert {p.name for p in enrolled[0]}.isdisjoint({"p00", "p01", "p02", "p03"})
 
@@ -232,7 +232,7 @@ def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) ->
         assert run.second.database == database
         assert not database.exists()
         assert (tmp_path / "rows.die.glyphs~").read_bytes() == b"of the lot before"
-        run.journal.keep("p00", first_reading("p00"))
+        run.journal.keep("p00", ReadPart((first_reading("p00"),)))
         database.write_bytes(b"of this lot")
     with open_run(options, {}, second_pass=True):
         assert database.read_bytes() == b"of this lot"
@@ -243,7 +243,7 @@ def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[P
     with open_run(RunOptions(), {}, second_pass=True) as run:
         run.on_row = lambda row: told.update({row.part: row.text})
         assert run.second is not None
-        run.work(PARTS, ORDER, Reads())
+        run.work(PARTS, JOB, Reads())
         assert run.second.database.exists()
     assert told == {name: text for name, (text, _) in EXPECTED.items()}
     assert not run.second.database.exists()

@@ -19,7 +19,7 @@ from starlette.responses import JSONResponse, Response
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
-from pipeline.reading.part_orders import RECORDING, PartOrder
+from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.part_pictures import Picture
 from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
@@ -33,11 +33,11 @@ READ = reading()
 EDGES = Picture(EvidenceKind.EDGES_PICTURE, "edges.png", b"\x89PNG edges", "image/png", {})
 
 
-def read(order: PartOrder, *_: object) -> ReadPart:
+def read(job: PartJob, *_: object) -> ReadPart:
     """A reading, whatever the files hold; one named so is unsure until it is felt."""
-    if order.part.name == "unsure" and not order.earlier:
+    if job.files.name == "unsure" and not job.earlier:
         return ReadPart((replace(READ, source="vision", decision="review"),), plan=PLAN)
-    (order.folder / RECORDING).write_bytes(b"felt")
+    (job.folder / RECORDING).write_bytes(b"felt")
     return ReadPart((READ,), (EDGES,))
 
 

@@ -18,7 +18,7 @@ from pipeline.common.settings import Limits, NamedLine, ReadSettings, SettingsEr
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
-from pipeline.reading.part_orders import PartOrder, read_order
+from pipeline.reading.part_job import PartJob, read_sent
 from pipeline.reading.triage import ReadPart
 from pipeline.service.jobs import JobFolder, name_like, teach
 from pipeline.service.web.problem import Problem
@@ -41,9 +41,9 @@ def put(folder: Path, name: str, text: str, *, encoding: str = "utf-8") -> Path:
     return path
 
 
-def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> ReadPart:
+def by_format(job: PartJob, *_: object) -> ReadPart:
     """A reading that says by which format it was made; only the camera is never sure."""
-    return ReadPart((ReadingRecord("vision", settings.format[0], "accept", 0.999),))
+    return ReadPart((ReadingRecord("vision", job.settings.format[0], "accept", 0.999),))
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_a_part_is_read_by_the_job_that_it_names(served: Served, tmp_path: Path)
     assert received["data"]["job"] == "left"
     # a scan that comes later is read by the same
     client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")})
-    assert service.pool.jobs[-1][2].format == ("A9",)  # type: ignore[attr-defined]
+    assert service.pool.jobs[-1][1].settings.format == ("A9",)  # type: ignore[attr-defined]
     (tmp_path / "camera" / "P-1.png").write_bytes(PNG["photo"][1])
     felt = triggered(served, "P-1", "left")
     assert (felt.text, felt.job, felt.state) == ("A9", "left", PartState.ACCEPTED)
@@ -330,8 +330,10 @@ def test_a_name_for_the_job_of_a_part() -> None:
 
 def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
     write_part(SynthSpec(format="AA999999", seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
-    photographed = PartOrder(tmp_path, PartFiles("part", photos=(str(tmp_path / "part.png"),)))
-    reading = read_order(photographed, ReadSettings(region=(0.0, 0.5, 1.0, 1.0)), Limits()).readings[-1]
+    files = PartFiles("part", photos=(str(tmp_path / "part.png"),))
+    reading = read_sent(PartJob(files, ReadSettings(region=(0.0, 0.5, 1.0, 1.0)), limits=Limits())).readings[
+        -1
+    ]
     assert reading.text == "CRPUIB"  # SY859990 is above it
 
 
@@ -340,8 +342,7 @@ def test_a_scan_of_what_the_camera_saw_has_no_regions(parts: Path, tmp_path: Pat
     # scan, a line of eight was a review at 0.33
     settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
     files = PartFiles("part", height_map=str(parts / "clean.npz"), photos=(str(parts / "clean.png"),))
-    scanned = PartOrder(tmp_path, files, earlier=True)
-    reading = read_order(scanned, settings, Limits()).readings[-1]
+    reading = read_sent(PartJob(files, settings, limits=Limits(), earlier=True, folder=tmp_path)).readings[-1]
     assert (reading.text, reading.decision) == ((parts / "clean.txt").read_text(), "accept")
     seen = Reader(region=BOX, lines={"lot": "A9"}, format="AA99").after_photo()
     assert (seen.vision.settings.region, seen.touch.settings.region) == (BOX, None)

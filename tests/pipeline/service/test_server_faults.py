@@ -21,7 +21,7 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
-from pipeline.reading.part_orders import check_settings
+from pipeline.reading.part_job import check_settings
 from pipeline.reading.triage import ReadPart
 from pipeline.service import worker_calls
 from pipeline.service.stage import ScanOrder, SimulatedStage

@@ -12,7 +12,7 @@ from starlette.testclient import TestClient
 from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
-from pipeline.reading.part_orders import PartOrder
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
 from tests.support.service_fixtures import Served, inline_service, triggered
 
@@ -24,13 +24,13 @@ class Bench:
     """Reads what a part is named: "KX40", "KX40?" unsurely, "" nothing; notes the orders."""
 
     def __init__(self) -> None:
-        self.orders: list[PartOrder] = []
+        self.jobs: list[PartJob] = []
 
-    def read(self, order: PartOrder, *_: object) -> ReadPart:
-        self.orders.append(order)
-        text = order.part.name.removesuffix("?").removeprefix("nothing")
-        decision = "accept" if text == order.part.name else "review" if text else "reject"
-        return ReadPart((ReadingRecord("fused" if order.part.scan else "vision", text, decision, 0.9),))
+    def read(self, job: PartJob, *_: object) -> ReadPart:
+        self.jobs.append(job)
+        text = job.files.name.removesuffix("?").removeprefix("nothing")
+        decision = "accept" if text == job.files.name else "review" if text else "reject"
+        return ReadPart((ReadingRecord("fused" if job.files.scan else "vision", text, decision, 0.9),))
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_nothing_is_decided(
     assert (part["state"], part["shadow"], part["expected"]) == ("shadow", shadow, expected)
     assert part["plan"] is None
     # the reader knows nothing of what the line's own has said
-    assert [order.part.expected for order in bench.orders] == [""]
+    assert [job.expected for job in bench.jobs] == [""]
     assert service.store.undelivered() == 0
     assert service.store.queue() == ()
     assert client.post(f"/v1/parts/{part['id']}/touch").status_code == 409
@@ -108,7 +108,7 @@ def test_a_scan_is_read_and_compared_too(served: Served, bench: Bench) -> None:
     part = post(client, "KX40?", "KX40")
     read = client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}).json()
     assert (read["state"], read["shadow"]) == ("shadow", {"agreement": "same", "would_be": "review"})
-    assert [order.part.expected for order in bench.orders] == ["", ""]
+    assert [job.expected for job in bench.jobs] == ["", ""]
 
 
 def test_a_review_says_who_was_right_and_is_not_published(served: Served) -> None:
@@ -135,7 +135,7 @@ def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Pa
         before = post(client, "KX40?", "KX41")
     with serve() as (service, client):
         live = post(client, "KX40", "KX40")
-        assert (live["state"], live["shadow"], bench.orders[-1].part.expected) == ("accepted", None, "KX40")
+        assert (live["state"], live["shadow"], bench.jobs[-1].expected) == ("accepted", None, "KX40")
         assert service.store.undelivered() == 1
         # a part of before stays undecided, whatever is added to it
         scan = {"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}

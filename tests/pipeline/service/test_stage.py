@@ -22,7 +22,7 @@ from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
-from pipeline.reading.part_orders import PartOrder
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
@@ -293,9 +293,9 @@ def nest(monkeypatch: pytest.MonkeyPatch) -> type[Nest]:
     return Nest
 
 
-def read_unsurely(order: PartOrder, *_: object) -> ReadPart:
+def read_unsurely(job: PartJob, *_: object) -> ReadPart:
     """The camera is unsure of every part, touch of none."""
-    if order.part.scan:
+    if job.files.scan:
         return ReadPart((reading("KX407251", "fused"),))
     return ReadPart((reading("KX4O7251", source="vision", decision="review"),), plan=STAGE_PLAN)
 
@@ -419,7 +419,7 @@ def test_a_part_whose_file_is_missing_goes_to_a_person_and_says_why(
     maps = tmp_path / "maps"
     maps.mkdir()
 
-    def read(_order: object, _settings: object, _limits: object, *felt_by: Any) -> ReadPart:
+    def read(_job: object, *felt_by: Any) -> ReadPart:
         if felt_by:
             stage, scan = felt_by
             stage.open(scan)

@@ -23,7 +23,7 @@ from asyncua import Client, ua
 
 from pipeline.common.records import EvidenceKind, PartRecord, PartState
 from pipeline.common.version import program_version
-from pipeline.reading.part_orders import RECORDING, PartOrder
+from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result, status_of
 from pipeline.service.inputs.opcua_server import settings_fit
@@ -275,10 +275,10 @@ async def test_what_a_person_decides_comes_as_an_event(tmp_path: Path) -> None:
 async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
     tmp_path: Path, felt: bool
 ) -> None:
-    def read(order: PartOrder, *_: Any) -> ReadPart:
-        if felt and not order.earlier:
+    def read(job: PartJob, *_: Any) -> ReadPart:
+        if felt and not job.earlier:
             return ReadPart((reading("KX4", source="vision", decision="review"),), plan=PLAN)
-        (order.folder / RECORDING).write_bytes(b"felt")
+        (job.folder / RECORDING).write_bytes(b"felt")
         return ReadPart((reading(),))
 
     async def take(_: str, folder: Path, **__: object) -> CameraPictures:

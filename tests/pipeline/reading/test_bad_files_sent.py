@@ -1,4 +1,4 @@
-"""Bad files through `read_order` in a process with bounded memory: a problem or a reading each, and nothing else."""
+"""Bad files through `read_sent` in a process with bounded memory: a problem or a reading each, and nothing else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.common.settings import Limits, ReadSettings
 from pipeline.formats.find_parts import with_file
 from pipeline.formats.kinds import file_kind
 from pipeline.formats.part_files import PartFiles
-from pipeline.reading.part_orders import PartOrder, read_order
+from pipeline.reading.part_job import PartJob, read_sent
 from pipeline.workers.pool import WorkPool
 from tests.support import bad_files
 
@@ -39,7 +39,7 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
         rows="top-first",
     )
     try:
-        done = read_order(PartOrder(folder, sent, names={str(path): name}), settings, Limits())
+        done = read_sent(PartJob(sent, settings, limits=Limits(), folder=folder, names={str(path): name}))
     except FileError as problem:
         return f"problem {problem}"
     return f"read {done.readings[-1].decision}"

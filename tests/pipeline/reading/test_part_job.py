@@ -19,7 +19,7 @@ from pipeline.errors import FaultError, OwnFileError
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
-from pipeline.reading.part_orders import PartOrder, read_order
+from pipeline.reading.part_job import PartJob, read_sent
 from pipeline.reading.readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.reading.triage import ReadPart
@@ -43,12 +43,15 @@ def read(
     limits: Limits = LIMITS,
     photo: Path | None = None,
     more_photos: tuple[Path, ...] = (),
+    expected: str = "",
     **files: Any,
 ) -> ReadPart:
-    """What an order makes of a part's files."""
+    """What a job makes of a part's files."""
     given = {kind: str(one) if isinstance(one, Path) else one for kind, one in files.items()}
     part = PartFiles("part", photos=tuple(map(str, (photo, *more_photos) if photo else ())), **given)
-    return read_order(PartOrder(folder, part, earlier=earlier, names=dict(names)), settings, limits)
+    return read_sent(
+        PartJob(part, settings, expected, limits, earlier=earlier, folder=folder, names=dict(names))
+    )
 
 
 class Parts:
@@ -69,7 +72,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
 
 @pytest.fixture(scope="module")
 def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> ReadPart:
-    """What an order makes of a photograph that is not sure enough."""
+    """What a job makes of a photograph that is not sure enough."""
     return read(tmp_path_factory.mktemp("unsure"), UNSURE, photo=parts.photo, expected=parts.text)
 
 
@@ -162,7 +165,7 @@ def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Pat
 
 
 def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="an order has"):
+    with pytest.raises(ValueError, match="a job has"):
         read(tmp_path)
     with pytest.raises(ValueError, match="an earlier photo goes with"):
         read(tmp_path, photo=tmp_path / "b", earlier=True)
