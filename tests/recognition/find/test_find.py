@@ -185,7 +185,7 @@ def test_looks_are_counted_and_end_at_a_limit() -> None:
     whole = find_in(VIEW, "99AA99")
     assert 5 < whole.looks <= 34
     assert whole.stopped == ""
-    cut = find_in(VIEW, "99AA99", limits=SearchLimits(most_looks=4))
+    cut = find_in(VIEW, "99AA99", limits=SearchLimits(most_looks=4, layout_looks=0))
     assert cut.looks == 4
     assert cut.main is not None
     late = find_in(VIEW, "99AA99", limits=SearchLimits(limit_s=0.0))
