@@ -15,6 +15,7 @@ from pipeline.benchmark.study.study import Study
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import Executor
 from recognition.decide.reading import Reading
@@ -35,15 +36,15 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
     """Every measurement that is asked for."""
     given: list[tuple[str, Retake | None]] = []
 
-    def read(_: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
-        given.append((listed.name, again))
-        if listed.name == "bad":
+    def read(job: PartJob) -> Reading:
+        given.append((job.files.name, job.retake))
+        if job.files.name == "bad":
             raise MarksError("is broken")
-        if listed.name == "faulty":
+        if job.files.name == "faulty":
             raise ZeroDivisionError("a fault")
         return reading_of("A 1")
 
-    monkeypatch.setattr(repeats, "_read", read)
+    monkeypatch.setattr(repeats, "reading_of", read)
     return given
 
 
