@@ -4,12 +4,13 @@ A try proposes lines, most promising first, which are looked at a few at a time.
 that become right with the first few of them, by the promise of the best line so far; its cost is processor time. The
 next few gain `FADES` times as much. `SearchLimits.least_gain_per_ms` is the price below which nothing is tried.
 
-Gains and costs are rounded from searches of 65 unlike parts without a price, and smoothed between neighbours::
+A log of searches without a price gives gains and costs (its table: `tests/benchmarks/search_log.txt`, 66 parts)::
 
     python tests/benchmarks/search_log.py FONTS OTHER_GENERATORS --out searches.csv
 
-None of those parts lay turned, and few lines were small. Gains of "vertical", "slanted", "reversed", "small" and
-"smallest" are chosen so that one part in twenty may be so.
+So few parts fill few bands: gains here are rounded, smoothed between neighbours, and chosen by hand where hardly any
+search was logged. None of those parts lay turned and few lines were small, so the gains of "vertical", "slanted",
+"reversed", "small" and "smallest" are chosen as well.
 """
 
 from __future__ import annotations

@@ -11,21 +11,30 @@ from numpy.typing import NDArray
 from recognition.see.view import EDGES, GREY, KNOWN, View, turned_edges
 
 
-def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.float32]:
+def resample(
+    view: View, pitch_mm: float, *, blur: float = 0.4, most_blurred: float = 8.0
+) -> NDArray[np.float32]:
     """Resample layers to another pitch, from the same origin; blur them first if the new pitch is coarser.
 
     Args:
+        view: the view.
+        pitch_mm: the new pitch.
         blur: for a new pitch r times the old one, r > 1, sigma of the blur is `blur * (r - 1)` old pixels.
+        most_blurred: ratio of the pitches from which the view is halved first: a wide blur of many pixels takes long.
     """
     from glyphs.opencv import cv2
 
+    rows, columns = (max(8, int((n - 1) * view.pitch_mm / pitch_mm) + 1) for n in view.layers.shape[1:])
+    x_mm, y_mm = view.origin_mm
+    while pitch_mm >= most_blurred * view.pitch_mm and min(view.layers.shape[1:]) >= 16:
+        view = view.halved
     ratio = pitch_mm / view.pitch_mm
-    rows, columns = (max(8, int((n - 1) / ratio) + 1) for n in view.layers.shape[1:])
+    start = ((x_mm - view.origin_mm[0]) / view.pitch_mm, (y_mm - view.origin_mm[1]) / view.pitch_mm)
     known = view.layers[KNOWN]
     sigma = blur * max(ratio - 1.0, 0.0)
     weight = np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-3) if sigma else known
     made = np.zeros((len(view.layers), rows, columns), dtype=np.float32)
-    back = np.array([[ratio, 0.0, 0.0], [0.0, ratio, 0.0]])
+    back = np.array([[ratio, 0.0, start[0]], [0.0, ratio, start[1]]])
     for layer in view.filled:
         values = view.layers[layer]
         if sigma and layer != KNOWN:
