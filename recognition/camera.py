@@ -16,9 +16,11 @@ from recognition.decide.decide import decide
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
 from recognition.find.find import find
-from recognition.glyph_match.prototypes import Prototypes, lit_prototypes, match_fonts
-from recognition.language.lattice import Lattice
+from recognition.glyph_match.face_library import face_library
+from recognition.glyph_match.faces import compare_faces, read_faces
+from recognition.glyph_match.prototypes import Prototypes, lit_prototypes
 from recognition.recogniser.read_line import ReadLine
+from recognition.recogniser.recogniser import features_of
 from recognition.see.codes import Code, codes_of, without_codes
 from recognition.see.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
 from recognition.see.registered import photo_views, stainless_view
@@ -52,7 +54,7 @@ class VisionReader:
                 hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
-        self.fonts, self._scaled = repertoire.fonts, repertoire.request
+        self.fonts, self._scaled = repertoire.named, repertoire.request
         # a height in mm cannot be used on a photograph of unknown scale
         self._unscaled = replace(self._scaled, height_mm=None)
 
@@ -105,23 +107,26 @@ class VisionReader:
         assert log.photo is not None
         request = self._scaled if log.photo.pitch_mm is not None else self._unscaled
         with times.step("find"):
-            part = find(views, request, about=about, twice=self.settings.templates_judge)
+            part = find(views, request, about=about, twice=bool(self.fonts))
             if part.main is not None:
-                part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
+                part = replace(part, main=self._with_faces(views, part.main))
         log = replace(log, seconds=times.seconds)
         return SenseEvidence("vision", tuple(views), part, None, log)
 
     @cached_property
-    def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
+    def prototypes(self) -> tuple[Prototypes, ...]:
         """Prototypes of each named font, under several lights; made when a line first needs them."""
-        chars_of = self._scaled.chars_of
-        return tuple(lit_prototypes(font, chars) for font in self.fonts if (chars := chars_of(font)))
+        chars_of, map = self._scaled.chars_of, face_library("vision").map
+        return tuple(lit_prototypes(font, chars, map) for font in self.fonts if (chars := chars_of(font)))
 
-    def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
-        """Match the named fonts to a line that the recogniser is not sure of."""
-        if not self.settings.templates_judge or main.is_agreed or not self.prototypes:
-            return {}
-        return {"templates": match_fonts(views, main.line, main.columns, self.prototypes, main.lattice)[0]}
+    def _with_faces(self, views: Sequence[View], main: ReadLine) -> ReadLine:
+        """The line with the posteriors of the library's faces and the named fonts."""
+        if not self.settings.faces_judge or not main.columns.size:
+            return main
+        library, looks = face_library("vision"), [features_of(view.strip(main.line)) for view in views]
+        network = main.by_expert["network"]
+        cosines = compare_faces(looks, main.columns, self.prototypes, library.faces, library.map, network)
+        return read_faces(main, cosines, "vision")
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:

@@ -105,9 +105,9 @@ class ReaderSettings:
         _ = self.grammar, self.asked
 
     @property
-    def templates_judge(self) -> bool:
-        """Whether the templates of the named fonts are compared with the marks."""
-        return bool(self.fonts) and "templates" in self.experts
+    def faces_judge(self) -> bool:
+        """Whether a line that the recogniser has read is compared with the faces of the library and named fonts."""
+        return set(self.experts) == set(EXPERTS)
 
     def least_score(self, source: str) -> float:
         """Least score from which a text of a source of readings is accepted, or counts as sure."""
@@ -138,7 +138,8 @@ class Repertoire:
     """The fonts of a reader, and its search for lines.
 
     Attributes:
-        fonts: the named fonts, loaded; if none is named, the stand-ins.
+        named: the named fonts, loaded.
+        fonts: the same; if none is named, the stand-ins.
         strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
         places: characters at each place; None if their number is not fixed.
     """
@@ -154,9 +155,10 @@ class Repertoire:
         stand_ins = [load_font(font) for font in STAND_INS]
         known = {font.name for font in self.fonts}
         self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
+        self.named = self.fonts if settings.fonts else ()
         self._settings = settings
         self.places = None if settings.grammar is None else settings.grammar.fixed_places
-        for font in self.fonts if settings.fonts else ():
+        for font in self.named:
             lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:
                 asked = settings.format if isinstance(settings.format, str) else str(settings.grammar)

@@ -23,15 +23,18 @@ from recognition.decide.reading import Reading
 from recognition.find.find import find
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading
 from recognition.find.template_fonts import TemplateFonts
+from recognition.glyph_match.face_library import face_library
+from recognition.glyph_match.faces import compare_faces, read_faces
 from recognition.glyph_match.felt_line import FeltLine
-from recognition.glyph_match.laid_line import with_depths
+from recognition.glyph_match.laid_line import depth_likelihoods
 from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_templates, template_key
-from recognition.glyph_match.prototypes import felt_prototypes, match_fonts
+from recognition.glyph_match.prototypes import Floats, felt_prototypes
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.measure import MarkFonts, measure
 from recognition.marks.strokes import reject_false_lines
 from recognition.recogniser.read_line import ReadLine
+from recognition.recogniser.recogniser import features_of
 from recognition.see.text_line import TextLine
 from recognition.see.view import View, felt_relief, felt_view
 from recognition.settings import ReaderSettings, Repertoire
@@ -53,7 +56,7 @@ class TactileReader:
         """
         self.settings = settings if settings is not None else ReaderSettings()
         repertoire = Repertoire(self.settings)
-        fonts = repertoire.fonts
+        fonts, self.named = repertoire.fonts, repertoire.named
         # room for all named fonts: they are compared on every part
         self.predict = lru_cache(max(MOST_SETS, len(fonts)))(predict_templates)
         self.fonts = MarkFonts(
@@ -105,7 +108,7 @@ class TactileReader:
                 felt = None if marks is None else marks.felt
                 if felt is not None:
                     part = reject_false_lines(part, felt, self.fonts.every)
-                part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
+                part = replace(part, main=self._with_faces(view, main, felt))
         log = replace(log, notes=notes, seconds=times.seconds)
         return SenseEvidence("tactile", (view,), part, marks, log)
 
@@ -129,22 +132,27 @@ class TactileReader:
         )
         return there is not None and there.lead_nats < LEAST_LEAD_NATS
 
-    def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
-        """Match the named fonts to a line."""
-        if not self.settings.templates_judge or "templates" in main.by_expert or not main.columns.size:
-            return {}
+    def _with_faces(self, view: View, main: ReadLine, felt: FeltLine | None) -> ReadLine:
+        """The line with the posteriors of the library's faces and the named fonts."""
+        if not self.settings.faces_judge or not main.columns.size:
+            return main
         line, columns = (main.line, main.columns) if felt is None else (felt.line, felt.columns)
         raised = felt is not None and felt.raised
-        fonts = [font for font in self.fonts.fonts if self.request.chars_of(font)]
-        if not fonts:
-            return {}
-        sets = [self._templates_of(font, view, line.height_mm, raised=raised) for font in fonts]
-        prototypes = [[felt_prototypes(templates)] for templates in sets]
-        lattice, best = match_fonts([view], line, columns, prototypes, main.lattice)
-        if felt is not None:
-            together = main.with_experts({"templates": lattice}).lattice
-            lattice = with_depths(lattice, together, felt, fonts[best])
-        return {"templates": lattice}
+        fonts = [font for font in self.named if self.request.chars_of(font)]
+        library = face_library("tactile")
+        named = [
+            felt_prototypes(
+                self._templates_of(font, view, line.height_mm, raised=raised), library.map, font.name
+            )
+            for font in fonts
+        ]
+        features, network = features_of(view.strip(line)), main.by_expert["network"]
+        cosines = compare_faces([features], columns, named, library.faces, library.map, network)
+
+        def depths(together: Lattice, font: int) -> Floats | None:
+            return None if felt is None else depth_likelihoods(together, felt, fonts[font])
+
+        return read_faces(main, cosines, "tactile", depths=depths)
 
     def _templates_of(
         self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT

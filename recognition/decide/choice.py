@@ -180,8 +180,17 @@ class Choice:
 
     @property
     def font(self) -> str:
-        """Font that fits the marks best; empty if unknown."""
-        return "" if self.in_own_font is None else self.in_own_font.font.name
+        """Font along whose strokes the marks are graded, or else the most probable face; empty if none fits."""
+        if self.in_own_font is not None:
+            return self.in_own_font.font.name
+        along = None if self.marks is None or self.marks.font_fits else self.marks.along
+        faces = {name: p for name, p in self.faces.items() if along is None or name != along.font.name}
+        return max(faces, key=faces.__getitem__, default="")
+
+    @property
+    def faces(self) -> Mapping[str, float]:
+        """Probability of each face that the text may be in, and of none; empty if unknown."""
+        return {} if self.line is None or not self.characters else self.line.faces
 
     @property
     def in_own_font(self) -> LaidText | None:

@@ -211,5 +211,6 @@ def _trace(evidence: Evidence, choice: Choice, verification: Verification | None
         choice=choice.decoding,
         line=None if line is None or choice.decoding is None else line.line,
         by_expert=MappingProxyType({name: replace(own, boxes=boxes) for name, own in by_expert.items()}),
+        faces=choice.faces,
         laid=deferred(lambda: None if choice.marks is None else choice.marks.laid),
     )

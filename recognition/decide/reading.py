@@ -129,6 +129,8 @@ class ReadingTrace:
         photo: the photograph.
         line: the line.
         by_expert: lattice of each expert by itself.
+        faces: probability of each face of the library, and of each named font, that the text is in it; under the empty
+            name that it is in none. Empty without such a comparison.
         laid: text of touch, fitted to the line in a font; None without heights, or if no font fits.
         strokes: felt strokes, place by place, of the characters read and their rivals; empty if unknown.
         touch: the reading of touch that was fused.
@@ -148,6 +150,7 @@ class ReadingTrace:
     photo: Photo | None = None
     line: TextLine | None = None
     by_expert: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
+    faces: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     laid: LaidText | None = None
     strokes: tuple[PlaceStrokes, ...] = ()
     touch: Reading | None = None
@@ -171,7 +174,8 @@ class Reading:
         characters: left to right as read; empty when none were found.
         confidence: probability that the whole text is right, 0 to 1 (`recognition.decide.score`).
         findings: what speaks against it, with places and numbers, and notes.
-        font: font that fits the marks best, of the named ones or the stand-ins; empty if unknown.
+        font: font along whose strokes the marks are graded, or else the most probable face of the library
+            (`ReadingTrace.faces`); empty if none fits.
         height_mm: character height found, in `unit`.
         rotation_deg: rotation of the line, from +x towards +y.
         raised: whether the marks are raised, not sunk.

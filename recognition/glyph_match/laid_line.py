@@ -1,7 +1,7 @@
-"""Evidence from the depths of a named font at the doubtful places of a line that the recogniser has read.
+"""Likelihoods of the depths along a named font's characters, where several are likely at a place.
 
     text as read --fit a pose to each character--> smooth poses along the line
-    doubtful place --fit each likely character about the smooth pose--> likelihoods --> lattice
+    doubtful place --fit each likely character about the smooth pose--> likelihoods
 
 The recogniser and its prototypes use the same network layers, and so make the same errors. Depths compared sample by
 sample make other errors: a scratch is not the tail of a Q if the font has its tail elsewhere. They help only if the
@@ -9,8 +9,6 @@ font, the height and the places are known well. So the poses along the line are 
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,52 +18,32 @@ from recognition.glyph_match.pose import DEEP, DOWN, RIGHT, TALL, TURN, WIDE, Fl
 from recognition.language.lattice import Lattice
 
 
-def with_depths(
-    lattice: Lattice,
-    together: Lattice,
-    felt: FeltLine,
-    font: Font,
-    *,
-    doubtful: float = 0.98,
-    likely: float = 1e-3,
-    least_suits: float = 0.4,
-    most_nats: float = 2.0,
-) -> Lattice:
-    """Add evidence from depths to a font's lattice at doubtful places; unchanged without such places.
+def depth_likelihoods(
+    together: Lattice, felt: FeltLine, font: Font, *, likely: float = 1e-3
+) -> Floats | None:
+    """(places, C) log likelihoods of the depths along a font's characters; None if none could be compared.
+
+    Only places where several characters are likely are compared; NaN at others, and for unlikely characters.
 
     Args:
-        lattice: lattice of the font.
-        together: lattice of all experts.
+        together: posteriors of recogniser and faces.
         felt: the line.
         font: font of the characters.
-        doubtful: probability of the best character below which a place is doubtful.
-        likely: least probability for a character to be fitted at a doubtful place. On 178 lines with the font named, at
-            dirt 0.3 to 0.9, depths raise correct serials from 135 to 140, and those surer than 0.97 from 110 (1 wrong)
-            to 113 (1). The numbers of this module, except the next two, were set on half of the lines; the other half
-            gained as much.
-        least_suits: least correlation of the text with the line for the font's depths to count. Of 23 dotted lines,
-            which undotted templates fit badly, the best has 0.35.
-        most_nats: greatest advantage of one character over another by depths: a stroke that dirt fills is one event,
-            however many samples it has. Without a limit, 4 of 73 accepted parts of two more fonts were wrong; with 3
-            nats, 1 of 68.
+        likely: least probability of a character that is compared.
     """
     belief = np.exp(together.log_belief)
-    places = np.flatnonzero((belief.max(axis=1) < doubtful) & (belief.sum(axis=1) > 0.0))
-    if not places.size or felt.suits(together.text, font) < least_suits:
-        return lattice
-    about = _smooth_poses(felt, together, font)
-    log = lattice.log_belief.copy()
+    has = np.array([char in font.glyphs for char in together.chars])
+    likely_chars = (belief >= likely) & has
+    doubtful = np.flatnonzero(likely_chars.sum(axis=1) > 1).tolist()
+    places = [k for k in doubtful if felt.strip.samples(k).felt.size >= LEAST_SAMPLES]
+    if not places:
+        return None
+    about, log = _smooth_poses(felt, together, font), np.full(belief.shape, np.nan)
     for k in places:
-        chars = together.chars
-        laid = [i for i, c in enumerate(chars) if belief[k, i] >= likely and c in font.glyphs]
-        if len(laid) < 2 or felt.strip.samples(int(k)).felt.size < LEAST_SAMPLES:
-            continue
-        fits = np.array(
-            [felt.lay(int(k), chars[i], font, about=about[k], spread=SETTLED).log_likelihood for i in laid]
-        )
-        moved = log[k, laid] + np.maximum(fits - fits.max(), -most_nats)
-        log[k, laid] = moved - np.logaddexp.reduce(moved) + np.logaddexp.reduce(log[k, laid])
-    return replace(lattice, log_belief=np.minimum(log, 0.0))
+        for i in np.flatnonzero(likely_chars[k]):
+            laid = felt.lay(k, together.chars[i], font, about=about[k], spread=SETTLED)
+            log[k, i] = laid.log_likelihood
+    return log
 
 
 def _smooth_poses(felt: FeltLine, together: Lattice, font: Font) -> Floats:

@@ -1,18 +1,20 @@
-"""Prototypes: predicted characters of a font as features of the recogniser, compared with those of a strip.
+"""Prototypes: predicted characters of a face as features of the recogniser, in a few numbers each.
 
-    font --plate, touch or lamp--> strip --recogniser's middle--> features --window of a character--> prototypes
-    part --the same--------------> strip --recogniser's middle--> features --window of a place------> cosines
+    font --plate, touch or lamp--> strip --recogniser's middle--> features --window of a character, map--> prototypes
+    part --the same--------------> strip --recogniser's middle--> features --window of a place, map------> cosines
 
 The recogniser was trained on lines with dirt, wear and different lights. Therefore a dirty mark and the predicted clean
 one have similar features, although their maps differ. Nothing is trained for a font, so a new one works as well as a
 known one. A cosine is computed over the window of the prototype's ink and all features. Each feature is normalised by
-its mean and spread along the predicted plate.
+its mean and spread along predicted plates.
+
+A window has 19,584 features. A linear map, the principal components of many faces, keeps what distinguishes characters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import default_die
-from recognition.glyph_match.kept_predictions import Arrays, kept
+from recognition.glyph_match.kept_predictions import kept
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     TemplateSet,
@@ -28,55 +30,105 @@ from recognition.glyph_match.predicted import (
     line_of,
     lit_views,
 )
-from recognition.language.lattice import Lattice
 from recognition.recogniser.recogniser import FEATURE_COLUMNS, Features, features_of
-from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN
 from recognition.see.view import View
 
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Lights of predicted photographs: lamps from four sides, and a high one. Of 100 soiled photographs 41
 are accepted with all of them, and 38 with the high one alone."""
+HALF_STEPS = 8
+"""Steps of features on either side of a character's middle: as wide as a W."""
+STEPS = 2 * HALF_STEPS + 1
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Prototypes:
-    """A font's characters as features.
+class FeatureMap:
+    """Linear map from windows of features to the numbers of prototypes.
 
     Attributes:
-        chars: (T,) characters.
-        values: (T, features, rows, steps) normalised by `mean` and `spread`; 0 beyond a character's own steps.
-        own: (T, steps) weight of each step, 0 to 1.
-        mean, spread: (features, 1, 1) mean and standard deviation along the predicted plate.
+        mean, spread: (features * rows,) mean and standard deviation of each feature along predicted plates.
+        of_step: (features * rows, S) components of one step.
+        of_window: (STEPS * S, N) components of a window.
     """
 
-    chars: tuple[str, ...]
-    values: Features
-    own: Features
     mean: Features
     spread: Features
+    of_step: Features
+    of_window: Features
+
+    def components(self, features: Features) -> tuple[Features, Features]:
+        """(steps, S) components of each step of a strip, and (steps,) its squared length."""
+        normal = ((features.reshape(-1, features.shape[-1]).T - self.mean) / self.spread).astype(np.float32)
+        return normal @ self.of_step, np.asarray(np.einsum("sf,sf->s", normal, normal))
+
+    def numbers(self, windows: Features) -> Features:
+        """(n, N) numbers of (n, STEPS, S) windows."""
+        return windows.reshape(len(windows), -1) @ self.of_window
 
 
-def felt_prototypes(templates: TemplateSet) -> Prototypes:
+@dataclass(frozen=True, eq=False)
+class Prototypes:
+    """Characters of faces, by one touch or under each of several lights.
+
+    Attributes:
+        names: (F,) names of the faces.
+        chars: (T,) characters.
+        numbers: (F, lights, T, N) mapped windows, divided by their length before the map; 0 of a character that the
+            face lacks.
+        half: (F, T) half the width of a character's window, steps; 0 of a character that the face lacks.
+    """
+
+    names: tuple[str, ...]
+    chars: tuple[str, ...]
+    numbers: Features
+    half: Features
+
+    def of(self, faces: NDArray[np.intp]) -> Prototypes:
+        """Only these faces."""
+        return Prototypes(
+            tuple(self.names[k] for k in faces), self.chars, self.numbers[faces], self.half[faces]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceWindows:
+    """The windows about the places of a line, moved by some steps to either side.
+
+    Attributes:
+        numbers: (moves, places, N) mapped windows.
+        squares: (moves, places, STEPS) squared length of each step.
+    """
+
+    numbers: Features
+    squares: Features
+
+
+def felt_prototypes(templates: TemplateSet, map: FeatureMap, name: str) -> Prototypes:
     """Prototypes of a font by touch; cached in the set."""
 
     def make() -> Prototypes:
-        one = templates
-        where = (one.middles_mm, one.half_width)
-        found = kept(("felt", one.view.layers, one.view.pitch_mm, *where), lambda: cut_out(one.view, *where))
-        return Prototypes(one.chars, **found)
+        view, where = templates.view, (templates.middles_mm, templates.half_width)
+        arrays = kept(
+            ("felt", view.layers, view.pitch_mm, *where, map), lambda: _prototypes([view], *where, map)
+        )
+        return Prototypes((name,), templates.chars, **arrays)
 
-    made: Prototypes = templates.derive("prototypes", make)
-    return made
+    prototypes: Prototypes = templates.derive("prototypes", make)
+    return prototypes
 
 
-def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) -> tuple[Prototypes, ...]:
+def lit_prototypes(
+    font: Font, chars: str, map: FeatureMap, *, lights: Sequence[Light] = LIGHTS
+) -> Prototypes:
     """Prototypes of a font by camera, under each of several lights.
 
     Args:
         font: the font.
         chars: characters of the font.
+        map: map of the features of photographs.
         lights: lights under which photographs are predicted.
 
     Raises:
@@ -84,143 +136,110 @@ def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) 
         StampError: an invalid die.
     """
 
-    def make() -> Arrays:
+    def make() -> dict[str, Features]:
         plate = ideal_plate(font, chars, die)
-        made = [cut_out(view, plate.middles_mm, plate.half_width) for view in lit_views(plate, lights)]
-        return {name: np.stack([one[name] for one in made]) for name in made[0]}
+        return _prototypes(lit_views(plate, lights), plate.middles_mm, plate.half_width, map)
 
     die = default_die(CANONICAL_HEIGHT_MM, font=font)
-    found = kept(("lit", *map(font.glyph, chars), die, *lights), make)
-    of_lights = (dict(zip(found, one, strict=True)) for one in zip(*found.values(), strict=True))
-    return tuple(Prototypes(tuple(chars), **one) for one in of_lights)
+    arrays = kept(("lit", *(font.glyph(char) for char in chars), die, *lights, map), make)
+    return Prototypes((font.name,), tuple(chars), **arrays)
 
 
-def cut_out(
-    view: View,
-    middles_mm: Floats,
-    half_width: Floats,
-    *,
-    half_steps: int = 8,
-    beside_steps: float = 2.0,
-    least_spread: float = 1e-3,
-) -> Arrays:
-    """Cut the values of `Prototypes`, by name, out of a view of the plate.
+def _prototypes(
+    views: Sequence[View], middles_mm: Floats, half_width: Floats, map: FeatureMap
+) -> dict[str, Features]:
+    """The arrays of `Prototypes` of one face, from views of its plate."""
+    half, columns, line = half_steps(half_width), plate_columns(middles_mm), line_of(middles_mm)
+    shown = [own_windows(features_of(view.strip(line)), columns, half, map) for view in views]
+    return {"numbers": np.stack([map.numbers(own) for own in shown])[None], "half": half[None]}
+
+
+def own_windows(features: Features, columns: Floats, half: Features, map: FeatureMap) -> Features:
+    """(T, STEPS, S) windows of a plate's characters, each within its ink and of length 1 before the map.
 
     Args:
-        view: view of the plate.
-        middles_mm: (T, 2) x, y of the middles of the characters.
-        half_width: (T,) half the ink's width, character heights.
-        half_steps: steps of features on either side of a character's middle: as wide as a W.
+        features: features of the plate.
+        columns: (T,) columns of the characters.
+        half: (T,) half the widths of their windows, steps.
+        map: map whose components are taken.
+    """
+    components, squares = map.components(features)
+    own = own_steps(half)
+    length = np.sqrt(np.einsum("ts,ts->t", windows(squares, columns), own))
+    return np.asarray(windows(components, columns) * (own / length[:, None])[..., None])
+
+
+def half_steps(half_width: Floats, *, beside_steps: float = 2.0) -> Features:
+    """Half the widths of characters' windows, steps.
+
+    Args:
+        half_width: half the widths of the characters' ink, character heights.
         beside_steps: steps beside a character's ink that count as its own.
-        least_spread: added to the spread of each feature, which may be 0.
     """
+    return (half_width * HEIGHT_ROWS / FEATURE_COLUMNS + beside_steps).astype(np.float32)
+
+
+def own_steps(half: Features) -> Features:
+    """(..., STEPS) weight of each step in windows of (...) half widths, 0 to 1."""
+    return np.clip(half[..., None] - np.abs(np.arange(-HALF_STEPS, HALF_STEPS + 1)), 0.0, 1.0).astype(
+        np.float32
+    )
+
+
+def plate_columns(middles_mm: Floats) -> Floats:
+    """Columns of the middles of a plate's characters in the strip of its line."""
     line = line_of(middles_mm)
-    features = features_of(view.strip(line))
-    mean = features.mean(axis=(1, 2), keepdims=True)
-    spread = features.std(axis=(1, 2), keepdims=True) + least_spread
     along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / line.height_mm
-    windows = _windows((features - mean) / spread, (along + MARGIN) * HEIGHT_ROWS - 0.5, half_steps)
-    steps = np.abs(np.arange(-half_steps, half_steps + 1))
-    half = half_width[:, None] * HEIGHT_ROWS / FEATURE_COLUMNS
-    own = np.clip(half + beside_steps - steps, 0.0, 1.0).astype(np.float32)
-    return {"values": windows * own[:, None, None], "own": own, "mean": mean, "spread": spread}
+    return np.asarray((along + MARGIN) * HEIGHT_ROWS - 0.5)
 
 
-def match_fonts(
-    views: Sequence[View],
-    line: TextLine,
-    columns: Floats,
-    fonts: Sequence[Sequence[Prototypes]],
-    lattice: Lattice,
-) -> tuple[Lattice, int]:
-    """Match the best-fitting font to the places of a line: return its lattice and index.
+def windows(values: Features, columns: Floats, half: int = HALF_STEPS) -> Features:
+    """(places, 2 * half + 1, ...) windows of (steps, ...) values about columns of a strip; 0 beyond it."""
+    steps = np.rint((columns + 0.5) / FEATURE_COLUMNS - 0.5).astype(np.intp)
+    steps = np.clip(steps, 0, len(values) - 1)
+    padded = np.pad(values, ((half, half), *((0, 0),) * (values.ndim - 1)))
+    return np.asarray(padded[steps[:, None] + np.arange(2 * half + 1)])
+
+
+def place_windows(
+    features: Features, columns: Floats, map: FeatureMap, *, moved_steps: int = 3
+) -> PlaceWindows:
+    """Map the windows about the places of a line.
 
     Args:
-        views: views of one part, in one frame.
-        line: line of the characters.
-        columns: (places,) columns of the characters in its strip.
-        fonts: prototypes of each font (at least one), for each touch or light; each view uses those that fit it best.
-        lattice: posteriors of the other experts.
+        features: features of its strip.
+        columns: (places,) columns of the characters in the strip.
+        map: map of the features of the sense.
+        moved_steps: greatest error of a place, steps.
     """
-    seen = [features_of(view.strip(line)) for view in views]
-    tried = []
-    for font in fonts:
-        suited = [max((cosines(one, columns, lit) for lit in font), key=_suits) for one in seen]
-        tried.append((np.mean(suited, axis=0), font[0].chars))
-    best = max(range(len(tried)), key=lambda k: _suits(tried[k][0]))
-    return lattice_of(*tried[best], lattice), best
-
-
-def _suits(cosine: Floats) -> float:
-    """Fit of a font to a line: the mean over places of its best cosine."""
-    return float(cosine.max(axis=1).mean())
+    components, squares = (
+        windows(values, columns, HALF_STEPS + moved_steps) for values in map.components(features)
+    )
+    moves = range(2 * moved_steps + 1)
+    numbers = [map.numbers(components[:, k : k + STEPS]) for k in moves]
+    return PlaceWindows(np.stack(numbers), np.stack([squares[:, k : k + STEPS] for k in moves]))
 
 
 def cosines(
-    features: Features,
-    columns: Floats,
-    prototypes: Prototypes,
-    *,
-    moved_steps: int = 3,
-    move_cost: float = 0.007,
-) -> Floats:
-    """(places, T) greatest cosine of every prototype with every place over small shifts.
+    places: PlaceWindows, prototypes: Prototypes, *, moved: bool = True, move_cost: float = 0.007
+) -> Features:
+    """(F, lights, places, T) greatest cosine of every prototype with every place over small moves.
 
     Args:
-        features: features of a strip.
-        columns: (places,) columns of the characters in the strip.
-        prototypes: prototypes of a font.
-        moved_steps: greatest error of a place, steps.
+        places: windows of the line.
+        prototypes: prototypes of faces.
+        moved: whether places may be moved.
         move_cost: loss of cosine per step.
     """
-    seen = (features - prototypes.mean) / prototypes.spread
-    wide = prototypes.own.shape[1]
-    windows = _windows(seen, columns, wide // 2 + moved_steps)
-    squares = (windows**2).sum(axis=(1, 2))
-    count = len(prototypes.chars)
-    flat = prototypes.values.reshape(count, -1)
-    size = np.sqrt(
-        (prototypes.values**2 / np.maximum(prototypes.own, 1e-6)[:, None, None]).sum(axis=(1, 2, 3))
-    )
-    best = np.full((columns.size, count), -1.0)
-    for move in range(2 * moved_steps + 1):
-        now = slice(move, move + wide)
-        product = windows[..., now].reshape(columns.size, -1) @ flat.T
-        energy = np.sqrt(squares[:, now] @ prototypes.own.T)
-        cost = move_cost * abs(move - moved_steps)
-        np.maximum(best, product / np.maximum(size * energy, 1e-9) - cost, out=best)
-    return best
-
-
-def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice, *, sharpness: float = 28.0) -> Lattice:
-    """Turn cosines into a lattice over the characters that another lattice allows.
-
-    A character that the font lacks is as likely as the font's least likely one.
-
-    Args:
-        cosine: (places, T).
-        chars: (T,) characters of the prototypes.
-        lattice: posteriors of the other experts.
-        sharpness: log odds per unit of cosine; best of 16 to 36 on 40 parts (320 characters) drawn like the
-            exam's, without what is reserved for the exam. Log loss of the templates alone is 0.080 (0.091 at 20), of
-            the recogniser alone 0.075, of their mean 0.071.
-    """
-    allowed = np.isfinite(lattice.log_belief)
-    log = np.full(allowed.shape, np.nan)
-    for k, char in enumerate(chars):
-        if char in lattice.chars:
-            log[:, lattice.chars.index(char)] = sharpness * cosine[:, k]
-    log = np.where(allowed, log, np.nan)
-    known = np.isfinite(log)
-    least = np.where(known, log, np.inf).min(axis=1, keepdims=True)
-    log = np.where(known, log, np.where(allowed, np.where(np.isfinite(least), least, 0.0), -np.inf))
-    log -= np.logaddexp.reduce(log, axis=1, keepdims=True)
-    return replace(lattice, log_belief=np.minimum(log, 0.0))
-
-
-def _windows(features: Features, columns: Floats, half: int) -> Features:
-    """(places, features, rows, 2 * half + 1) about columns of a strip; 0 beyond it."""
-    steps = np.rint((columns + 0.5) / FEATURE_COLUMNS - 0.5).astype(np.intp)
-    padded = np.pad(features, ((0, 0), (0, 0), (half, half)))
-    steps = np.clip(steps, 0, features.shape[2] - 1)
-    return np.stack([padded[..., step : step + 2 * half + 1] for step in steps])
+    faces, lights, chars, count = prototypes.numbers.shape
+    flat = prototypes.numbers.reshape(-1, count).T
+    own = own_steps(prototypes.half).reshape(-1, STEPS).T
+    middle = len(places.numbers) // 2
+    best: Features | None = None
+    for move in range(len(places.numbers)) if moved else (middle,):
+        product = (places.numbers[move] @ flat).reshape(-1, faces, lights, chars)
+        length = np.sqrt(np.maximum(places.squares[move] @ own, 1e-12)).reshape(-1, faces, 1, chars)
+        cosine = product / length - np.float32(move_cost * abs(move - middle))
+        best = cosine if best is None else np.maximum(best, cosine)
+    assert best is not None
+    return np.moveaxis(best, 0, 2)

@@ -79,6 +79,11 @@ def kept_out(path: Path) -> bool:
     return whole.startswith(KEPT_OUT + SCORE_FAMILIES)
 
 
+def is_learnable(path: Path) -> bool:
+    """Whether a font may be learned from and its name promises letters."""
+    return not kept_out(path) and not _NOT_LETTERS.search(path.stem)
+
+
 def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> TrainingFonts:
     """Find all fonts in folders that have A-Z and 0-9 and may be used for training, each file name once.
 
@@ -92,7 +97,7 @@ def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> Train
     names: set[str] = set()
     files = {f for folder in folders for kind in ("ttf", "otf", "woff") for f in folder.rglob(f"*.{kind}")}
     for path in sorted(files, key=lambda p: (p.stem.lower(), str(p))):
-        if path.stem.lower() in names or kept_out(path) or _NOT_LETTERS.search(path.stem):
+        if path.stem.lower() in names or not is_learnable(path):
             continue
         if _has_serials(path):
             names.add(path.stem.lower())

@@ -1,7 +1,7 @@
 """Posteriors of one line: the number of places, the character at each, and the gaps between words.
 
     Steps of each look --places of the format--> posteriors --mean of looks--> the recogniser's lattice
-    lattices of recogniser and templates --geometric mean--> the lattice that the format decides on
+    lattices of recogniser and faces --`glyph_match.combine`--> the lattice that the format decides on
 
 Looks are much alike: their logarithms are averaged, first at each view and then over the views. The same dirt lies
 under every light: counted as more than one look, a wrong serial was accepted.
@@ -53,6 +53,7 @@ class ReadLine:
         looks: output of the recogniser along the line, for every look at it.
         other_ways: the line as one look reads it in other orientations in which its text may be read; None where it
             reads nothing.
+        faces: probability of each face that the line may be in, and of none; empty if it was not compared with faces.
     """
 
     line: TextLine
@@ -63,6 +64,7 @@ class ReadLine:
     by_expert: Mapping[str, Lattice]
     looks: Sequence[Steps]
     other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))
+    faces: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     __repr__ = one_line
 
@@ -72,14 +74,12 @@ class ReadLine:
         first = self.looks[:1]
         places = (first[0].chars,) * max(count_places(first)[0], 1)
         lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
-        return combine_experts({first[0].expert: lattice}), columns
+        return with_slip(lattice), columns
 
-    def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
-        """The same line with the posteriors of further experts."""
-        if not more:
-            return self
-        by_expert = MappingProxyType({**more, **self.by_expert})
-        return replace(self, lattice=combine_experts(by_expert), by_expert=by_expert)
+    def with_faces(self, faces: Mapping[str, float], own: Lattice, together: Lattice) -> ReadLine:
+        """The same line with the posteriors of faces by themselves, and those of all experts together."""
+        by_expert = MappingProxyType({**self.by_expert, "templates": own})
+        return replace(self, lattice=together, by_expert=by_expert, faces=MappingProxyType(dict(faces)))
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
@@ -149,7 +149,7 @@ def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | Non
         return None
     lattice, columns = averaged
     by_expert = MappingProxyType({looks[0].expert: lattice})
-    return ReadLine(line, combine_experts(by_expert), columns, evidence, likely, by_expert, tuple(looks))
+    return ReadLine(line, with_slip(lattice), columns, evidence, likely, by_expert, tuple(looks))
 
 
 Posteriors = Sequence[PlaceBelief | None]
@@ -200,25 +200,18 @@ def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, 
     return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
 
 
-def combine_experts(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
-    """Geometric mean of the experts' posteriors; a place counts as read if any expert has read it.
-
-    Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.
+def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:
+    """Leave some probability to every allowed character of a place.
 
     Args:
-        lattices: lattices of as many places, over the same characters.
-        slip: least share of belief that all allowed characters have together, whatever the experts say.
+        lattice: posteriors.
+        slip: share of the probability that all allowed characters have alike, whatever the experts say.
     """
-    first = next(iter(lattices.values()))
-    logs = np.array([lattice.log_belief for lattice in lattices.values()])
-    reads, allowed = np.logaddexp.reduce(logs, axis=2), np.isfinite(logs).all(axis=0)
-    total = np.where(allowed, logs - reads[:, :, None], -np.inf).mean(axis=0)
-    total -= np.logaddexp.reduce(total, axis=1)[:, None]
-    even = np.log(slip / allowed.sum(axis=1) + _LEAST)[:, None]
-    total = np.where(allowed, np.logaddexp(total + math.log1p(-slip), even), -np.inf)
-    read = np.exp(np.minimum(reads, 0.0)).max(axis=0)
-    total += np.log(np.maximum(read, _LEAST))[:, None] - np.logaddexp.reduce(total, axis=1)[:, None]
-    return replace(first, log_belief=np.minimum(total, 0.0))
+    log, allowed = lattice.log_belief, np.isfinite(lattice.log_belief)
+    read = np.logaddexp.reduce(log, axis=1, keepdims=True)
+    even = read + np.log(slip / np.maximum(allowed.sum(axis=1, keepdims=True), 1))
+    mixed = np.where(allowed, np.logaddexp(log + math.log1p(-slip), even), -np.inf)
+    return replace(lattice, log_belief=np.minimum(mixed, 0.0))
 
 
 def _lattice(

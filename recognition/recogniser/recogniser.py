@@ -7,9 +7,10 @@ this file, with a card on the training data; `python -m recognition.learning.tra
 from __future__ import annotations
 
 import math
-from functools import cache
+from collections.abc import Mapping
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,12 +75,19 @@ def widen(strip: Layers, wider: float = WIDER) -> Layers:
     return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
 
 
-def _run(strip: Layers, output: str) -> NDArray[np.float32]:
+def _run(strip: Layers, output: Literal["posteriors", "features"]) -> NDArray[np.float32]:
     # one strip at a time: in a batch it would be padded to the longest, and padding costs as much as content
     padding = ((0, 0), (0, 0), (0, -strip.shape[2] % _MULTIPLE))
-    fed = np.pad(strip, padding)[None].astype(np.float32, copy=False)
-    found: NDArray[np.float32] = _session().run([output], {"strip": fed})[0][0]
-    return found
+    padded = np.pad(strip, padding).astype(np.float32, copy=False)
+    return _outputs(padded.tobytes(), padded.shape)[output]
+
+
+@lru_cache(maxsize=24)
+def _outputs(strip: bytes, shape: tuple[int, ...]) -> Mapping[str, NDArray[np.float32]]:
+    """All outputs of the network: the faces ask for features of a strip that was read before."""
+    names = ("posteriors", "features")
+    values = _session().run(names, {"strip": np.frombuffer(strip, dtype=np.float32).reshape(1, *shape)})
+    return {name: value[0] for name, value in zip(names, values, strict=True)}
 
 
 def steps_of(

@@ -3,7 +3,7 @@
     python tests/benchmarks/kept_readings.py READINGS --out tests/benchmarks/readings.npz
 
 READINGS is the folder of `risk_parts.py`. Of each part the file keeps what score and weights of fusion may depend on:
-truth and texts, generator, font, dirt, the posteriors of the recogniser at every place by touch and by camera, and
+truth and texts, generator, font, dirt, the posteriors at every place by touch and by camera, and
 named measures. `fit_score.py` fits from this file.
 """
 
@@ -24,7 +24,7 @@ from recognition.decide.score import Measure
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
-from recognition.recogniser.read_line import combine_experts
+from recognition.recogniser.read_line import with_slip
 from tests.benchmarks.risk_parts import SOILS
 
 KEPT = Path(__file__).with_name("readings.npz")
@@ -52,7 +52,7 @@ class KeptReading:
         broken: whether a contract is broken.
         count_probability: probability of the number of places; 1 with a format.
         measures: known measures.
-        recognised: posteriors of the recogniser at each place; None if nothing was read, and of a fused reading.
+        recognised: posteriors of all experts at each place; None if nothing was read, and of a fused reading.
         grammar: format of the part; None if it was read without.
     """
 
@@ -66,7 +66,7 @@ class KeptReading:
     @cached_property
     def lattice(self) -> Lattice | None:
         """Posteriors as the reader combines them."""
-        return None if self.recognised is None else combine_experts({"network": self.recognised})
+        return None if self.recognised is None else with_slip(self.recognised)
 
     @cached_property
     def choice(self) -> Choice | None:
@@ -125,10 +125,10 @@ def _breaks(flags: Sequence[str]) -> bool:
 
 
 def _rows(reading: Mapping[str, Any]) -> NDArray[np.float16]:
-    """(places, CHARS) log posteriors of the recogniser; no row if nothing was read."""
-    if not reading["text"] or "network" not in reading["lattices"]:
+    """(places, CHARS) log posteriors of all experts; no row if nothing was read."""
+    if not reading["text"] or "together" not in reading["lattices"]:
         return np.zeros((0, len(CHARS)), dtype=np.float16)
-    chars, log = reading["lattices"]["network"]
+    chars, log = reading["lattices"]["together"]
     rows = np.full((len(log), len(CHARS)), -np.inf, dtype=np.float16)
     rows[:, [CHARS.index(char) for char in chars]] = log
     return rows

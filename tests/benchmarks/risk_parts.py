@@ -147,6 +147,9 @@ def _by_other_generator(wanted: _Wanted, rng: np.random.Generator) -> DrawnPart:
 def kept_of(reading: Reading) -> dict[str, Any]:
     """What is kept of a reading: text, flags, measures, and the posteriors of its places."""
     trace = reading.trace
+    lattices = (
+        dict(trace.by_expert) if trace.lattice is None else {**trace.by_expert, "together": trace.lattice}
+    )
     return {
         "text": "".join(reading.text.split()),
         "flags": [flag.name for flag in reading.flags],
@@ -155,8 +158,9 @@ def kept_of(reading: Reading) -> dict[str, Any]:
         "measures": {measure.name: value for measure, value in reading.measures.items()},
         "lattices": {
             name: ("".join(lattice.chars), lattice.log_belief.astype(np.float32))
-            for name, lattice in trace.by_expert.items()
+            for name, lattice in lattices.items()
         },
+        "faces": dict(trace.faces),
     }
 
 

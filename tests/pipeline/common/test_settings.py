@@ -79,7 +79,7 @@ def test_the_readers_are_told_who_has_a_say() -> None:
     reader = open_reader(ReadSettings(experts="network, templates"))
     assert reader.settings.experts == ("network", "templates")
     named = [
-        open_reader(ReadSettings(font=("gothic",), experts=who)).settings.templates_judge
+        open_reader(ReadSettings(font=("gothic",), experts=who)).settings.faces_judge
         for who in ((), ("network",), ("network", "templates"))
     ]
     assert named == [True, False, True]

@@ -11,6 +11,7 @@ import pytest
 
 from glyphs.fonts.outlines import load_font
 from recognition.glyph_match import kept_predictions
+from recognition.glyph_match.face_library import face_library
 from recognition.glyph_match.kept_predictions import Arrays, kept
 from recognition.glyph_match.predicted import predict_templates, template_key
 from recognition.glyph_match.prototypes import felt_prototypes, lit_prototypes
@@ -84,7 +85,13 @@ def test_predictions_from_the_disk_are_those_that_were_made(folder: Path) -> Non
 
     def predict() -> tuple[object, ...]:
         templates = predict_templates(font, "K7", template_key(font, touch, height_mm=5.0))
-        return templates, templates.view, felt_prototypes(templates), *lit_prototypes(font, "K7")
+        felt, lit = (face_library(sense).map for sense in ("tactile", "vision"))
+        return (
+            templates,
+            templates.view,
+            felt_prototypes(templates, felt, ""),
+            lit_prototypes(font, "K7", lit),
+        )
 
     made, files = predict(), set(folder.iterdir())
     found = predict()

@@ -14,7 +14,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from recognition.glyph_match.depth_glyphs import depth_glyph
 from recognition.glyph_match.felt_line import SETTLED, USUAL, FeltLine
-from recognition.glyph_match.laid_line import with_depths
+from recognition.glyph_match.laid_line import depth_likelihoods
 from recognition.glyph_match.pose import DEEP, DOWN, PIXELS, RIGHT, TALL, TURN, WIDE, Glyph, PlaceSamples
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, predict_templates, template_key
 from recognition.language.lattice import Lattice
@@ -130,21 +130,16 @@ def test_depths_tell_a_character_from_its_rival(
 ) -> None:
     before = doubt(TEXT, place, rival)
     assert before.text != TEXT
-    made = with_depths(before, before, dirty, gothic)
-    assert made.text == TEXT
-    others = np.arange(len(TEXT)) != place
-    np.testing.assert_array_equal(made.log_belief[others], before.log_belief[others])
-    sums = [np.exp(one.log_belief).sum(axis=1) for one in (made, before)]
-    np.testing.assert_allclose(*sums, atol=1e-6)
+    log = depth_likelihoods(before, dirty, gothic)
+    assert log is not None
+    assert np.isnan(np.delete(log, place, axis=0)).all()
+    own, other = (log[place, before.chars.index(char)] for char in (TEXT[place], rival))
+    assert own > other + 1.0
+    assert np.isfinite(log[place]).sum() == 2
 
 
-def test_nothing_is_said_of_what_is_sure_or_of_another_font(dirty: FeltLine, gothic: Font) -> None:
+def test_nothing_is_compared_where_all_is_sure_or_nothing_was_felt(dirty: FeltLine, gothic: Font) -> None:
     line, length = dirty.line, np.array([dirty.line.length_mm, 0.0])
-    sure, doubtful = doubt(TEXT, 0, "O", belief=1e-6), doubt(TEXT, 4, "P")
-    assert with_depths(sure, sure, dirty, gothic) is sure
-    beside = TextLine(line.centre_mm + np.array([0.0, 0.7 * line.height_mm]), line.height_mm)
-    assert with_depths(doubtful, doubtful, replace(dirty, line=beside), gothic) is doubtful
-    # most of the line, or all of it, lies beyond what was felt
-    for share in (0.8, 3.0):
-        far = TextLine(line.centre_mm + share * length, line.height_mm)
-        assert with_depths(doubtful, doubtful, replace(dirty, line=far), gothic) is doubtful
+    assert depth_likelihoods(doubt(TEXT, 0, "O", belief=1e-6), dirty, gothic) is None
+    far = TextLine(line.centre_mm + 3.0 * length, line.height_mm)
+    assert depth_likelihoods(doubt(TEXT, 4, "P"), replace(dirty, line=far), gothic) is None
