@@ -220,7 +220,7 @@ def test_tables_have_a_row_for_each_sense_and_kind_of_part() -> None:
 def raw_reading(reading: KeptReading, *, flags: tuple[str, ...] = ()) -> dict[str, Any]:
     """A reading as `risk_parts.py` keeps it."""
     lattice = reading.recognised
-    lattices = {} if lattice is None else {"network": (CHARS, lattice.log_belief.astype(np.float32))}
+    lattices = {} if lattice is None else {"together": (CHARS, lattice.log_belief.astype(np.float32))}
     measures = {Measure.FORMAT.name: -0.25, Measure.CONFIDENCE.name: 0.5}
     return {
         "text": reading.text, "flags": flags, "lattices": lattices, "measures": measures,
