@@ -283,7 +283,7 @@ def read(drawn: Path, *, out: Path, first: int = 0, step: int = 1, hours: float 
     """
     readers, end, simulated = _Readers(), time.monotonic() + 3600.0 * hours, 0
     out.mkdir(parents=True, exist_ok=True)
-    for source in sorted(drawn.glob("*.h5")):
+    for source in sorted(drawn.glob("[0-9]*.h5")):
         number, path = int(source.stem), out / f"{source.stem}.pkl"
         if number < first or (number - first) % step or path.exists():
             continue

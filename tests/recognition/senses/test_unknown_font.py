@@ -42,7 +42,8 @@ def test_without_a_named_font_a_depth_is_true_or_not_measured(
             assert (c.depth is None) == (c.no_depth is not None)
             if c.depth is not None:
                 assert c.depth.mean_mm == pytest.approx(truth.mean_mm, abs=0.02)
-                assert c.depth.min_mm == pytest.approx(truth.min_mm, abs=0.02)
+                # the least depth of a stroke also has the noise of the sensors
+                assert c.depth.min_mm == pytest.approx(truth.min_mm, abs=0.03)
         # nothing is too shallow for the rule; what was not measured is said
         assert not reading.flags & ReadingFlag.TOO_SHALLOW
         unknown = any(c.depth is None for c in reading.characters)
