@@ -188,7 +188,7 @@ def test_photographs_that_each_hide_other_characters_are_read_as_one(
 ) -> None:
     part, picture = photo
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
-    paint = 20.0 * np.sin(x / 9.0) * np.sin(y / 7.0)  # on the part, so in every photograph
+    paint = 16.0 * np.sin(x / 9.0) * np.sin(y / 7.0)  # on the part, so in every photograph
     painted = taken(picture.pixels + paint, part)
     first, second = hidden(painted, part, slice(0, 2)), hidden(painted, part, slice(3, 5))
     unlike = taken(np.random.default_rng(3).uniform(0.0, 255.0, painted.shape), part)
