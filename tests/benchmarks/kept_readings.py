@@ -86,6 +86,7 @@ class KeptPart:
         format: format that the reader was given; empty for none.
         text: text on the part.
         readings: readings by source.
+        felt: whether touch counts. Of further parts only the photograph does, read by an earlier search for lines.
     """
 
     number: int
@@ -95,6 +96,7 @@ class KeptPart:
     format: str
     text: str
     readings: Mapping[str, KeptReading]
+    felt: bool = True
 
 
 def pack(parts: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
@@ -104,6 +106,7 @@ def pack(parts: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
         for name in ("number", "generator", "font", "severity", "format", "text")
     }
     columns["severity"] = columns["severity"].astype(np.float32)
+    columns["felt"] = np.ones(len(parts), dtype=np.bool_)
     for source, names in MEASURES.items():
         readings = [part["readings"][source] for part in parts]
         columns[f"{source}_text"] = np.array([reading["text"] for reading in readings])
@@ -156,6 +159,7 @@ def load(path: Path = KEPT) -> tuple[KeptPart, ...]:
             str(columns["format"][k]),
             str(columns["text"][k]),
             {source: of_source[k] for source, of_source in readings.items()},
+            bool(columns["felt"][k]),
         )
         for k in range(columns["number"].size)
     )
@@ -191,18 +195,45 @@ def _lattice(chars: tuple[str, ...], rows: NDArray[np.float16]) -> Lattice:
     return Lattice(chars, log - np.maximum(np.logaddexp.reduce(log, axis=1), 0.0)[:, None])
 
 
-def main(readings: Path, *, out: Path = KEPT) -> None:
+def with_photographs(
+    columns: Mapping[str, NDArray[Any]], earlier: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    """Add the parts of an earlier file that are not among these; only their photographs count.
+
+    Args:
+        columns: arrays of the file.
+        earlier: arrays of an earlier file.
+    """
+    more = ~np.isin(earlier["number"], columns["number"])
+    added = {name: values[more] for name, values in earlier.items() if not name.endswith("_log")}
+    for source in SENSES:
+        rows = np.repeat(more & (source == "vision"), earlier[f"{source}_places"])
+        added[f"{source}_log"] = earlier[f"{source}_log"][rows]
+    count = int(more.sum())
+    blank = {
+        "tactile_text": np.full(count, ""), "fused_text": np.full(count, ""),
+        "tactile_places": np.zeros(count, dtype=np.uint8), "felt": np.zeros(count, dtype=np.bool_),
+    }  # fmt: skip
+    return {name: np.concatenate([values, (added | blank)[name]]) for name, values in columns.items()}
+
+
+def main(readings: Path, *, out: Path = KEPT, photographs: Path | None = None) -> None:
     """Pack the readings of a folder.
 
     Args:
         readings: folder of `risk_parts.py`.
         out: file to write.
+        photographs: earlier file, of whose further parts the photographs count as well.
     """
     every = [pickle.loads(path.read_bytes()) for path in sorted(readings.glob("*.pkl"))]
     # others that are stamped have soils that are kept out of every fit
     parts = [part for part in every if part["generator"] != "stamped" or part["soil"] in SOILS]
-    np.savez_compressed(out, **pack(parts))
-    print(f"{len(parts):,} parts, {out.stat().st_size / len(parts):.0f} bytes each")
+    columns = pack(parts)
+    if photographs is not None:
+        with np.load(photographs) as earlier:
+            columns = with_photographs(columns, {name: earlier[name] for name in earlier.files})
+    np.savez_compressed(out, **columns)
+    print(f"{len(parts):,} parts, and photographs of {columns['felt'].size - len(parts):,} more")
 
 
 if __name__ == "__main__":
