@@ -159,7 +159,7 @@ def test_both_doubtful_of_the_same_are_sure_together() -> None:
 
 
 def test_the_photograph_of_another_part_sends_it_to_review() -> None:
-    read = fuse(touch(of_text("RY354206", 0.9999)), vision(of_text("TG391882", 0.999)), EIGHT)
+    read = fuse(touch(of_text("RY354206", 0.99999)), vision(of_text("TG391882", 0.999)), EIGHT)
     assert read.decision is Decision.REVIEW
     assert read.messages() == ("camera reads TG391882, touch RY354206: are they of one part?",)
     (finding,) = read.findings
