@@ -65,9 +65,8 @@ def reader_versions() -> dict[str, str]:
 
     found = {"tactile-marks": program_version()}
     folder = Path(str(recognition.__file__)).parent
-    for path in sorted(
-        p for p in folder.rglob("*") if p.suffix in (".onnx", ".npz") or p.name.endswith(".fit.json")
-    ):
+    weights = (p for p in folder.rglob("*") if p.name.endswith((".onnx", "library.npz", ".fit.json")))
+    for path in sorted(weights):
         found[path.relative_to(folder).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return found
 

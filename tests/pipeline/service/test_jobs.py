@@ -230,13 +230,13 @@ def test_a_check_that_fails_or_cannot_be_made_touches_its_own_job_alone(tmp_path
 
 
 def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
-    own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_risk=0.005, region=BOX)
+    own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_risk=0.02, region=BOX)
     jobs = JobFolder(tmp_path / "jobs", own=own)
     teach(jobs, "left", NamedLine("", "AA99", BOX), "KX40", height_mm=4.0)
     teach(jobs, "left", NamedLine("lot", "A-9", (0.0, 0.5, 1.0, 1.0)), "B-7")
     wanted = ReadSettings(
         font=("gothic",),
-        accept_risk=0.005,
+        accept_risk=0.02,
         format=("AA99",),
         region=BOX,
         height_mm=4.0,
