@@ -1,6 +1,6 @@
 """Evidence by camera: from a photograph to the text in it.
 
-photograph --codes removed, shrunk--> view --find--> lines
+photograph --area of the regions, codes removed, shrunk--> view --find--> lines
                                       \\-> the same without stains, used if clearly surer
 """
 
@@ -15,13 +15,16 @@ from glyphs.errors import MarksError
 from recognition.decide.decide import decide
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
+from recognition.find.deadline import Deadline
 from recognition.find.find import find
+from recognition.find.request import LineRequest
 from recognition.glyph_match.face_library import face_library
 from recognition.glyph_match.faces import compare_faces, read_faces
 from recognition.glyph_match.prototypes import Prototypes, lit_prototypes
 from recognition.recogniser.read_line import ReadLine
 from recognition.recogniser.recogniser import features_of
 from recognition.see.codes import Code, codes_of, without_codes
+from recognition.see.photo_frame import cut
 from recognition.see.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
 from recognition.see.registered import photo_views, stainless_view
 from recognition.see.text_line import TextLine
@@ -60,18 +63,30 @@ class VisionReader:
 
     def of_photo(self, photo: Photo) -> SenseEvidence:
         """Evidence of a photograph, with no more pixels than its characters need."""
+        whole, deadline = photo, Deadline(self.settings.limit_s)
+        request = replace(self._scaled if photo.pitch_mm is not None else self._unscaled, deadline=deadline)
+        if (area := request.area) is not None:
+            photo, request = cut(photo, area), request.inside(area)
         codes = codes_of(shrunk(photo, SIZES[-1]))
         about: tuple[TextLine, ...] = ()
+        evidence: SenseEvidence | None = None
         for small in shrunk_versions(photo):
-            evidence = self._of_size(small, codes, about)
-            main = None if evidence.lines is None else evidence.lines.main
+            if evidence is not None and deadline.is_over():
+                break
+            larger = self._of_size(small, request, codes, about)
+            main = None if larger.lines is None else larger.lines.main
+            if evidence is None or main is not None or not deadline.stopped:
+                evidence = larger
             if main is not None and is_large_enough(small, main.line.height_mm):
                 break
             # lines keep their places in a larger picture
-            about = evidence.lines.places if evidence.lines and main and main.is_text else ()
-        return evidence
+            about = larger.lines.places if larger.lines and main and main.is_text else ()
+        assert evidence is not None
+        return evidence.logged(stopped=deadline.stopped, whole_photo=None if area is None else whole)
 
-    def _of_size(self, photo: Photo, codes: Sequence[Code], about: Sequence[TextLine]) -> SenseEvidence:
+    def _of_size(
+        self, photo: Photo, request: LineRequest, codes: Sequence[Code], about: Sequence[TextLine]
+    ) -> SenseEvidence:
         """Look at the photograph; if it is not sure, also without stains, which must be clearly surer to count."""
         times, bare = StepTimes(), without_codes(photo, codes)
         with times.step("see"):
@@ -82,17 +97,17 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             codes=tuple(codes),
         )
-        evidence = self._of_views(views, log, times, about)
+        evidence = self._of_views(views, request, log, times, about)
         if photo.others:
             return evidence
         reading = decide(Evidence.of(evidence), self.settings)
         # a sure reading may be in review for a contract: another text must not bypass it
-        if reading.confidence >= self.settings.least_score("vision"):
+        if reading.confidence >= self.settings.least_score("vision") or request.deadline.is_over():
             return evidence
         clean_view = stainless_view(bare)
         if clean_view is None:
             return evidence
-        clean = self._of_views([clean_view], log, times, about)
+        clean = self._of_views([clean_view], request, log, times, about)
         other = decide(Evidence.of(clean), self.settings)
         surer = log_odds(other.confidence) > log_odds(reading.confidence) + CLEARLY_NATS
         # the same text again is no further evidence: it is the same photograph
@@ -102,10 +117,13 @@ class VisionReader:
         return clean.logged(other_texts=texts)
 
     def _of_views(
-        self, views: Sequence[View], log: Log, times: StepTimes, about: Sequence[TextLine]
+        self,
+        views: Sequence[View],
+        request: LineRequest,
+        log: Log,
+        times: StepTimes,
+        about: Sequence[TextLine],
     ) -> SenseEvidence:
-        assert log.photo is not None
-        request = self._scaled if log.photo.pitch_mm is not None else self._unscaled
         with times.step("find"):
             part = find(views, request, about=about, twice=bool(self.fonts))
             if part.main is not None:

@@ -43,6 +43,7 @@ class ReaderOptions(TypedDict, total=False):
     lines: Mapping[str, str | LineFormat]
     certified: CertifiedAcceptance | None
     orientation: Orientation
+    limit_s: float | None
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class ReaderSettings:
         lines: formats and regions of other lines on the part, by name.
         certified: limits of a certificate; None without one.
         orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
+        limit_s: seconds after which a sense searches a part no further (default: no limit). A text whose search was cut
+            short is not accepted.
 
     Raises:
         FormatError: a format that no serial meets.
@@ -83,6 +86,7 @@ class ReaderSettings:
     lines: Mapping[str, str | LineFormat] | tuple[tuple[str, str | LineFormat], ...] = ()
     certified: CertifiedAcceptance | None = None
     orientation: Orientation = Orientation.ANY
+    limit_s: float | None = None
 
     __repr__ = one_line
 
@@ -91,6 +95,8 @@ class ReaderSettings:
         object.__setattr__(self, "fonts", fonts)
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
+        if self.limit_s is not None and not self.limit_s > 0.0:
+            raise ValueError(f"limit_s is {self.limit_s}; a time limit is a positive number of seconds")
         if check_risk(self.accept_risk) != USUAL_RISK:  # one that was chosen
             require_kept(self.accept_risk)
         check_region(self.region)

@@ -17,6 +17,7 @@ from recognition.active.replay import read_kept
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
+from recognition.find.deadline import Deadline
 from recognition.find.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
 from recognition.see.levelling import filled_note, level, square_to_plate
 from recognition.step_times import StepTimes
@@ -68,12 +69,18 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
     """Scan a surface, and make evidence of what is felt.
 
     Args:
-        touch: makes evidence of scans.
+        touch: makes evidence of scans; its time limit does not hold on a stage, whose seconds are limited.
         surface: the surface.
 
     Raises:
         MapError: the map cannot be scanned, or the soil is on another grid.
     """
+    deadline = Deadline(None if surface.stage else touch.settings.limit_s)
+    return _surest(touch.until(deadline), surface).logged(stopped=deadline.stopped)
+
+
+def _surest(touch: TactileReader, surface: Surface) -> SenseEvidence:
+    """Evidence of the surface; of the mirrored one, if the order of its rows is unknown and that reads more."""
     if surface.rows_known:
         return _felt(touch, surface)
     touch = touch.with_unknown_rows()
@@ -84,7 +91,11 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
     looks = _Looks(touch)
     looks.add(evidence)
     upright = looks.reading
-    if upright.serial_is_sure or not touch.may_be_mirrored(evidence, upright):
+    if (
+        upright.serial_is_sure
+        or not touch.may_be_mirrored(evidence, upright)
+        or touch.request.deadline.is_over()
+    ):
         return evidence
     mirrored = _felt(touch, surface.mirrored)
     if not upright.flags & ReadingFlag.LAYOUT or touch.reading_of(mirrored).serial_is_sure:
@@ -141,7 +152,9 @@ def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
         return SenseEvidence("tactile", log=Log(seconds=times.seconds, surface=levelled))
     feel = surface.feel or virtual_feel(array, soil=soil, part_id=surface.part_id)
     looks = _Looks(touch)
-    for height_mm in heights:
+    for number, height_mm in enumerate(heights):
+        if number and touch.request.deadline.is_over():
+            break
         with times.step("scan"):
             scan = feel(levelled, height_mm)
         evidence = touch.of_scan(scan, times=times)

@@ -20,6 +20,7 @@ from recognition.decide.decide import decide
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
 from recognition.decide.reading import Reading
+from recognition.find.deadline import Deadline
 from recognition.find.find import find
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading
 from recognition.find.template_fonts import TemplateFonts
@@ -68,12 +69,13 @@ class TactileReader:
 
     def of_recording(self, scan: Scan) -> SenseEvidence:
         """Evidence of a recorded scan, without samples that faults of whiskers and bench spoil."""
-        times = StepTimes()
+        times, deadline = StepTimes(), Deadline(self.settings.limit_s)
         with times.step("faults"):
             faults = find_faults(scan)
             usable = flag_faults(scan, faults)
-        evidence = self.of_scan(usable, times=times)
-        return evidence.logged(findings=(*bench_findings(faults), *evidence.log.findings))
+        evidence = self.until(deadline).of_scan(usable, times=times)
+        findings = (*bench_findings(faults), *evidence.log.findings)
+        return evidence.logged(findings=findings, stopped=deadline.stopped)
 
     def of_scan(
         self,
@@ -115,6 +117,12 @@ class TactileReader:
     def reading_of(self, evidence: SenseEvidence) -> Reading:
         """The reading by touch alone, to choose the surest of several looks."""
         return decide(Evidence.of(evidence), self.settings)
+
+    def until(self, deadline: Deadline) -> TactileReader:
+        """The same reader with a time limit."""
+        reader = copy(self)
+        reader.request = replace(self.request, deadline=deadline)
+        return reader
 
     def with_unknown_rows(self) -> TactileReader:
         """The same reader for scans whose rows may be in reverse order: lines are read mirrored as well."""

@@ -390,6 +390,10 @@ class ReadSettings(MapSettings):
     plan. A message of the part states the stage seconds used."""
     budget_s: float = Field(default=60.0, gt=0.0, le=3600.0, allow_inf_nan=False)
     """Most stage seconds of a part that is scanned pass by pass."""
+    limit_s: float | None = Field(default=None, gt=0.0, le=3600.0, allow_inf_nan=False)
+    """Seconds after which a sense searches a part no further: the best text so far is shown, "stopped after N s". It is
+    not accepted, unless the other sense accepts the same text. Pass by pass, budget_s counts instead. Default: no
+    limit; 60 for parts that are sent to the service."""
 
     @property
     def regions(self) -> bool:

@@ -52,6 +52,8 @@ if TYPE_CHECKING:
 Order = TypeVar("Order")
 RECORDING = "scan.h5"
 """Name of the recording that `read_on_stage` leaves in the job's folder."""
+SENT_LIMIT_S = 60.0
+"""Seconds for which a sense searches a part of the service by default, so that no part holds a worker for longer."""
 _MOST_BYTES_SENT = 200_000_000
 
 
@@ -352,11 +354,13 @@ def check_settings(settings: ReadSettings) -> None:
 
 
 def _own_reader(job: PartJob) -> Reader:
-    """The reader of a job of the service; for a part that was photographed earlier, it searches the whole scan.
+    """The reader of a job of the service, with a time limit.
 
     Raises:
         OwnFileError: it cannot be opened; all its files are the service's own.
     """
+    if job.settings.limit_s is None:
+        job = replace(job, settings=job.settings.model_copy(update={"limit_s": SENT_LIMIT_S}))
     try:
         with sender_names(job.folder, {str(path): path.name for path in files_of(job.settings)}):
             return job.open_reader()

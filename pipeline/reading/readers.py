@@ -79,6 +79,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         certified=acceptance_of(settings),
         orientation=Orientation(settings.orientation),
         accept_risk=settings.accept_risk,
+        limit_s=settings.limit_s,
     )
 
 

@@ -34,6 +34,7 @@ from recognition.decide.sense_judges import (
     code_disagrees,
     lines_disagree,
     log_of_sense,
+    search_stopped,
     senses_disagree,
     senses_together,
 )
@@ -53,7 +54,7 @@ JUDGES: tuple[Judge, ...] = (
     other_lines, orientation, layout, unread_photograph,
     cut_characters, missing_strokes, undecided_strokes, named_font, guessed_characters,
     accepted_risk, depth_rules,
-    log_of_sense, senses_together, lines_disagree, senses_disagree, code_disagrees,
+    log_of_sense, search_stopped, senses_together, lines_disagree, senses_disagree, code_disagrees,
 )  # fmt: skip
 """Rules that a text must keep, family by family."""
 JUDGES_OF_SURE: tuple[Judge, ...] = (other_texts, too_few_lines, certificate)
@@ -190,7 +191,7 @@ def _trace(evidence: Evidence, choice: Choice, verification: Verification | None
     sense, line, vision = choice.sense, choice.line, evidence.vision
     trace = partial(
         ReadingTrace,
-        photo=None if vision is None else vision.log.photo,
+        photo=None if vision is None else vision.log.whole_photo or vision.log.photo,
         odds=choice.odds,
         evidence=None if line is None or choice.decoding is None else line.evidence,
         strokes=deferred(lambda: choice.strokes),

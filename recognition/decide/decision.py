@@ -123,6 +123,7 @@ class ReadingFlag(Flag):
         "the check digit cannot distinguish the most likely serials (look at the part)",
     )
     SEARCH_EXHAUSTED = Kind.CONTRACT, "too many possible serials to try them all (look at the part)"
+    SEARCH_STOPPED = Kind.CONTRACT, "the time limit ended the search (allow more time)"
     FOREIGN_SHAPES = Kind.CONTRACT, "the font may lack a character of the part (look at the part)"
     NOT_CERTIFIED = Kind.CONTRACT, "not covered by the certificate (look at the part)"
     TOO_SHALLOW = Kind.MARK, "the mark is too shallow"

@@ -82,10 +82,12 @@ class Log:
         scan: scan, with its log of passes if they were chosen one after the other.
         rows_known: whether the order of the map's rows is known; of a photograph it is.
         chosen_passes: whether the passes of the scan were chosen one after the other.
-        photo: photograph, with others of the same part.
+        photo: photograph, with others of the same part; of one with a region only the area around it.
+        whole_photo: the photograph that it was cropped from, if it was.
         photos: number of photographs that were read.
         codes: Data Matrix and QR codes in the photographs.
         other_texts: texts of other looks that were more likely right than wrong; the surest look was chosen.
+        stopped: why its search ended before it was complete; empty if it did not.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -96,9 +98,11 @@ class Log:
     rows_known: bool = True
     chosen_passes: bool = False
     photo: Photo | None = None
+    whole_photo: Photo | None = None
     photos: int = 0
     codes: tuple[Code, ...] = ()
     other_texts: frozenset[str] = frozenset()
+    stopped: str = ""
 
     __repr__ = one_line
 

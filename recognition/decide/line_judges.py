@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from recognition.decide.choice import LEAST_PLACES, Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
@@ -13,6 +15,7 @@ from recognition.find.layouts import Layout, LayoutKind
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, ways_possible
 from recognition.find.part_lines import PartLines
 from recognition.language.orientation import Way, other_text, readable
+from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 from recognition.see.photo_sizes import shrunk
 
 _SET = {
@@ -152,9 +155,11 @@ def unread_photograph(
     if shrunk(photo, pixels).grey().std() < least_contrast:
         yield Finding(ReadingFlag.NONE, DARK)
     elif len(part.candidates) > 1:
-        view = choice.sense.views[0]
+        whole = choice.sense.log.whole_photo or photo
+        rows, columns = whole.shape
+        size_mm = np.multiply((columns - 1, rows - 1), photo_pitch_mm(whole))
         middles = [line.centre_mm.mean(axis=0) for line in part.candidates]
-        shares = [(middle - view.origin_mm) / view.size_mm for middle in middles]
+        shares = [(middle - photo_origin_mm(whole)) / size_mm for middle in middles]
         places = ", ".join(f"{x:.2f} {y:.2f}" for x, y in shares)
         text = (
             f"several candidates: {len(shares)} places look like a line of text, centred at {places} (shares of "

@@ -19,6 +19,14 @@ def log_of_sense(evidence: Evidence, choice: Choice, settings: DecisionSettings)
         yield from sense.log.findings
 
 
+def search_stopped(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report a search that a time limit cut short, unless a sense whose search is whole accepts the same text."""
+    for sense in choice.senses:
+        whole = (choice.alone[other.source] for other in choice.senses if not other.log.stopped)
+        if sense.log.stopped and not any(w.serial_is_sure and w.plain_text == choice.text for w in whole):
+            yield Finding(ReadingFlag.SEARCH_STOPPED, f"the search {sense.log.stopped} (allow more time)")
+
+
 def senses_together(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Note that one sense alone has read the part, though both have looked."""
     if not choice.alone or choice.is_fused:

@@ -39,12 +39,18 @@ BETWEEN: Move = (0.0, 1.0, 3)
 
 def search_of(view: View, request: LineRequest, looks: Looks | None = None) -> Search:
     """Search for lines of a view by the networks, or by templates if the request names their fonts."""
-    looks = looks or Looks(most=request.limits.most_looks, limit_s=request.limits.limit_s)
+    looks = looks or Looks(most=request.limits.most_looks, deadline=request.deadline)
     if request.templates is None:
         return Search(view, request, looks)
     from recognition.find.template_lines import TemplateSearch
 
     return TemplateSearch(view, request, looks)
+
+
+def within_area(views: Sequence[View], request: LineRequest) -> tuple[Sequence[View], LineRequest]:
+    """Crop views of one part to the area of the request's regions, and the request to these."""
+    area = request.area
+    return (views, request) if area is None else ([view.cut(area) for view in views], request.inside(area))
 
 
 def find(
@@ -59,10 +65,13 @@ def find(
         about: positions of the part's lines, that of the serial first, if they are known.
         twice: look a second time even if one look is sure: templates need accurate places.
     """
+    views, request = within_area(views, request)
     limits = request.limits
-    looks = Looks(limit_s=limits.limit_s)
+    looks = Looks(deadline=request.deadline)
     searched: list[tuple[Search, list[ReadLine]]] = []
     for view in views:
+        if searched and looks.deadline.is_over():
+            break
         # each light may be looked at as often
         looks.most = None if limits.most_looks is None else looks.count + limits.most_looks
         search = search_of(view, request, looks)
@@ -85,7 +94,7 @@ def find(
     if limits.most_looks is not None:
         looks.most = looks.count + limits.layout_looks
     layout = other_layout(search, part.main, part.candidates)
-    return replace(part, layout=layout, looks=looks.count, stopped=looks.stopped)
+    return replace(part, layout=layout, looks=looks.count, stopped=looks.deadline.stopped)
 
 
 def _read_closely(

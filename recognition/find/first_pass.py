@@ -16,7 +16,7 @@ from typing import Any
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
-from recognition.find.find import search_of
+from recognition.find.find import search_of, within_area
 from recognition.find.request import LineRequest
 from recognition.see.view import felt_view, relief_of
 from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
@@ -103,7 +103,7 @@ def felt_heights_mm(
         edges = edge_map(scan)
     except MapError as error:
         raise NothingFeltError(error.what, hint=error.hint) from error
-    view = felt_view(edges, relief_of(scan, edges), scan.touch)
+    (view,), request = within_area([felt_view(edges, relief_of(scan, edges), scan.touch)], request)
     return of_other_scales(search_of(view, request).heights_mm())[:most]
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from time import monotonic
-
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.find.deadline import Deadline
 from recognition.recogniser.recogniser import WIDER, posteriors
 from recognition.see.text_line import TextLine
 from recognition.see.view import Layers, View
@@ -18,18 +17,18 @@ class Looks:
     Attributes:
         count: runs of the recogniser.
         most: most runs of the recogniser.
-        stopped: why the deadline refused a look; empty if it did not.
+        deadline: time limit of the part.
     """
 
-    def __init__(self, *, most: int | None = None, limit_s: float | None = None) -> None:
+    def __init__(self, *, most: int | None = None, deadline: Deadline | None = None) -> None:
         """Start with a part.
 
         Args:
             most: most runs of the recogniser (default: no limit).
-            limit_s: seconds after which it is not run any more (default: no limit).
+            deadline: time limit of the part (default: none).
         """
-        self.count, self.most, self.stopped = 0, most, ""
-        self._limit_s, self._start_s = limit_s, monotonic()
+        self.count, self.most = 0, most
+        self.deadline = Deadline() if deadline is None else deadline
         self._posteriors: dict[tuple[object, ...], NDArray[np.float32]] = {}
         self._strip: tuple[tuple[object, ...], Layers] | None = None
 
@@ -39,9 +38,8 @@ class Looks:
         Args:
             spared: looks that are kept for later.
         """
-        if self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
-            self.stopped = f"stopped after {self._limit_s:g} s"
-        return not self.stopped and (self.most is None or self.count + spared < self.most)
+        allowed = self.most is None or self.count + spared < self.most
+        return allowed and not self.deadline.is_over()
 
     def posteriors(
         self, view: View, line: TextLine, *, wider: float = WIDER, skip_columns: int = 0

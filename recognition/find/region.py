@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from recognition.see.text_line import TextLine
 from recognition.see.view import View
 
@@ -30,26 +32,42 @@ def stands_in(region: Region | None, line: TextLine, view: View) -> bool:
     return bool(left <= x <= right and top <= y <= bottom)
 
 
-def about_region(
-    region: Region | None,
-    view: View,
+def area_of(
+    regions: Iterable[Region | None],
     *,
     margins: tuple[float, float] = (0.5, 1.0),
     most_of_view: float = 0.6,
-) -> View:
-    """Part of a view with all lines whose middle is in a region; the whole view if that is most of it.
+) -> Region | None:
+    """Area with all lines whose middle is in one of these regions; None if it is most of the view.
 
     Args:
+        regions: regions, that of the serial first; if it is None, the line may be anywhere.
         margins: around a region, across and down, as shares of its size, since a line may extend beyond the region
             that contains its middle.
-        most_of_view: share of the view above which the whole view is returned.
+        most_of_view: share of the view above which it is most of it.
     """
+    serial, *others = regions
+    if serial is None:
+        return None
+    edges = []
+    for left, top, right, bottom in (serial, *(region for region in others if region is not None)):
+        wide, high = margins[0] * (right - left), margins[1] * (bottom - top)
+        edges.append((left - wide, top - high, right + wide, bottom + high))
+    lefts, tops, rights, bottoms = zip(*edges, strict=True)
+    area = max(min(lefts), 0.0), max(min(tops), 0.0), min(max(rights), 1.0), min(max(bottoms), 1.0)
+    return None if (area[2] - area[0]) * (area[3] - area[1]) > most_of_view else area
+
+
+def within(region: Region | None, area: Region) -> Region | None:
+    """A region of the whole as shares of an area that holds it."""
     if region is None:
-        return view
-    left, top, right, bottom = region
-    wide, high = margins[0] * (right - left), margins[1] * (bottom - top)
-    across = max(left - wide, 0.0), min(right + wide, 1.0)
-    down = max(top - high, 0.0), min(bottom + high, 1.0)
-    if (across[1] - across[0]) * (down[1] - down[0]) > most_of_view:
-        return view
-    return view.cut(across, down)
+        return None
+    left, top, right, bottom = area
+    wide, high = right - left, bottom - top
+    shares = (
+        (region[0] - left) / wide,
+        (region[1] - top) / high,
+        (region[2] - left) / wide,
+        (region[3] - top) / high,
+    )
+    return (max(shares[0], 0.0), max(shares[1], 0.0), min(shares[2], 1.0), min(shares[3], 1.0))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import SIGNS
-from recognition.find.region import Region, check_region
+from recognition.find.deadline import Deadline
+from recognition.find.region import Region, area_of, check_region, within
 from recognition.find.template_fonts import TemplateFonts
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
@@ -50,7 +51,6 @@ class SearchLimits:
         layout_looks: most further runs that look for another layout of a doubtful part.
         least_gain_per_ms: price of processor time: expected gain of a try, right characters for each ms, below which
             it is left out.
-        limit_s: seconds after which no line is read any more (default: no limit).
     """
 
     most_lines: int = 6
@@ -64,7 +64,6 @@ class SearchLimits:
     spared_looks: int = 8
     layout_looks: int = 10
     least_gain_per_ms: float = 0.002
-    limit_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +80,7 @@ class LineRequest:
         lines: other lines of the part, by name.
         limits: limits of the search.
         templates: fonts whose templates find and read lines, in place of the networks.
+        deadline: time limit of the part that is read (default: no limit).
     """
 
     grammar: Grammar | None
@@ -92,11 +92,22 @@ class LineRequest:
     lines: Mapping[str, LineFormat] = field(default_factory=dict)
     limits: SearchLimits = SearchLimits()
     templates: TemplateFonts | None = None
+    deadline: Deadline = field(default_factory=Deadline)
 
     @property
     def rare(self) -> str:
         """Signs that are rare on parts; none if there is a format."""
         return SIGNS if self.grammar is None else ""
+
+    @property
+    def area(self) -> Region | None:
+        """Area of the view that is searched, with a margin around all regions; None for the whole view."""
+        return area_of((self.region, *(line.region for line in self.lines.values())))
+
+    def inside(self, area: Region) -> LineRequest:
+        """The request for a picture that shows only this area."""
+        lines = {name: replace(line, region=within(line.region, area)) for name, line in self.lines.items()}
+        return replace(self, region=within(self.region, area), lines=lines)
 
     def chars_of(self, font: Font) -> str:
         """Characters to search for that a font has."""

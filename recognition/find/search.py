@@ -18,7 +18,7 @@ from recognition.find.finder import FoundLine, find_lines, overlap
 from recognition.find.line_variants import is_same_place, move_line
 from recognition.find.looks import Looks
 from recognition.find.promise import is_convincing, promise_of, rank, share_of
-from recognition.find.region import about_region, stands_in
+from recognition.find.region import stands_in
 from recognition.find.request import LineRequest
 from recognition.find.tries import TRIES, Try
 from recognition.language.grammar import Grammar
@@ -58,14 +58,9 @@ class Search:
         return replace(self, request=replace(self.request, grammar=grammar))
 
     @cached_property
-    def near(self) -> View:
-        """The part of the view that is searched."""
-        return about_region(self.request.region, self.view)
-
-    @cached_property
     def finder_lines(self) -> Sequence[FoundLine]:
         """The finder's lines, most promising first."""
-        return find_lines(self.near, height_mm=self.request.height_mm)[: self.request.limits.most_lines]
+        return find_lines(self.view, height_mm=self.request.height_mm)[: self.request.limits.most_lines]
 
     def candidates(self) -> list[TextLine]:
         """Propose lines, most promising first, without reading them."""
@@ -75,7 +70,7 @@ class Search:
         """Propose lines turned by about these angles, clockwise as seen, most promising first."""
         height_mm = self.request.height_mm
         found = [
-            each for deg in turns_deg for each in find_lines(self.near, height_mm=height_mm, turned_deg=deg)
+            each for deg in turns_deg for each in find_lines(self.view, height_mm=height_mm, turned_deg=deg)
         ]
         return [each.line for each in sorted(found, key=lambda each: -each.score)]
 
@@ -112,7 +107,7 @@ class Search:
         """
         limits, lines, known = self.request.limits, list(lines), [read.line for read in lines]
         times, left = Counter[str](), dict[tuple[str, int], list[TextLine]]()
-        while self.looks.may_look(spared=limits.spared_looks):
+        while True:
             best = self.in_region(lines)[:1]
             share = share_of(best[0]) if best else -1.0
             rows = {
@@ -125,6 +120,8 @@ class Search:
             }
             row = max(worth, key=lambda row: worth[row], default=None)
             if row is None or worth[row] < limits.least_gain_per_ms:
+                return
+            if not self.looks.may_look(spared=limits.spared_looks):
                 return
             if rows[row] not in left:
                 left[rows[row]] = list(row.propose(self, best if row.refines else lines))

@@ -130,7 +130,7 @@ class TemplateSearch(Search):
             return [self.request.height_mm]
         matching = self._fonts.matching
         count = math.ceil(math.log(matching.largest / matching.smallest) / math.log(matching.size_step)) + 1
-        sizes = [matching.largest * min(self.near.size_mm) / matching.size_step**k for k in range(count)]
+        sizes = [matching.largest * min(self.view.size_mm) / matching.size_step**k for k in range(count)]
 
         def explained_mm(height_mm: float) -> float:
             rows = self.under(None)._rows(font, style, height_mm, pixels=sketch_pixels)
@@ -141,7 +141,7 @@ class TemplateSearch(Search):
     def _rows(self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int) -> list[_PlacedLine]:
         """Place characters of one height along level rows of the view, which overlap."""
         glyphs = self._glyphs(font, style, height_mm, pixels=pixels)
-        rows = anywhere(self.near, height_mm=height_mm, blind_step=0.5, most_blind=100)
+        rows = anywhere(self.view, height_mm=height_mm, blind_step=0.5, most_blind=100)
         return [self._place(row, font, glyphs) for row in rows]
 
     def _looks(self, lines: Iterable[TextLine], style: MarkStyle) -> list[ReadLine]:

@@ -54,11 +54,7 @@ class Searched(Protocol):
 
     @property
     def view(self) -> View:
-        """The whole view."""
-
-    @property
-    def near(self) -> View:
-        """The part of the view that is searched."""
+        """The view that is searched."""
 
     @property
     def finder_lines(self) -> Sequence[FoundLine]:
@@ -117,15 +113,15 @@ def _further(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
 
 
 def _faint(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
-    return [each.line for each in find_lines(search.near, height_mm=search.request.height_mm, faint=True)]
+    return [each.line for each in find_lines(search.view, height_mm=search.request.height_mm, faint=True)]
 
 
 def _blind(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
-    return anywhere(search.near, height_mm=search.request.height_mm)
+    return anywhere(search.view, height_mm=search.request.height_mm)
 
 
 def _whole_view(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
-    return [] if search.request.height_mm is not None else whole_view(search.near)
+    return [] if search.request.height_mm is not None else whole_view(search.view)
 
 
 def _reversed(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
@@ -144,7 +140,7 @@ def _smallest(search: Searched, lines: Sequence[ReadLine], *, clear_heights: flo
 
 
 def _in_tiles(search: Searched, *, fine: bool) -> list[TextLine]:
-    return [each.line for each in find_in_tiles(search.near, height_mm=search.request.height_mm, fine=fine)]
+    return [each.line for each in find_in_tiles(search.view, height_mm=search.request.height_mm, fine=fine)]
 
 
 def _vertical(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:

@@ -7,6 +7,10 @@ counts as one "mm": nothing in recognition depends on the scale.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
 from glyphs.camera.photo import Photo
 
 
@@ -27,3 +31,34 @@ def photo_middle_mm(photo: Photo) -> tuple[float, float]:
     """Photo frame (x, y) of the middle of a picture."""
     (rows, cols), pitch, (x0, y0) = photo.shape, photo_pitch_mm(photo), photo_origin_mm(photo)
     return (x0 + 0.5 * (cols - 1) * pitch, y0 + 0.5 * (rows - 1) * pitch)
+
+
+def cut(photo: Photo, area: tuple[float, float, float, float]) -> Photo:
+    """Crop a photograph and its others to left, top, right and bottom, in shares, in the same frame."""
+    rows, columns = pixels_of(area, photo.shape)
+    pitch, (x0, y0) = photo_pitch_mm(photo), photo_origin_mm(photo)
+    middle = (
+        x0 + 0.5 * (columns.start + columns.stop - 1) * pitch,
+        y0 + 0.5 * (rows.start + rows.stop - 1) * pitch,
+    )
+    others = tuple(cut(other, area) for other in photo.others)
+    return replace(photo, pixels=photo.pixels[rows, columns], centre_mm=middle, others=others)
+
+
+def pixels_of(
+    area: tuple[float, float, float, float], shape: Sequence[int], *, least: int = 8
+) -> tuple[slice, slice]:
+    """Rows and columns of left, top, right and bottom, in shares of (rows, columns).
+
+    Args:
+        area: the shares.
+        shape: rows and columns of the whole.
+        least: least number of each.
+    """
+
+    def pixels(low: float, high: float, n: int) -> slice:
+        first = max(min(math.floor(low * n), n - least), 0)
+        return slice(first, max(math.ceil(high * n), first + least))
+
+    left, top, right, bottom = area
+    return pixels(top, bottom, shape[0]), pixels(left, right, shape[1])

@@ -14,7 +14,6 @@ Unknown samples, and layers that a view lacks, are 0.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -26,7 +25,7 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
+from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm, pixels_of
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief, relief_from_edges
@@ -112,15 +111,13 @@ class View:
         layers[[forward, back]] = layers[[back, forward]]
         return replace(self, layers=layers)
 
-    def cut(self, across: tuple[float, float], down: tuple[float, float]) -> View:
-        """Crop the view to a range of its columns and one of its rows, each in shares, in the same frame."""
-        (top, bottom), (left, right) = (
-            (math.floor(a * n), max(math.ceil(b * n), math.floor(a * n) + 8))
-            for (a, b), n in zip((down, across), self.layers.shape[1:], strict=True)
-        )
+    def cut(self, area: tuple[float, float, float, float]) -> View:
+        """Crop the view to left, top, right and bottom, in shares, in the same frame."""
+        rows, columns = pixels_of(area, self.layers.shape[1:])
         x, y = self.origin_mm
-        layers = self.layers[:, top:bottom, left:right].copy()
-        return replace(self, layers=layers, origin_mm=(x + left * self.pitch_mm, y + top * self.pitch_mm))
+        layers = self.layers[:, rows, columns].copy()
+        origin_mm = (x + columns.start * self.pitch_mm, y + rows.start * self.pitch_mm)
+        return replace(self, layers=layers, origin_mm=origin_mm)
 
     @cached_property
     def filled(self) -> NDArray[np.intp]:

@@ -150,6 +150,18 @@ def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:
     np.testing.assert_allclose(odds, 0.6 / (0.1 * 1.8), rtol=EXACT)
 
 
+def test_a_search_cut_short_counts_only_beside_a_whole_one_that_accepts_the_same_text() -> None:
+    felt, seen = touch(of_text("AB1234", 0.9999)), vision(of_text("AB1234", 0.99))
+    cut = felt.logged(stopped="stopped after 2 s")
+    assert alone(felt).decision is Decision.ACCEPT
+    assert (alone(cut).decision, alone(cut).flags) == (Decision.REVIEW, ReadingFlag.SEARCH_STOPPED)
+    assert fuse(felt, seen.logged(stopped="stopped after 2 s"), SETTINGS).decision is Decision.ACCEPT
+    doubtful = vision(of_text("AB1234", [0.999, 0.999, 0.8, 0.999, 0.999, 0.999], rival="AB7234"))
+    both = fuse(cut, doubtful, SETTINGS)
+    assert (both.text, both.decision) == ("AB1234", Decision.REVIEW)
+    assert ReadingFlag.SEARCH_STOPPED in both.flags
+
+
 def test_both_doubtful_of_the_same_are_sure_together() -> None:
     doubtful = touch(of_text("AB1234", [0.999, 0.999, 0.8, 0.999, 0.999, 0.999], rival="AB7234"))
     read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)

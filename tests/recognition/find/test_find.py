@@ -14,6 +14,7 @@ from glyphs.fonts.glyph import transform_glyph
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
+from recognition.find.deadline import Deadline
 from recognition.find.find import apart, find, search_of
 from recognition.find.line_variants import move_line
 from recognition.find.part_lines import PartLines
@@ -188,7 +189,7 @@ def test_looks_are_counted_and_end_at_a_limit() -> None:
     cut = find_in(VIEW, "99AA99", limits=SearchLimits(most_looks=4, layout_looks=0))
     assert cut.looks == 4
     assert cut.main is not None
-    late = find_in(VIEW, "99AA99", limits=SearchLimits(limit_s=0.0))
+    late = find([VIEW], request_of("99AA99", deadline=Deadline(0.0)))
     assert (late.main, late.looks, late.stopped) == (None, 0, "stopped after 0 s")
 
 

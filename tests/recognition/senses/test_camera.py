@@ -17,7 +17,7 @@ from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition import camera
-from recognition.decide.decision import Decision
+from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.line_judges import DARK
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
@@ -109,6 +109,16 @@ def test_a_photograph_becomes_a_reading(reader: Reader, photo: tuple[StampedPart
     check_places(found, part)
 
 
+def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[StampedPart, Photo]) -> None:
+    _, picture = photo
+    stopped = Reader(fonts="gothic", format="A9999999", height_mm=5.0, limit_s=1e-6).read(picture)
+    assert stopped.text == ""
+    assert stopped.flags & ReadingFlag.SEARCH_STOPPED
+    assert "the search stopped after 1e-06 s (allow more time)" in map(str, stopped.findings)
+    with pytest.raises(ValueError, match="a time limit is a positive number of seconds"):
+        Reader(limit_s=0.0)
+
+
 @pytest.mark.parametrize(("level", "noise"), [(0, 0.0), (128, 0.0), (20, 3.0)])
 def test_a_covered_lens_is_not_taken_for_several_lines(reader: Reader, level: int, noise: float) -> None:
     pixels = level + np.random.default_rng(1).normal(0.0, noise, (90, 160))
@@ -122,6 +132,29 @@ def test_without_a_scale_lengths_are_pixels(reader: Reader, photo: tuple[Stamped
     assert (found.text, found.unit) == (TEXT, "px")
     # millimetres are of no account then; finder and moves are within a quarter
     assert found.height_mm == pytest.approx(part.height_mm / part.height_map.pitch_mm, rel=0.25)
+
+
+@pytest.mark.parametrize("pitch_mm", [None, 0.08])
+def test_a_region_crops_the_photograph_and_keeps_its_frame(
+    photo: tuple[StampedPart, Photo], pitch_mm: float | None
+) -> None:
+    picture = photo[1].pixels
+    rows, columns = picture.shape
+    wide = np.full((4 * rows, 3 * columns), 110, dtype=np.uint8)
+    wide[2 * rows : 3 * rows, columns : 2 * columns] = picture
+    region = (0.4, 0.55, 0.6, 0.7)
+    reading = Reader(format="A9A99", region=region).read(Photo(wide, pitch_mm))
+    assert reading.text == TEXT
+    assert reading.evidence is not None
+    assert reading.evidence.vision is not None
+    seen, trace = reading.evidence.vision.views[0], reading.trace.photo
+    assert seen.layers[0].size < 0.5 * wide.size
+    assert trace is not None
+    assert trace.shape == wide.shape
+    assert reading.box is not None
+    x, y = reading.box.x0_mm / (pitch_mm or 1.0), reading.box.y0_mm / (pitch_mm or 1.0)
+    assert columns < x < 1.5 * columns
+    assert 2 * rows < y < 3 * rows
 
 
 @pytest.mark.parametrize("turns", [1, 2])

@@ -1,0 +1,28 @@
+"""Time limit of a part: a search that reaches it stops, and what was read so far counts."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+
+class Deadline:
+    """Time from which a part is not looked at any more.
+
+    Attributes:
+        stopped: why the search ended before it was complete; empty if nothing was left out.
+    """
+
+    def __init__(self, limit_s: float | None = None) -> None:
+        """Start with a part.
+
+        Args:
+            limit_s: seconds from now (default: no limit).
+        """
+        self.stopped = ""
+        self._limit_s, self._start_s = limit_s, monotonic()
+
+    def is_over(self) -> bool:
+        """Whether the time is over; to be asked only before something that is left out then."""
+        if self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
+            self.stopped = f"stopped after {self._limit_s:g} s"
+        return bool(self.stopped)
