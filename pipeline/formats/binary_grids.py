@@ -1,22 +1,24 @@
-"""Heights in binary grids of Surfer (.grd), Gwyddion (.gsf), MATLAB (.mat), TrueMap (.tmd) and NanoFocus (.nms)."""
+"""Heights in binary grids of Surfer (.grd), Gwyddion (.gsf), MATLAB (.mat), TrueMap (.tmd) and NanoFocus (.nms).
+
+SurfaceTopography 1.27 knows no .grd and .gsf, reads one of the four variants of .tmd, takes the distances of .nms for
+millimetres (they are nanometres), and the rows of .mat for columns.
+"""
 
 from __future__ import annotations
 
 import io
-import math
 import re
 import struct
 import zlib
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.grid import MM
 from pipeline.formats.kinds import SPARE_BYTES
-from pipeline.formats.raw_map import CUT_SHORT, RawMap, check_size
+from pipeline.formats.raw_map import RawMap, check_size, numbers_in
 
 # Surfer 6: columns, rows, and the ends of x, y and z; Surfer 7: rows, columns, corner, steps, ends of z, turn, blank
 _SURFER_6, _SURFER_7 = struct.Struct("<4shh6d"), struct.Struct("<ii8d")
@@ -38,15 +40,11 @@ _MATLAB_NUMBERS = (
 
 
 def read_grd(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read a Surfer grid (text, version 6 or version 7), whose first row is the lowest.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """Read a Surfer grid (text, version 6 or version 7), whose first row is the lowest."""
     data = path.read_bytes()
     if data.startswith(b"DSBB"):
         _, cols, rows, x, to_x, y, to_y, *_ = _SURFER_6.unpack_from(data)
-        z = _matrix(data, "<f4", _SURFER_6.size, (rows, cols), most)
+        z = numbers_in(data, "<f4", _SURFER_6.size, (rows, cols), most)
         pitches = (to_x - x) / max(cols - 1, 1), (to_y - y) / max(rows - 1, 1)
         return RawMap(z, *pitches, bottom_first=True, rows_stated=True)
     if not data.startswith(b"DSRB"):
@@ -54,24 +52,20 @@ def read_grd(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
         return read_text_map(path, most)
     sections: dict[bytes, int] = {}
-    at = 0
+    place = 0
     while b"DATA" not in sections and len(sections) < _MOST_SECTIONS:
-        tag, size = struct.unpack_from("<4si", data, at)
-        sections[tag] = at = at + 8
-        at += max(size, 0)
+        tag, size = struct.unpack_from("<4si", data, place)
+        sections[tag] = place + 8
+        place += 8 + max(size, 0)
     rows, cols, _, _, x_pitch, y_pitch, _, _, turn, blank = _SURFER_7.unpack_from(data, sections[b"GRID"])
     if turn:
         raise DataError(f"is a grid rotated by {turn:g} degrees", "export it without a rotation")
-    z = _matrix(data, "<f8", sections[b"DATA"], (rows, cols), most)
+    z = numbers_in(data, "<f8", sections[b"DATA"], (rows, cols), most)
     return RawMap(np.where(z >= blank, np.nan, z), x_pitch, y_pitch, bottom_first=True, rows_stated=True)
 
 
 def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read a Gwyddion Simple Field, whose first row is the top one.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """Read a Gwyddion Simple Field, whose first row is the top one."""
     data = path.read_bytes()
     end = data.find(b"\0", 0, _MOST_HEAD_BYTES)
     if not data.startswith(_GSF) or end < 0:
@@ -81,7 +75,7 @@ def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
     rows, cols = int(head["YRes"]), int(head["XRes"])
     if (unit := head.get("ZUnits", "")) not in MM:
         raise DataError(f"holds no heights: its values have the unit {unit!r}", "export the heights")
-    z = _matrix(data, "<f4", end + 4 - end % 4, (rows, cols), most)
+    z = numbers_in(data, "<f4", end + 4 - end % 4, (rows, cols), most)
     pitches = float(head.get("XReal", 1.0)) / cols, float(head.get("YReal", 1.0)) / rows
     return RawMap(
         z, *pitches, z_mm=MM[unit], xy_mm=MM.get(head.get("XYUnits", "")), rows_stated=True, unit=unit
@@ -94,9 +88,6 @@ def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
     A title, and in some variants a comment, end with a zero; some writers pad them with more. Then come columns and
     rows, width and height, from version 2 on the offsets along x and y, and the heights. The place and kind of the
     numbers are those that leave exactly the heights, else those after the comment of version 2.
-
-    Raises:
-        DataError: the file cannot be used.
     """
     data = path.read_bytes()
     if not _TMD_TITLE.match(data):
@@ -113,7 +104,7 @@ def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
             cols, rows, width, height = _TMD_SIZES.unpack_from(data, start)
             spare = len(data) - end - 4 * rows * cols
             if min(rows, cols) > 0 and min(width, height) > 0.0 and (spare == 0 or (spare > 0 and not exact)):
-                z = _matrix(data, "<f4", end, (rows, cols), most)
+                z = numbers_in(data, "<f4", end, (rows, cols), most)
                 return RawMap(
                     z, width / cols, height / rows, z_mm=1.0, xy_mm=1.0, rows_stated=True, unit="mm"
                 )
@@ -121,32 +112,17 @@ def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def read_nms(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read a NanoFocus file, heights in um and distances in nm, whose first row is the top one.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """Read a NanoFocus file, heights in um and distances in nm, whose first row is the top one."""
     data = path.read_bytes()
     low, high = _NMS_RANGE.unpack_from(data, 16)
     cols, rows, x_pitch, y_pitch = _NMS_GRID.unpack_from(data, 1368)
-    counts = _matrix(data, "<u2", _NMS_HEAD_BYTES, (rows, cols), most)
+    counts = numbers_in(data, "<u2", _NMS_HEAD_BYTES, (rows, cols), most)
     z = low + counts * ((high - low) / 65534.0)
     return RawMap(z, x_pitch, y_pitch, z_mm=1e-3, xy_mm=1e-6, rows_stated=True, unit="um")
 
 
-def _matrix(data: bytes, kind: str, start: int, shape: tuple[int, int], most: int) -> NDArray[np.floating]:
-    check_size(*shape, most)
-    if len(data) < start + np.dtype(kind).itemsize * math.prod(shape):
-        raise DataError(*CUT_SHORT)
-    return np.frombuffer(data, kind, count=math.prod(shape), offset=start).reshape(shape)
-
-
 def read_mat(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read `z_mm` or the only matrix of a MATLAB file, and the number `pitch_mm` if there is one.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """Read `z_mm` or the only matrix of a MATLAB file, and the number `pitch_mm` if there is one."""
     import h5py
     from scipy.io import loadmat, whosmat
 

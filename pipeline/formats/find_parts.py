@@ -78,7 +78,7 @@ class PassedOver:
         return counts + Counter(folder=len(self.folders))
 
     def describe(self) -> str:
-        """One line of text; empty if nothing was ignored."""
+        """One line of text; empty if nothing was passed over."""
         texts = []
         if self.files:
             kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix != "folder"}
@@ -129,7 +129,7 @@ def discover(
     Args:
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
         manifests: more manifests, of any file name.
-        recurse: search the subfolders of folders, too; those of a web server are not searched.
+        recurse: search subfolders, too; those of a web server are not searched.
         photos: photographs without a height map or scan are parts; otherwise those of folders are passed over.
         beside: photographs beside a named local file with the same stem belong to its part.
         height_images: .png and .tif are height maps, not photographs.
@@ -141,7 +141,7 @@ def discover(
     """
     from pipeline.formats.remote import list_remote
 
-    names = [local_name(str(given)) for given in inputs]
+    names = [local_name(str(name)) for name in inputs]
     if len(names) + len(manifests) == 1 and (manifests or is_manifest(names[0])):
         return Listing(read_manifest((*names, *manifests)[0]), PassedOver())
     part_files = FoundFiles(recurse=recurse, photos=photos, height_images=height_images)
@@ -168,14 +168,12 @@ def discover(
 
 
 class FoundFiles:
-    """Found files, grouped to parts by folder and stem.
+    """Files, grouped to parts by folder and stem; the arguments are those of `discover`.
 
-    Attributes:
-        passed_over: files of folders that belong to no part, and folders; complete after `parts`.
+    `passed_over` is complete after `parts`.
     """
 
     def __init__(self, *, recurse: bool, photos: bool, height_images: bool) -> None:
-        """Start without files; the arguments are those of `discover`."""
         self._recurse, self._photos = recurse, photos
         self._key_and_kind = partial(key_and_kind, height_images=height_images)
         self.passed_over = PassedOver()
@@ -183,22 +181,18 @@ class FoundFiles:
         self._named: set[tuple[str, ...]] = set()
         self._beside: dict[str, dict[str, list[str]]] = {}
 
-    def add_local(self, given: str, *, beside: bool = False) -> None:
-        """Add the files that a local file, folder or glob names.
-
-        Raises:
-            FileError: a folder cannot be listed.
-        """
-        path = Path(given).as_posix()
+    def add_local(self, name: str, *, beside: bool = False) -> None:
+        """Add the files that a local file, folder or glob names; a FileError if a folder cannot be listed."""
+        path = Path(name).as_posix()
         if os.path.isdir(path):
             self._add_folder(path, root=path)
-        elif os.path.exists(given) or not glob.has_magic(given):
+        elif os.path.exists(name) or not glob.has_magic(name):
             self.add([path, *(self._photos_of(path) if beside else ())], named=True)
         else:
-            names = sorted(Path(p).as_posix() for p in glob.glob(given, recursive=True))
-            folders = [name for name in names if os.path.isdir(name)]
-            self.add([name for name in names if os.path.isfile(name)])
-            for folder in folders if "**" not in given else ():
+            paths = sorted(Path(p).as_posix() for p in glob.glob(name, recursive=True))
+            folders = [path for path in paths if os.path.isdir(path)]
+            self.add([path for path in paths if os.path.isfile(path)])
+            for folder in folders if "**" not in name else ():
                 self._add_folder(folder, root=folder)
 
     def _add_folder(self, folder: str, *, root: str) -> None:
@@ -318,11 +312,10 @@ def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
     return replace(part, **files, problem=part.problem or problem)
 
 
+# a file's name may hold any bytes, and a part's name is stored
 def _stem_name(stem: str) -> str:
-    """A name that can be stored, whatever bytes the file's name holds."""
     return stem.encode("utf-8", "replace").decode()[: _MOST_NAME if len(stem) > 255 else None]
 
 
 def _says_more(part: PartFiles) -> bool:
-    """Whether a manifest gives more than the files of a part."""
     return bool(part.expected or part.format or part.font)

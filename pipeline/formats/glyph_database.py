@@ -36,10 +36,10 @@ FORMAT_NAME = "tactile-marks glyph database"
 FORMAT_VERSION = 3
 MOST_FILE_BYTES = 1_000_000_000
 MOST_FONTS = 200
+# of one character: the work of drawing it grows with their square
 MOST_GLYPH_POINTS = 5_000
-"""Most points of one character: the work of drawing it grows with their square."""
+# unpacked size that is always allowed, and as a multiple of the file's length; exemplars pack to half
 _LEAST_UNPACKED_BYTES, _MOST_RATIO = 64_000_000, 20
-"""Limits of the unpacked size: one always allowed, and a multiple of the file's length; exemplars pack to half."""
 _NUMBERS = ("<f4", "<f8")
 
 
@@ -48,7 +48,6 @@ class Exemplar(OneLine):
     """One character measured by touch, and enrolled.
 
     Attributes:
-        char: the character.
         font_name: the font it was stamped with; empty if unknown.
         relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
             NaN where unknown.
@@ -56,7 +55,6 @@ class Exemplar(OneLine):
         enrolled_at: ISO 8601 time, given by the caller.
         height_mm: character height; 0 where unknown.
         rotation_deg: rotation of its line in the plate frame.
-        raised: whether the mark is raised.
         part: name of the part.
         place: place of the character in the part's text, from 1; 0 where unknown.
         evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
@@ -93,11 +91,7 @@ class Exemplar(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GlyphDatabase(OneLine):
-    """Fonts and enrolled exemplars of the letters in use.
-
-    Attributes:
-        fonts: fonts by name, read-only.
-        exemplars: in order of enrolment.
+    """Fonts by name (read-only) and enrolled exemplars, in order of enrolment, of the letters in use.
 
     Raises:
         MarksError: a font filed under another name.
@@ -144,11 +138,10 @@ def _head(body: bytes) -> bytes:
 
 
 def _checked_body(data: bytes) -> bytes:
-    """Check the name, version and digest of a file, and return the rest."""
-    name, _, rest = data.partition(b"\n")
+    name, _, after_name = data.partition(b"\n")
     if name != FORMAT_NAME.encode("ascii"):
         raise DataError("is not a glyph database, or its first bytes are damaged", "restore it from a copy")
-    version = rest.partition(b"\n")[0].removeprefix(b"format_version ")
+    version = after_name.partition(b"\n")[0].removeprefix(b"format_version ")
     if version.isdigit() and len(version) < 6 and int(version) > FORMAT_VERSION:
         what = f"has format version {int(version)}, newer than {FORMAT_VERSION}"
         raise DataError(what, "update this program to read it")
@@ -158,12 +151,8 @@ def _checked_body(data: bytes) -> bytes:
     return body
 
 
+# its digest matches: any fault in it comes from the program that wrote it
 def _unpack(body: bytes) -> GlyphDatabase:
-    """Unpack a database whose digest matches; any fault in it comes from the program that wrote it.
-
-    Raises:
-        DataError: it is too large or invalid.
-    """
     most, unpacking = max(_LEAST_UNPACKED_BYTES, _MOST_RATIO * len(body)), zlib.decompressobj()
     text = unpacking.decompress(body, most)
     if unpacking.unconsumed_tail:
@@ -186,7 +175,6 @@ def _unpack(body: bytes) -> GlyphDatabase:
 
 
 def _plain(value: Any) -> dict[str, Any]:
-    """Convert an array or a read-only mapping for JSON."""
     if not isinstance(value, np.ndarray):
         return dict(value)
     numbers = base64.b64encode(value.tobytes()).decode("ascii")
@@ -194,7 +182,6 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 def _array(written: dict[str, Any]) -> Any:
-    """Restore an array written by `_plain`; other JSON objects stay unchanged."""
     if written.keys() != {"dtype", "shape", "base64"} or written["dtype"] not in _NUMBERS:
         return written
     return np.frombuffer(base64.b64decode(written["base64"]), written["dtype"]).reshape(written["shape"])

@@ -45,6 +45,7 @@ _LEAST_TILT_DEG, _MOST_TILT_DEG, _PLANE_SHARE = 40.0, 70.0, 0.2
 # height over width of the thin edge of a plate
 _UPRIGHT = 20.0
 
+# millimetres per unit of length, in the spelling of files
 MM = {
     **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
     **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4, "inches": 25.4, "mil": 0.0254, "thou": 0.0254},
@@ -55,11 +56,10 @@ MM = {
         for metre in ("meter", "metre", "meters", "metres")
     },
 }
-"""Millimetres per unit of length, in the spelling of files."""
+# units of length for settings, in words
 UNITS = {"um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches", "nm": "nanometres"}
-"""Units of length for settings, in words."""
+# seconds per unit of time
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
-"""Seconds per unit of time."""
 
 
 def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
@@ -77,7 +77,6 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
 
     def factors(unit: str) -> dict[str, tuple[float, float]]:
-        """Factors by the quantities that may have the unit."""
         mm = MM[unit]
         if settings.pitch_mm is not None:
             return {"heights": (mm, 1.0)}
@@ -87,8 +86,8 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
 
     if settings.unit is not None:
         tries = list(factors(settings.unit).values())
-        fitting = [one for one in tries if not shape.absurdity(*one)]
-        return min(fitting, key=lambda one: shape.unusual(one[0]), default=tries[0])
+        fitting = [(z_mm, xy_mm) for z_mm, xy_mm in tries if not shape.absurdity(z_mm, xy_mm)]
+        return min(fitting, key=lambda pair: shape.unusual(pair[0]), default=tries[0])
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
@@ -117,15 +116,7 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
 def _refusal(
     raw: RawMap, shape: _Shape, absurd: str, factors: tuple[float, float], likeliest: tuple[str, str] | None
 ) -> DataError | None:
-    """The cause of absurd measures, and its remedy; None for a map that is flat, noisy or askew.
-
-    Args:
-        raw: the map.
-        shape: its measures.
-        absurd: what is absurd.
-        factors: millimetres in one unit of heights and of distances.
-        likeliest: which numbers may have which other unit; None if no unit fits.
-    """
+    """The cause of absurd measures, and its remedy; None for a map that is flat, noisy or askew."""
     states = f" (the file states {raw.unit})" if raw.unit else ""
     if shape.is_small(factors[1]) and (raw.unit or likeliest is None):
         states = states if raw.xy_mm == MM.get(raw.unit) else ""
@@ -156,7 +147,6 @@ class _Shape:
     """Measures of a map in the file's numbers.
 
     Attributes:
-        raw: the map.
         pitch: smaller distance of samples.
         relief: range of heights, without the outer 0.2 % at each end.
         depth: range of heights without tilt and dome, and without the outer 1 % at each end.
@@ -180,16 +170,15 @@ class _Shape:
         y, x = (axis[known] for axis in np.indices(few.shape) / max(few.shape))
         heights = few[known] - np.median(few[known])
         form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
-        rest = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
+        marks = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
         self.relief = float(np.ptp(np.percentile(heights, (0.2, 99.8))))
-        self.depth = float(np.ptp(np.percentile(rest, (1, 99))))
+        self.depth = float(np.ptp(np.percentile(marks, (1, 99))))
         self.rise = float(rises.mean()) / lag if rises.size else 0.0
         plane = np.linalg.lstsq(form[:, :3], heights, rcond=None)[0]
         if np.ptp(np.percentile(heights - form[:, :3] @ plane, (1, 99))) < _PLANE_SHARE * self.relief:
             self.slope = float(np.hypot(plane[1], plane[2])) / max(few.shape) / step
 
     def tilt_deg(self, z_mm: float, xy_mm: float) -> float:
-        """Tilt of the plane that most of its heights make up; 0 without one."""
         return float(np.degrees(np.arctan(self.slope * z_mm / (self.pitch * xy_mm))))
 
     def is_upright(self, z_mm: float, xy_mm: float) -> bool:
@@ -197,7 +186,6 @@ class _Shape:
         return bool(self.relief * z_mm > _UPRIGHT * min(self.raw.z.shape) * self.pitch * xy_mm)
 
     def is_small(self, xy_mm: float) -> bool:
-        """Whether it has no room for a character."""
         least = LEAST_PLATE_MM if self.raw.z_mm is None else LEAST_STATED_MM
         return bool(min(self.raw.z.shape) * self.pitch * xy_mm < least)
 
@@ -234,7 +222,6 @@ class _Shape:
         return ""
 
     def span(self, z_mm: float, xy_mm: float) -> str:
-        """The range of heights and the size, in words."""
         return f"heights span {_length(self.relief * z_mm)} on a map of {self._size(self.pitch * xy_mm)}"
 
     def _size(self, pitch_mm: float) -> str:
@@ -261,12 +248,9 @@ MAX_PITCH_MM = 10.0
 
 @dataclass(frozen=True, eq=False)
 class PartMap:
-    """Top of a part, and its soil.
+    """Top of a part in mm, row 0 at the top, and the dirt on it; None where the file does not say.
 
-    Attributes:
-        height_map: in mm, row 0 at the top.
-        soil: dirt on the part, on the same grid; None where the file does not say.
-        rows_known: whether the order of the rows is known: stated by the file or given.
+    `rows_known`: the order of the rows is stated by the file or given.
     """
 
     height_map: HeightMap
@@ -276,10 +260,6 @@ class PartMap:
 
 def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
     """Make the map of a file.
-
-    Args:
-        raw: its heights.
-        settings: unit, pitch and order of rows that are given.
 
     Raises:
         MarksError: sizes, pitches, units or heights that cannot be used.
@@ -305,8 +285,8 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
             what = f"has samples {pitch:.4g} mm apart"
             raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
     z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
-    found = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
-    return PartMap(found, soil, raw.rows_stated or settings.rows is not None)
+    height_map = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
+    return PartMap(height_map, soil, raw.rows_stated or settings.rows is not None)
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
@@ -348,9 +328,9 @@ def _resample_rows(z: NDArray[np.float64], n_rows: int, step: float) -> NDArray[
     """Rows taken at multiples of `step` rows, linearly between neighbours."""
     if n_rows == z.shape[0] and abs(step - 1.0) < 1e-12:
         return z
-    at = np.minimum(np.arange(n_rows) * step, z.shape[0] - 1)
-    low = np.minimum(at.astype(np.intp), z.shape[0] - 2)
-    weight = (at - low)[:, None]
+    place = np.minimum(np.arange(n_rows) * step, z.shape[0] - 1)
+    low = np.minimum(place.astype(np.intp), z.shape[0] - 2)
+    weight = (place - low)[:, None]
     # a row at an exact multiple does not use its neighbour, which may be a dropout
     between = (1.0 - weight) * z[low] + weight * z[low + 1]
     return np.asarray(np.where(weight == 0.0, z[low], np.where(weight == 1.0, z[low + 1], between)))

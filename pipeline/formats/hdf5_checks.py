@@ -12,15 +12,14 @@ from typing import Any
 
 from glyphs.errors import MarksError
 
+# a recording has some thirty groups and datasets
 MOST_OBJECTS = 10_000
-"""Most objects in an HDF5 file; a recording has some thirty."""
+# of nested groups
 MOST_DEPTH = 16
-"""Greatest depth of nested groups."""
+# a chunk of a dataset is unpacked whole, however little of it is read
 MOST_CHUNK_BYTES = 268_435_456
-"""Largest chunk of an HDF5 dataset: a chunk is unpacked whole, however little of it is read."""
-
+# HDF5 makes an object for each chunk, even for those that were never written
 MOST_CHUNKS = 50_000
-"""Most chunks of an HDF5 dataset: HDF5 makes an object for each, even for those that were never written."""
 
 
 def check_hdf5(path: Path, *, most: int | None) -> None:
@@ -52,17 +51,17 @@ def check_hdf5(path: Path, *, most: int | None) -> None:
             raise problem
         for name, link in links.items():
             # a soft link's target lies in the file and is visited on its own
-            if isinstance(link, h5py.HardLink) and isinstance(found := file[name], h5py.Dataset):
-                _check_dataset(found, most)
+            if isinstance(link, h5py.HardLink) and isinstance(dataset := file[name], h5py.Dataset):
+                _check_dataset(dataset, most)
 
 
 def _check_dataset(dataset: Any, most: int | None) -> None:
     import h5py
 
-    made = dataset.id.get_create_plist()
-    layout = made.get_layout()
+    creation = dataset.id.get_create_plist()
+    layout = creation.get_layout()
     if most is not None:
-        if layout == h5py.h5d.VIRTUAL or made.get_external_count():
+        if layout == h5py.h5d.VIRTUAL or creation.get_external_count():
             raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
         count = math.prod(map(int, dataset.id.shape or ()))
         # with a single whisker there are twice as many stage positions (x and y) as samples
@@ -70,7 +69,7 @@ def _check_dataset(dataset: Any, most: int | None) -> None:
             what = f"{dataset.name} holds {count:,} values, over the limit of {most:,}"
             raise MarksError(what, hint="split the recording")
     if layout == h5py.h5d.CHUNKED:
-        sides = [int(side) for side in made.get_chunk()]
+        sides = [int(side) for side in creation.get_chunk()]
         chunks = math.prod(-(-int(n) // side) for n, side in zip(dataset.id.shape, sides, strict=True))
         if chunks > MOST_CHUNKS:
             raise MarksError(f"{dataset.name} has {chunks:,} chunks", hint="write it in larger chunks")

@@ -47,8 +47,8 @@ _GAP_STEPS = 2.5
 _SHORT = 0.5
 # least jump of a position that is no step of the stage, as a share of the other steps of its pass together
 _JUMP = 0.05
+# step of the clock, in usual steps, above which sampling was paused
 PAUSE_STEPS = 2.5
-"""Step of the clock, in usual steps, above which sampling was paused."""
 
 Floats = NDArray[np.float64]
 
@@ -86,9 +86,9 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
             table = read_trace_table(path, layout)
         with naming(path):
             rates.append(_rate_hz(table, layout))
-            own = tuple(_passes(path, table, layout))
-            passes += own
-            step_mm = float(np.median([p.step_mm for p in own]))
+            of_file = tuple(_passes(path, table, layout))
+            passes += of_file
+            step_mm = float(np.median([p.step_mm for p in of_file]))
             time_unit = None if layout.columns.time is None else layout.time_unit
             check_speed(
                 step_mm=step_mm, rate_hz=rates[-1], time_unit=time_unit, position_unit=layout.position_unit
@@ -118,38 +118,44 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
 
 def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass]:
     columns = layout.columns
-    at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[layout.position_unit]
+    xy_mm = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[layout.position_unit]
     signal = np.column_stack([table.columns[c] for c in columns.moment])
     signal[~(np.abs(signal) < OVERLOAD)] = np.nan
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
-    table.require(at, "position", "fill it in, or take that row out")
+    table.require(xy_mm, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
     table.require(number, "pass", "write -1 between passes")
-    found = np.unique(number[number >= 0.0])
-    if not found.size:
+    numbers = np.unique(number[number >= 0.0])
+    if not numbers.size:
         raise DataError(f"has no pass in column {columns.number!r}", "number passes from 0")
-    for each in found:
+    for each in numbers:
         rows = np.flatnonzero(number == each)
         name = f"pass {each:g}" if columns.number is not None else "the pass"
-        yield _pass(path, table, name, rows[~lifted[rows]], at, signal, signal[rows[lifted[rows]]])
+        yield _pass(path, table, name, rows[~lifted[rows]], xy_mm, signal, signal[rows[lifted[rows]]])
 
 
 def _pass(
-    path: Path, table: TraceTable, name: str, rows: NDArray[np.intp], at: Floats, signal: Floats, air: Floats
+    path: Path,
+    table: TraceTable,
+    name: str,
+    rows: NDArray[np.intp],
+    xy_mm: Floats,
+    signal: Floats,
+    air: Floats,
 ) -> _Pass:
     if rows.size < 2:
         raise DataError(f"has {rows.size} touching samples in {name}", "check columns.lifted")
-    _check_counter(table, name, rows, at)
-    went = at[rows[-1]] - at[rows[0]]
+    _check_counter(table, name, rows, xy_mm)
+    went = xy_mm[rows[-1]] - xy_mm[rows[0]]
     axis = int(np.argmax(np.abs(went)))
-    travel, strayed = abs(float(went[axis])), float(np.ptp(at[rows, 1 - axis]))
+    travel, strayed = abs(float(went[axis])), float(np.ptp(xy_mm[rows, 1 - axis]))
     if travel == 0.0 or strayed > _ASKEW * travel:
         raise DataError(
             f"moves {abs(went[0]):.3f} mm in x and {abs(went[1]):.3f} mm in y in {name}, {table.at(int(rows[0]))} on",
             "a pass runs along x or along y, from one end to the other; correct columns.lifted and columns.pass",
         )
     direction = TraceDirection((90 if axis else 0) + (180 if went[axis] < 0.0 else 0))
-    u = between_polls(np.sign(went[axis]) * at[rows, axis])
+    u = between_polls(np.sign(went[axis]) * xy_mm[rows, axis])
     # the stage is at rest before and after the pass, and its scale flickers by a count
     ahead = np.r_[True, u[1:] > np.maximum.accumulate(u)[:-1]]
     lag = max(1, u.size // 10)
@@ -159,7 +165,7 @@ def _pass(
         back = int(rows[int(np.argmax(fall > 2.0 * step))])
         hint = "sort the lines by time, and number each travel as a pass of its own"
         raise DataError(f"runs back in {name}, {table.at(back)}", hint)
-    across = float(np.median(at[rows, 1 - axis]))
+    across = float(np.median(xy_mm[rows, 1 - axis]))
     return _Pass(name, path, direction, u[ahead], step, across, signal[rows[ahead]], air)
 
 
@@ -183,13 +189,10 @@ def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], positio
 
 
 def between_polls(u: Floats) -> Floats:
-    """Interpolate positions between polls, for a stage that is polled more slowly than the signals.
+    """Interpolate (samples,) positions along the travel between polls, for a stage polled more slowly than the signals.
 
     Until the next poll, several samples have one position. If a position holds for much longer than usual, the stage
     has stopped, and nothing is changed.
-
-    Args:
-        u: (samples,) mm along the travel.
     """
     polls = np.flatnonzero(np.r_[True, np.diff(u) != 0.0])
     if polls.size < 3:
@@ -204,7 +207,6 @@ def between_polls(u: Floats) -> Floats:
 
 
 def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
-    """All passes of one direction on one raster."""
     direction, n = passes[0].direction, len(layout.columns.moment)
     behind = np.asarray(layout.behind_mm or (0.0,) * n)
     side = np.asarray(layout.across_mm or (0.0,) * n)
@@ -297,11 +299,7 @@ def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
 def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restart: float = 0.2) -> int | None:
     """The first row whose time is before that of the row ahead, other than with a clock that restarts at a new pass.
 
-    Args:
-        time_s: (rows,) times.
-        number: (rows,) pass of each row.
-        steps: (rows - 1,) steps of the times; a step over midnight is positive.
-        restart: a clock restarts in less than this share of the time since its last start.
+    It restarts in less than `restart` of the time since its last start; a step over midnight is positive.
     """
     start = 0
     for k in np.flatnonzero(steps < 0.0).tolist():
@@ -314,7 +312,7 @@ def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restar
 
 
 def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, position_unit: str) -> None:
-    """Refuse times or positions with an impossibly slow or fast stage.
+    """Refuse times or positions with an impossibly slow or fast stage; the hint names the likely unit.
 
     Args:
         step_mm: step from sample to sample.
@@ -323,7 +321,7 @@ def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, positi
         position_unit: unit of the positions.
 
     Raises:
-        DataError: the speed is impossible; the hint names the likely unit.
+        DataError: the speed is impossible.
     """
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:
@@ -334,12 +332,12 @@ def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, positi
         if time_unit is not None and least <= speed * SECONDS[time_unit] / s <= most
     ]
     places = [f'position_unit = "{u}"' for u in UNITS if least <= speed * MM[u] / MM[position_unit] <= most]
-    likely = " or ".join(times[:1] + places[:1])
+    units = " or ".join(times[:1] + places[:1])
     what = f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz"
     if time_unit is None:
-        hint = f"say {likely} if that is its unit, or correct" if likely else "correct"
+        hint = f"say {units} if that is its unit, or correct" if units else "correct"
         raise DataError(what, f"{hint} sampling_rate_hz")
-    hint = f"say {likely} if that is their unit" if likely else "correct time_unit"
+    hint = f"say {units} if that is their unit" if units else "correct time_unit"
     raise DataError(
         f"{what} by its times in {time_unit}", f"{hint}, or give sampling_rate_hz in place of columns.time"
     )

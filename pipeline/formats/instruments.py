@@ -42,18 +42,14 @@ _PACKED = {
     **{b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"},
     b"PK\x03\x04": "a workbook or packed (ZIP)",
 }
+# bytes of a text's first line: a row of 40,000 heights has half as many
 _LONGEST_LINE = 1_000_000
-"""Most bytes of a text's first line: a row of 40,000 heights has half as many."""
 _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm"
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
 
 def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of a file, through SurfaceTopography.
-
-    Args:
-        path: the file.
-        most: samples that it may hold.
 
     Raises:
         DataError: the file cannot be used, or the extra `formats` is not installed.
@@ -96,9 +92,9 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
             listed = "; if it lists parts, give it with --manifest" if path.suffix in TABLE_SUFFIXES else ""
             raise DataError(_NO_FORMAT, _EXPORT + listed) from error
         except ValueError as error:
-            if not (found := _OTHER_UNIT.fullmatch(str(error))):
+            if not (mismatch := _OTHER_UNIT.fullmatch(str(error))):
                 raise
-            unit = (found[1] or found[2] or "").strip()
+            unit = (mismatch[1] or mismatch[2] or "").strip()
             what = f"an image (z in {unit!r}), no heights" if unit else "no heights: z has no unit of length"
             raise DataError(f"holds {what}", "export the channel of heights") from error
 
@@ -118,7 +114,6 @@ def _silence() -> Iterator[None]:
 
 
 def _height_channel(reader: Any, most: int) -> Any:
-    """The first channel of heights, the file's default before others."""
     channels = list(reader.channels)
     default = channels[reader.default_channel.index] if channels else None
     for channel in sorted(channels, key=lambda c: c is not default):
@@ -166,11 +161,7 @@ _ORIGIN = re.compile(rb"<(?:\w+:)?Origin>\s*([NS])", re.IGNORECASE)
 
 
 def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """An SDF surface, binary or text, in metres.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """An SDF surface, binary or text, in metres."""
     import sdfio
 
     surface = sdfio.read(path)
@@ -185,9 +176,6 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
     A description with an unusual root element or an outdated checksum is read all the same; the checksum of the heights
     must match.
-
-    Raises:
-        DataError: the file cannot be used.
     """
     import x3pio
 

@@ -18,14 +18,14 @@ FORMATS_SUFFIXES = (
 when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
+# size limit of a file
 MOST_BYTES = {"height_map": 1_000_000_000, "scan": 4_000_000_000, "photo": 500_000_000}
-"""Size limit of a file of each kind."""
 BYTES_PER_SAMPLE = 24
 """Most bytes that a file stores for one sample: three coordinates as float64."""
 SPARE_BYTES = 64_000_000
 """Bytes for whatever a file holds beside its heights: a vendor's files, a trailer."""
+# first bytes of a file that determine its kind
 HEAD_BYTES = 16
-"""Number of first bytes of a file that determine its kind."""
 TAIL_BYTES = 65_536
 """Number of last bytes of a picture among which its end mark stands; some cameras write notes behind it."""
 _JPEG_BEGINS = re.compile(rb"\xff[\xc0-\xc4\xda\xdb]")
@@ -104,7 +104,11 @@ READERS = {
     **dict.fromkeys((".xyz", ".asc", ".pts"), TEXT_READER),
     **{suffix: (INSTRUMENT_READER, suffix) for suffix in FORMATS_SUFFIXES},
 }
-"""Reader of height maps by suffix, as module.function of this package, loaded when needed; kind of file in messages."""
+"""Reader of height maps by suffix, as module.function of this package, loaded when needed; kind of file in messages.
+
+It is called with the path and the most samples that the file may hold, and raises a DataError for a file that cannot be
+used.
+"""
 _BY_SUFFIX = {
     **dict.fromkeys(READERS, "height_map"),
     **dict.fromkeys(SCAN_SUFFIXES, "scan"),
@@ -115,9 +119,7 @@ _BY_SUFFIX = {
 def file_kind(suffix: str, *, tables: bool = True) -> str:
     """Kind of a file by its suffix: height_map, scan or photo, as the attributes of a part; empty for any other.
 
-    Args:
-        suffix: its suffix.
-        tables: whether text files, which may or may not hold heights, count as height maps.
+    Text files (`tables`) may or may not hold heights.
     """
     suffix = suffix.lower()
     return "height_map" if tables and suffix in TABLE_SUFFIXES else _BY_SUFFIX.get(suffix, "")

@@ -43,11 +43,10 @@ from pipeline.formats.table_file import (
 
 COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
 FILES = COLUMNS[1:4]
-"""Columns of files."""
+# of this program's own tables, with names similar to these
 _OTHERS = ("height_mm", "height_px")
-"""Columns of this program's own tables with names similar to these."""
+# between the files of one cell
 SEVERAL = "|"
-"""Separator between files of one cell."""
 _CLOSE = 0.8
 _MAX_BYTES = 2_000_000_000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
@@ -81,13 +80,10 @@ def names_no_files(name: str) -> bool:
 
 
 def read_manifest(source: str) -> Sequence[PartFiles]:
-    """The parts of a table, see `table_lines`.
+    """The parts of a table, see `table_lines`, from its path or URL.
 
     File names are relative to the table. A part without a name takes that of its first file, with as much of the folder
     as makes it unique. Other columns and empty lines are ignored.
-
-    Args:
-        source: path or URL of the table.
 
     Raises:
         FileError: it cannot be read, has no column of files or a misspelled one, or a line names no file, repeats a
@@ -116,7 +112,6 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
 
 
 def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
-    """Make a part from one line."""
     if _CONTROL.search("".join(cells.values())):
         column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
         raise DataError(f"{where} has a line break or control character under {column}", "check its quotes")
@@ -144,11 +139,7 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
 
 
 def _place(source: str, where: str, name: str) -> str:
-    """A file relative to the table; paths from Windows work on any system.
-
-    Raises:
-        DataError: it begins with a drive or a server that this system does not have.
-    """
+    """A file relative to the table; paths from Windows work on any system."""
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
         if drive := _DRIVE.match(name):
             what = f"{where} names {name}, and this system has no drive {drive[0]}"
@@ -158,26 +149,24 @@ def _place(source: str, where: str, name: str) -> str:
 
 
 def _columns(header: Sequence[str]) -> dict[str, int]:
-    """The index of each known column."""
-    found: dict[str, int] = {}
+    columns: dict[str, int] = {}
     for place, title in enumerate(header):
         name = title.strip().lower()
-        if name in found:
+        if name in columns:
             raise DataError(f"has two columns {name}", "keep one")
         if name in COLUMNS:
-            found[name] = place
+            columns[name] = place
         elif name not in _OTHERS:
             for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
                 what = f"has a column {title.strip()!r}, and the columns are {', '.join(COLUMNS)}"
                 raise DataError(what, f"rename it to {close} if that is meant, or to something else")
-    if not any(column in found for column in FILES):
+    if not any(column in columns for column in FILES):
         named = ", ".join(h.strip() for h in header)[:200] or "none"
         raise DataError(f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}")
-    return found
+    return columns
 
 
 def _records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """The number of each line, and its known cells."""
     lines = table_lines(path)
     head = next(lines, TableLine(1, ()))
     columns = _columns_of_files(head.cells)
@@ -200,7 +189,8 @@ def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
     kinds = {place: kind for place, cell in enumerate(cells) if (kind := key_and_kind(cell)[1])}
     if column_of(cells, COLUMNS) is not None or len(kinds) != 1:
         return None
-    ((at, kind),) = kinds.items()
-    if at > 1 or len(cells) > at + 2:
+    ((place, kind),) = kinds.items()
+    if place > 1 or len(cells) > place + 2:
         return None
-    return {kind: at, **({"part": 0} if at else {}), **({"expected": at + 1} if len(cells) > at + 1 else {})}
+    expected = {"expected": place + 1} if len(cells) > place + 1 else {}
+    return {kind: place, **({"part": 0} if place else {}), **expected}

@@ -32,14 +32,12 @@ from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 _HEADER_BYTES = 10_000
 _ROWS = ("top-first", "bottom-first")
+# of caked grime, for a file with a thickness but no hardness
 DEFAULT_HARDNESS_MPA = 10.0
-"""Hardness of caked grime, for a file with a thickness but no hardness."""
 
 
 @dataclass(frozen=True)
 class _SoilMember:
-    """Default and allowed values of a member."""
-
     missing: float
     least: float
     most: float
@@ -86,8 +84,6 @@ def _check_heights(shape: tuple[int, ...], most: int = MAX_PIXELS) -> None:
 
 
 class _Archive(zipfile.ZipFile):
-    """An open `.npz`."""
-
     def __init__(self, path: Path) -> None:
         check_zip(path)
         super().__init__(path)
@@ -100,7 +96,6 @@ class _Archive(zipfile.ZipFile):
             return _array(stream, name, self.getinfo(f"{name}.npy").file_size, check, kinds=kinds)
 
     def item(self, name: str, *, kinds: str = "fiu") -> Any:
-        """The one value of a member."""
 
         def check(shape: tuple[int, ...]) -> None:
             if math.prod(shape) != 1 or self.getinfo(f"{name}.npy").file_size > _HEADER_BYTES:
@@ -109,7 +104,6 @@ class _Archive(zipfile.ZipFile):
         return self.load(name, check, kinds=kinds).item()
 
     def rows(self) -> str | None:
-        """The order of rows that the file states."""
         if "rows" not in self.members:
             return None
         if (stated := self.item("rows", kinds="U")) not in _ROWS:
@@ -117,7 +111,6 @@ class _Archive(zipfile.ZipFile):
         return str(stated)
 
     def soil(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """A member that describes the dirt, on a grid of this shape."""
         rule = _SOIL[name]
         if name not in self.members:
             return np.broadcast_to(np.float32(rule.missing), shape)
@@ -143,9 +136,6 @@ def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
     If only some of the dirt's members are there, defaults fill in the others: no soft dirt, hardness of caked grime,
     nominal friction.
-
-    Raises:
-        DataError: the file cannot be used.
     """
     with _Archive(path) as archive:
         for name in ("z_mm", "pitch_mm"):
@@ -162,11 +152,7 @@ def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of an `.npy` file: a matrix, or rows x, y, z.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """The heights of an `.npy` file: a matrix, or rows x, y, z."""
 
     def check(shape: tuple[int, ...]) -> None:
         if shape[1:] == (3,):

@@ -41,8 +41,8 @@ def split_name(name: str | PurePath) -> tuple[str, str]:
         return (folder or slash, last)
     if is_web(name):
         name = name.partition("?")[0].partition("#")[0]
-    scheme, _, rest = name.partition("://")
-    folder, _, last = rest.rpartition("/")
+    scheme, _, place = name.partition("://")
+    folder, _, last = place.rpartition("/")
     return (f"{scheme}://{folder}", last)
 
 
@@ -99,22 +99,22 @@ def spelling_on_disk(name: str) -> Path:
     path = Path(name)
     if os.path.lexists(path):
         return path
-    found = Path(path.anchor)
+    place = Path(path.anchor)
     for part in path.relative_to(path.anchor).parts:
-        if os.path.lexists(found / part):
-            found /= part
+        if os.path.lexists(place / part):
+            place /= part
             continue
-        alike = _names(found).get(folded(part), ())
+        alike = _names(place).get(folded(part), ())
         # the same letters in another composition come before other letters
-        same = [one for one in alike if _compose(one) == _compose(part)] or alike
+        same = [name for name in alike if _compose(name) == _compose(part)] or alike
         if not same:
             return path
         if len(same) > 1:
             raise FileError(
                 path, f"is not there, but {' and '.join(same[:_MOST_NAMED])} are", "name one as it is spelled"
             )
-        found /= same[0]
-    return found
+        place /= same[0]
+    return place
 
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
@@ -132,13 +132,13 @@ def _compose(name: str) -> str:
 def by_spelling(names: Iterable[str]) -> dict[str, list[str]]:
     """The names by their folded spelling."""
     alike: dict[str, list[str]] = {}
-    for one in names:
-        alike.setdefault(folded(one), []).append(one)
+    for name in names:
+        alike.setdefault(folded(name), []).append(name)
     return alike
 
 
+# stem of one of several photographs of a part
 _SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
-"""Stem of one of several photographs of a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +147,12 @@ class PartFiles:
 
     Attributes:
         name: unique in its list; control characters are written as escapes.
-        height_map: file of its height map.
-        scan: file of its recorded scan.
-        photos: files of its photographs, taken under several lights or at several exposures.
+        photos: taken under several lights or at several exposures.
         expected: text that it should read; empty if none is known.
         format: format of its serial; empty for that of the run.
         font: font of its mark; empty for those of the run.
         other_text: text that an earlier reading gave with a confidence above 0.5; empty without one.
-        problem: why it cannot be read, found before any file was opened.
+        problem: why it cannot be read, known before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.
 
     Raises:
@@ -201,12 +199,12 @@ class PartFiles:
 
 def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
     """The settings for a part: its own format and fonts override those of the run."""
-    own: dict[str, tuple[str, ...]] = {}
+    update: dict[str, tuple[str, ...]] = {}
     if part.format:
-        own["format"] = (part.format,)
+        update["format"] = (part.format,)
     if part.font:
-        own["font"] = split_commas(part.font)
-    return settings.model_copy(update=own) if own else settings
+        update["font"] = split_commas(part.font)
+    return settings.model_copy(update=update) if update else settings
 
 
 def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
@@ -246,7 +244,7 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
         used[name] += 1
         if used[name] > 1:
             free = (f"{name} ({number})" for number in count(used[name]))
-            names[i] = next(one for one in free if one not in taken)
+            names[i] = next(numbered for numbered in free if numbered not in taken)
             taken.add(names[i])
     return [replace(p, name=name) for p, name in zip(parts, names, strict=True)]
 

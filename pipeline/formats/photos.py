@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 Decoded = NDArray[np.unsignedinteger[Any]]
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
+# samples of a picture for percentiles; more do not help
 _SAMPLED = 1_000_000
-"""Number of samples of a picture for percentiles; more do not help."""
+# percentiles of 16 bit pictures: values far beyond are hot pixels or glints
 _DARK_PERCENT, _BRIGHT_PERCENT = 1.0, 99.0
-"""Percentiles of 16 bit pictures: values far beyond are hot pixels or glints."""
+# range below and above the percentiles, in their distances: it holds the flanks of a small line, and 8 bit
+# photographs fill about as much of their scale
 _BELOW, _ABOVE = 1.0, 2.0
-"""Range kept below and above the percentiles, as a multiple of their distance: it holds the flanks of a small line, and
-8 bit photographs fill about as much of their scale."""
+# range of the middle 99.8 % of a blank page, as a share of full scale
 _BLANK = 2.0 / 255.0
-"""Range of the middle 99.8 % of a blank page, as a share of full scale."""
 
 
 def turn_upright(pixels: Decoded, orientation: int) -> Decoded:
@@ -69,8 +69,8 @@ def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
     seen = colours * share
     bright = float(seen.mean() / share.mean()) > 0.5 * full
     ground = np.float32(0.0) if bright else full
-    made = np.rint(seen + ground * (1.0 - share)).astype(pixels.dtype)
-    return made, "black" if bright else "white"
+    opaque = np.rint(seen + ground * (1.0 - share)).astype(pixels.dtype)
+    return opaque, "black" if bright else "white"
 
 
 def stretch(pixels: Decoded) -> Pixels:
@@ -87,15 +87,15 @@ def stretch(pixels: Decoded) -> Pixels:
         least = max(least, dark - _BELOW * (bright - dark))
         most = min(most, bright + _ABOVE * (bright - dark))
     gain = np.float32(65535.0 / max(most - least, 1.0))
-    made = (pixels.astype(np.float32) - np.float32(least)) * gain
-    return np.asarray(np.clip(np.rint(made), 0.0, 65535.0), dtype=np.uint16)
+    stretched = (pixels.astype(np.float32) - np.float32(least)) * gain
+    return np.asarray(np.clip(np.rint(stretched), 0.0, 65535.0), dtype=np.uint16)
 
 
 def is_blank(pixels: Decoded) -> bool:
     """Whether a page is blank."""
-    made, _ = flatten_opacity(pixels)
-    low, high = np.percentile(_some(made), (0.1, 99.9))
-    return bool(high - low < _BLANK * np.iinfo(made.dtype).max)
+    opaque, _ = flatten_opacity(pixels)
+    low, high = np.percentile(_some(opaque), (0.1, 99.9))
+    return bool(high - low < _BLANK * np.iinfo(opaque.dtype).max)
 
 
 def _some(pixels: Decoded) -> NDArray[np.float32]:
@@ -105,22 +105,21 @@ def _some(pixels: Decoded) -> NDArray[np.float32]:
 
 _INCH_MM = 25.4
 _LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
+# of programs that do not know the scale
 _MEANINGLESS_DPI = (72.0, 96.0)
-"""Resolutions written by programs that do not know the scale."""
+# unit of the resolution in the description of a TIFF
 _IMAGEJ_UNIT = re.compile(r"(?sm)\AImageJ=.*?^unit=(\S+)")
-"""Unit of the resolution in the description of a TIFF."""
+# tags of EXIF and TIFF; of the resolution along x and y
 _ORIENTATION = 274
-"""Tag of EXIF and TIFF."""
 _COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 283)
-"""Tags of TIFF; of the resolution along x and y."""
+# tag of a TIFF page, and its bit for a smaller copy of another page
 _SUBFILE, _REDUCED = 254, 1
-"""Tag of a TIFF page, and its bit for a smaller copy of another page."""
+# compression of a BMP with runs of 8 or 4 bits
 _PACKED_BMP = (1, 2)
-"""Compression of a BMP with runs of 8 or 4 bits."""
+# pages of a TIFF to search for one that is not blank; each is decoded
 _MOST_PAGES = 24
-"""Most pages of a TIFF to search for one that is not blank; each is decoded."""
+# passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond
 _FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
-"""Passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond."""
 
 
 def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
@@ -130,11 +129,7 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
     frame. Transparent pixels are laid on white, or on black if the rest is bright. The photograph's notes say so.
     The pixel size is that of the file, if it states one in metres or inches other than the usual defaults (72 or 96
-    dpi).
-
-    Args:
-        path: the file.
-        most: most pixels that the picture may have.
+    dpi). It may have `most` pixels.
 
     Raises:
         FileError: the file is missing, of an unsupported kind, damaged, cut short, or takes more work to decode than a
@@ -175,7 +170,6 @@ def _open_image(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
 
 
 def _check_work(path: Path, image: ImageFile, most: int = MAX_PIXELS) -> None:
-    """Refuse a page that takes more work than a photograph, before it is decoded."""
     pixels = image.width * image.height
     if pixels > most:
         raise DataError(f"has {_size(image)}, over the limit of {most:,}", "crop or shrink it")
@@ -282,12 +276,12 @@ def _needs_opencv(path: Path, image: ImageFile) -> bool:
 
 
 def _decoded_by_opencv(path: Path, page: int) -> Decoded:
-    found = _by_opencv(path, page)
-    if found is None or found.dtype not in (np.uint8, np.uint16):
+    decoded = _by_opencv(path, page)
+    if decoded is None or decoded.dtype not in (np.uint8, np.uint16):
         raise ValueError("OpenCV does not decode it")
-    made = np.atleast_3d(found)
-    colours = made[..., [0, 0, 0]] if made.shape[2] < 3 else made[..., 2::-1]
-    return np.concatenate([colours, made[..., 1 if made.shape[2] < 3 else 3 :]], axis=2)
+    pixels = np.atleast_3d(decoded)
+    colours = pixels[..., [0, 0, 0]] if pixels.shape[2] < 3 else pixels[..., 2::-1]
+    return np.concatenate([colours, pixels[..., 1 if pixels.shape[2] < 3 else 3 :]], axis=2)
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
@@ -296,21 +290,18 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our own error says it
-    found: Any = ()
+    pages: Any = ()
     with contextlib.suppress(cv2.error):
         data = np.fromfile(path, dtype=np.uint8)
-        _, found = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
+        _, pages = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
     cv2.utils.logging.setLogLevel(level)
-    return np.asarray(found[0]) if len(found) == 1 else None
+    return np.asarray(pages[0]) if len(pages) == 1 else None
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits that the user declares to be heights.
 
-    The pitch is the pixel's size if the file states one.
-
-    Raises:
-        FileError: a colour picture, or one of 8 bits.
+    The pitch is the pixel's size if the file states one. Colour pictures and those of 8 bits are refused.
     """
     pitch_mm = None
     if (size := _size_of_doubles(path)) is not None:

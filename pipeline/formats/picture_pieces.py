@@ -11,24 +11,20 @@ from itertools import accumulate
 
 from pipeline.errors import DataError
 
+# chunks, segments, blocks or strips of a picture; Pillow takes some seconds for them
 MOST_PIECES = 300_000
-"""Most chunks, segments, blocks or strips of a picture; Pillow takes some seconds for them."""
+# next marker in a JPEG's compressed data; stuffed bytes and restart markers do not count
 _NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
-"""Next marker in a JPEG's compressed data; stuffed bytes and restart markers do not count."""
 _START_OF_SCAN = 0xDA
 _PGM_HEAD = re.compile(rb"P[56](?:(?:\s|#[^\n]*\n)+\d+){3}\s")
 _MOST_PGM_HEAD_BYTES = 4096
+# first and last tag of a TIFF whose values are read one by one, such as the places of strips and tiles
 _TIFF_PLACES = (258, 339)
-"""First and last tag of a TIFF whose values are read one by one, such as the places of strips and tiles."""
 _MOST_DIRECTORIES = 64
 
 
 def check_pieces(data: bytes, kind: str) -> None:
-    """Refuse a picture of far more pieces than a photograph has.
-
-    Args:
-        data: the file.
-        kind: its kind, as Pillow names it.
+    """Refuse a picture of far more pieces than a photograph has; `kind` as Pillow names it.
 
     Raises:
         DataError: it has more.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import MAX_PIXELS
 from glyphs.surface.orientation import draw_triangles, plate_normal, rotation_to_z
 from pipeline.errors import DataError
-from pipeline.formats.raw_map import CUT_SHORT, PROFILE, RawMap, check_size, without_bad_points
+from pipeline.formats.raw_map import CUT_SHORT, PROFILE, RawMap, check_size, numbers_in, without_bad_points
 
 # of a LAS file: start and length of the points, and their number; scale and origin of x, y, z; their number from 1.4 on
 _LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d"), struct.Struct("<Q")
@@ -52,11 +52,7 @@ Faces = NDArray[np.int64]
 
 
 def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of a mesh.
-
-    Raises:
-        DataError: the file cannot be used.
-    """
+    """The heights of a mesh."""
     import trimesh
 
     suffix, data = path.suffix.lower(), path.read_bytes()
@@ -101,11 +97,7 @@ def _check_ply(data: bytes, most: int) -> None:
 
 
 def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of the points of a PCD file (Point Cloud Library), ASCII or binary.
-
-    Raises:
-        DataError: no x, y and z, compressed, or cut short.
-    """
+    """The heights of the points of a PCD file (Point Cloud Library), ASCII or binary, but not compressed."""
     data = path.read_bytes()
     mark = data.find(b"\nDATA ", 0, _MOST_HEAD_BYTES) + 1
     end = data.find(b"\n", mark) + 1
@@ -128,8 +120,7 @@ def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
         raise DataError(f"holds its points as {form}", hint)
     sizes = [int(size) * count for size, count in zip(head["SIZE"], counts, strict=True)]
     count = int(head["POINTS"][0])
-    check_size(count, 1, most)
-    if min(sizes) < 0 or len(data) - end < count * sum(sizes):
+    if min(sizes) < 0:
         raise DataError(*CUT_SHORT)
     record = np.dtype({
         "names": ["x", "y", "z"],
@@ -137,16 +128,12 @@ def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
         "offsets": [sum(sizes[:place]) for place in places],
         "itemsize": sum(sizes),
     })  # fmt: skip
-    rows = np.frombuffer(data, record, count=count, offset=end)
+    rows = numbers_in(data, record, end, (count,), most)
     return map_of_points(np.stack([rows[axis] for axis in "xyz"], axis=1), most=most)
 
 
 def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of the points of a LAS file.
-
-    Raises:
-        DataError: compressed (LAZ), or cut short.
-    """
+    """The heights of the points of a LAS file; compressed ones (LAZ) are refused."""
     data = path.read_bytes()
     if not data.startswith(b"LASF"):
         raise DataError("is damaged or not a LAS file", "copy or export it again")
@@ -156,13 +143,10 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
     if kind & 0xC0:
         raise DataError("holds compressed points (LAZ)", "save it as LAS, as PLY or as columns x y z")
     count = count or _LAS_MANY.unpack_from(data, 247)[0]
-    check_size(count, 1, most)
-    if len(data) < start + count * length:
-        raise DataError(*CUT_SHORT)
     scale_and_origin = np.reshape(_LAS_SCALE.unpack_from(data, 131), (2, 3))
-    record = np.dtype({"names": ["at"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": length})
-    at = np.frombuffer(data, record, count=count, offset=start)["at"]
-    return map_of_points(at * scale_and_origin[0] + scale_and_origin[1], most=most)
+    record = np.dtype({"names": ["xyz"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": length})
+    counts = numbers_in(data, record, start, (count,), most)["xyz"]
+    return map_of_points(counts * scale_and_origin[0] + scale_and_origin[1], most=most)
 
 
 def map_of_points(
@@ -219,10 +203,10 @@ def _on_grid(points: Points) -> tuple[Points, float, float] | None:
         # numbers written with few digits make gaps of different sizes, and rounded ones tiny gaps
         count = round((along.max() - along.min()) / float(np.median(gaps[gaps > 0.3 * gaps.max()])))
         pitch = float((along.max() - along.min()) / max(count, 1))
-        at = (along - along.min()) / pitch
-        places.append(np.rint(at).astype(np.int64))
+        steps = (along - along.min()) / pitch
+        places.append(np.rint(steps).astype(np.int64))
         pitches.append(pitch)
-        if np.abs(at - places[-1]).max() > _OFF_GRID:
+        if np.abs(steps - places[-1]).max() > _OFF_GRID:
             return None
     cols, rows = (int(p.max()) + 1 for p in places)
     if min(rows, cols) < _LEAST_GRID or rows * cols > len(points) / _LEAST_FILLED:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS
@@ -30,7 +32,6 @@ class RawMap:
     Attributes:
         z: (rows, cols) heights; NaN for dropouts.
         x_pitch: distance of columns; None where the file does not state it.
-        y_pitch: distance of rows; None likewise.
         z_mm: millimetres in one unit of `z`, as the file or its format states; None where neither does.
         xy_mm: millimetres in one unit of the pitches, likewise.
         bottom_first: the first row of `z` is the lowest one of the part, as a reader sees it.
@@ -63,8 +64,25 @@ def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
         raise DataError(what, "crop or thin the map")
 
 
+def numbers_in(
+    data: bytes, kind: DTypeLike, start: int, shape: tuple[int, ...], most: int = MAX_PIXELS
+) -> NDArray[Any]:
+    """The numbers that a file of known size holds from a byte on, or records of them.
+
+    Raises:
+        DataError: there are more than the limit, or the file ends too soon.
+    """
+    check_size(shape[0], math.prod(shape[1:]), most)
+    if len(data) < start + np.dtype(kind).itemsize * math.prod(shape):
+        raise DataError(*CUT_SHORT)
+    return np.frombuffer(data, kind, count=math.prod(shape), offset=start).reshape(shape)
+
+
 def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace infinities and the marker of missing points by NaN, in place."""
+    """Replace infinities and the marker of missing points by NaN, in place.
+
+    The marker is the lowest or highest value, frequent and far from all others.
+    """
     z[~np.isfinite(z)] = np.nan
     z[np.abs(z) > 1e30] = np.nan
     for _ in range(2):  # one below all others and one above
@@ -78,7 +96,6 @@ def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _stands_for_missing(value: float, known: NDArray[np.float64]) -> bool:
-    """Whether the lowest or highest value marks missing points: far from all others, and frequent."""
     others = known[known != value]
     if not others.size:
         return False

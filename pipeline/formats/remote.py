@@ -42,12 +42,11 @@ _SCHEMES = (*LOCAL, *_EXTRAS, *_MORE)
 # seconds that a server may take to connect, and between two pieces of data
 _CONNECT_S, _SILENCE_S = 5.0, 20.0
 _ATTEMPTS = 2
-_LEAST_BYTES_PER_S = 50_000.0
-_START_S = 60.0
-"""Longest copy: this time plus its size divided by that rate; a slower server is given up."""
+# longest copy: a start plus its size at this rate; a slower server is given up
+_START_S, _LEAST_BYTES_PER_S = 60.0, 50_000.0
 _NETWORK_MEND = "check the network, the endpoint and the credentials, and start it again"
+# query of an address in a library's message; it may hold a signature
 _QUERY = re.compile(r"\?[^\s'\"]+")
-"""Query of an address in a library's message; it may hold a signature."""
 
 
 def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]], dict[str, str]]:
@@ -104,11 +103,7 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
     Errors of a copy name its URL. If the part has touch files, a photograph that cannot be copied is a problem of the
-    photograph alone.
-
-    Args:
-        part: the part, with the names of its files; one with a problem is not copied at all.
-        photos: whether to copy photographs of parts with touch files, too.
+    photograph alone, and without `photos` none is copied. A part with a problem is not copied at all.
 
     Raises:
         FileError: a file is missing, may not be read, is too long, or cannot be copied.
@@ -188,12 +183,7 @@ def _is_file(entry: dict[str, Any]) -> bool:
 
 
 def _file_system(url: str) -> Any:
-    """Fsspec's file system of a URL, kept open by fsspec for the next one.
-
-    Raises:
-        FileError: a kind of URL that is not read.
-        MissingExtraError: its library is not installed.
-    """
+    """Fsspec's file system of a URL, kept open by fsspec for the next one."""
     scheme = scheme_of(url)
     if scheme not in _SCHEMES:
         raise problem_of(url, "has an unsupported scheme", f"name one of {', '.join(sorted(_SCHEMES))}")
@@ -257,8 +247,8 @@ def _as_file_errors(url: str) -> Iterator[None]:
         raise problem_of(url, f"{what} ({_QUERY.sub('', reason)[:300]})", hint) from error
 
 
+# errors of botocore and google.auth by name, so that neither must be imported
 _NO_CREDENTIALS = (
     *("NoCredentialsError", "PartialCredentialsError", "CredentialRetrievalError", "ProfileNotFound"),
     *("TokenRetrievalError", "DefaultCredentialsError", "RefreshError"),
 )
-"""Errors of botocore and google.auth by name, so that neither must be imported."""

@@ -39,19 +39,16 @@ from pipeline.formats.photos import write_photo
 TRUTH_FILE = "truth.csv"
 MAX_PARTS = 1_000_000
 MOST_LIGHTS = 12
+# settings of a part that are passed to `stamp` unchanged
 _STAMP_SETTINGS = (
     *("format", "height_mm", "depth_mm", "face", "bevel_deg", "raised"),
     *("practice", "die", "plate", "layout"),
 )
-"""Settings of a part that are passed to `stamp` unchanged."""
 
 
 @dataclass(frozen=True)
 class SynthSpec(Stamping):
-    """Settings of the parts to stamp. With two lines, the truth is the line in the format.
-
-    Attributes:
-        soiling: dirt on the parts (default: none).
+    """Settings of the parts to stamp, and the dirt on them. With two lines, the truth is the line in the format.
 
     Raises:
         SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
@@ -167,18 +164,14 @@ def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str
     write_surface(stem.with_suffix(".npz"), part.height_map, part.soil)
     if photos:
         photo = spec.photograph(part)
-        for light, one in enumerate((photo, *photo.others), start=1):
+        for light, picture in enumerate((photo, *photo.others), start=1):
             of_several = f".light-{light}" if photo.others else ""
-            write_photo(stem.with_name(f"{stem.name}{of_several}.png"), one)
+            write_photo(stem.with_name(f"{stem.name}{of_several}.png"), picture)
     return part.text
 
 
 def write_surface(path: Path, height_map: HeightMap, soil: Soil | None) -> None:
-    """Write the top of a part and its soil; for a clean part only the surface.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write the top of a part and its soil; for a clean part only the surface."""
     members = {} if soil is None else soil_members(soil)
     # half precision resolves a tenth of a millimetre to a micrometre, at half the size
     more = {name: np.asarray(values).astype(np.float16) for name, values in members.items()}

@@ -11,7 +11,6 @@ from __future__ import annotations
 import codecs
 import csv
 import re
-import zipfile
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -20,16 +19,17 @@ from typing import Any, TextIO
 
 from pipeline.common.texts import INVISIBLE, unescape_formula
 from pipeline.errors import DataError
+from pipeline.formats.zip_checks import check_zip
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
-"""Columns that name a part; the first one found counts."""
+"""Columns that name a part; the first of them in a table counts."""
 RIGHT_SERIAL = "right_serial"
 """Column of our workbooks in which a person writes what a part really reads, where that was checked."""
 TEXT_HEADINGS = (
     *(RIGHT_SERIAL, "text", "serial", "serials", "serial_number", "expected", "truth", "label"),
     *("seriennummer", "seriennr"),
 )
-"""Columns with the text of a part; the first one found counts."""
+"""Columns with the text of a part; the first of them in a table counts."""
 _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
 # ="000123" keeps a spreadsheet from taking a serial for a number; 1.23457E+11 is what it makes of one otherwise
@@ -48,12 +48,7 @@ _EXACT_NUMBERS = 10**15
 
 @dataclass(frozen=True, slots=True)
 class TableLine:
-    """One line of a table that is not blank.
-
-    Attributes:
-        number: number of the line in the file, from 1.
-        cells: their text, without blanks around it.
-    """
+    """A line of a table that is not blank: its number in the file, from 1, and its cells without blanks around them."""
 
     number: int
     cells: tuple[str, ...]
@@ -125,9 +120,7 @@ def _sheet_lines(path: Path) -> Iterator[TableLine]:
     from openpyxl import load_workbook
 
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(member.file_size for member in archive.infolist()) > _MOST_SHEET_BYTES:
-                raise DataError("is too large a workbook", "save its sheet as CSV (UTF-8)")
+        check_zip(path, most_bytes=_MOST_SHEET_BYTES, hint="save its sheet as CSV (UTF-8)")
         book = load_workbook(path, read_only=True, data_only=True)
         sheet = book.worksheets[0]
         sheet.reset_dimensions()  # other programs state it wrongly
@@ -155,8 +148,8 @@ def _text_of_cell(cell: Any) -> str:
 def _text_of(written: str) -> str:
     """The text of a cell, without blanks and invisible signs around it; ="000123" gives 000123."""
     cell = written.strip().strip(INVISIBLE).strip()
-    kept = _KEPT_AS_TEXT.fullmatch(cell)
-    return unescape_formula(cell if kept is None else kept[1])
+    quoted = _KEPT_AS_TEXT.fullmatch(cell)
+    return unescape_formula(cell if quoted is None else quoted[1])
 
 
 def check_serial(line: int, text: str) -> str:
@@ -188,11 +181,7 @@ def is_data(cells: Sequence[str]) -> bool:
 
 
 def number_of(cell: str) -> float:
-    """The number in a cell, with a decimal point or comma.
-
-    Raises:
-        ValueError: it holds none.
-    """
+    """The number in a cell, with a decimal point or comma; a ValueError if it holds none."""
     return float(cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell)
 
 
@@ -208,8 +197,8 @@ def encoding_of(head: bytes) -> str:
     return "utf-8-sig"
 
 
+# error handler that decodes bytes that are not UTF-8 as programs on Windows write them
 CP1252 = "or-cp1252"
-"""Name of the error handler that decodes bytes that are not UTF-8 as programs on Windows write them."""
 
 
 def _as_cp1252(error: UnicodeError) -> tuple[str, int]:
@@ -222,11 +211,6 @@ codecs.register_error(CP1252, _as_cp1252)
 
 
 def _bounded_lines(stream: TextIO) -> Iterator[str]:
-    """The lines of a stream.
-
-    Raises:
-        DataError: a line is too long for a table.
-    """
     while line := stream.readline(_MOST_LINE):
         if len(line) == _MOST_LINE:
             raise DataError(f"has a line of over {_MOST_LINE:,} characters", "give a table")

@@ -101,33 +101,28 @@ def is_number_table(path: Path) -> bool:
         return False
     text = _decode(start)
     lines = text.splitlines()[:_SNIFF_LINES] if "\0" not in text else []
-    found = _layout(lines[:-1] if len(start) == _SNIFF_BYTES else lines)
-    if found is None or found.columns < 3:
+    layout = _layout(lines[:-1] if len(start) == _SNIFF_BYTES else lines)
+    if layout is None or layout.columns < 3:
         return False
-    body = lines[found.first_line :]
-    return len(body) >= 3 and found.first_line <= max(_MOST_HEAD_LINES, len(body))
+    body = lines[layout.first_line :]
+    return len(body) >= 3 and layout.first_line <= max(_MOST_HEAD_LINES, len(body))
 
 
 def _number_table(text: str) -> NumberTable:
-    """Parse a table of numbers.
-
-    Raises:
-        DataError: the text holds no table of numbers, too many numbers, or rows of different lengths.
-    """
     sample = text[:_SNIFF_BYTES].splitlines()
-    found = _layout(sample[:_SNIFF_LINES])
-    if found is None:
+    layout = _layout(sample[:_SNIFF_LINES])
+    if layout is None:
         single = Layout(None, comma=False, columns=1, first_line=0)
         if 2 * sum(_count(line, single) == 1 for line in sample) > max(len(sample), _LEAST_PROFILE):
             raise DataError(*PROFILE)
         what = "holds no table of numbers"
         raise DataError(what, "export columns x y z, or a matrix of heights, one row per line")
-    head = sample[: found.first_line]
-    body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
-    if body.count("\n") * found.columns > 9 * MAX_PIXELS:
+    head = sample[: layout.first_line]
+    body = text.split("\n", layout.first_line)[layout.first_line] if layout.first_line else text
+    if body.count("\n") * layout.columns > 9 * MAX_PIXELS:
         raise DataError("holds more numbers than the limit", "crop or thin the map")
-    rows = _numbers(body, found)
-    if found.delimiter and body.partition("\n")[0].rstrip().endswith(found.delimiter):
+    rows = _numbers(body, layout)
+    if layout.delimiter and body.partition("\n")[0].rstrip().endswith(layout.delimiter):
         rows = rows[:, : np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=0) + 1]
     return NumberTable("\n".join(head), _names(head, rows.shape[1]), rows)
 
@@ -145,12 +140,12 @@ def _decode(data: bytes) -> str:
 
 def _layout(lines: Sequence[str]) -> Layout | None:
     """The layout with the most numbers in lines of equal length; None if no line has two numbers."""
-    found: list[tuple[int, Layout]] = []
+    layouts: list[tuple[int, Layout]] = []
     for delimiter, comma in _LAYOUTS:
         counts = [_count(line, Layout(delimiter, comma, 0, 0)) for line in lines]
         for columns, n in Counter(c for c in counts if c >= 2).most_common(1):
-            found.append((n * columns, Layout(delimiter, comma, columns, counts.index(columns))))
-    return max(found, key=lambda one: one[0])[1] if found else None
+            layouts.append((n * columns, Layout(delimiter, comma, columns, counts.index(columns))))
+    return max(layouts, key=lambda scored: scored[0])[1] if layouts else None
 
 
 def _count(line: str, layout: Layout) -> int:
@@ -181,7 +176,6 @@ def _names(head: Sequence[str], columns: int) -> tuple[str, ...]:
 
 
 def _cells_of_head(line: str, columns: int) -> tuple[str, ...]:
-    """The cells of a line of the head, in lower case; empty unless there is one for each column."""
     line = line.strip().lstrip("#%/ ").lower()
     cells = [cell.strip() for cell in re.split(r"[;,\t]", line) if cell.strip()]
     cells = cells if len(cells) == columns else line.split()
@@ -286,11 +280,7 @@ _AXIS = re.compile(
 
 
 def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read the heights of a text file.
-
-    Raises:
-        DataError: the file holds no heights.
-    """
+    """Read the heights of a text file."""
     text = _decode(path.read_bytes())
     if text.startswith(_ZYGO):
         return _zygo(text, most)
@@ -310,11 +300,7 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], str, float | None] | None:
-    """(n, 3) x, y and z, the unit of z, and that of x in mm; None if the table does not name them.
-
-    Raises:
-        DataError: a unit is unknown.
-    """
+    """(n, 3) x, y and z, the unit of z, and that of x in mm; None if the table does not name them."""
     axes: dict[str, tuple[int, str]] = {}
     for column, name in enumerate(table.names):
         if len(name) <= _MOST_NAME and (axis := _AXIS.fullmatch(name.strip("\"'# "))):
@@ -385,7 +371,6 @@ class HeadEntry:
 
     Attributes:
         key: in lower case, with single blanks.
-        value: its number; None without one.
         unit: unit of length; empty without one.
         of: "sample" or "digit" if the unit is that of each sample or each step of the converter, else empty.
         word: text behind the number, or in its place.
@@ -420,11 +405,7 @@ def _entries(head: str) -> list[HeadEntry]:
 
 
 def _height_scale(entries: Sequence[HeadEntry]) -> tuple[float, str]:
-    """Factor from a table's numbers to a unit, and the unit; 1 and "" where the heading does not say.
-
-    Raises:
-        DataError: the values are no lengths.
-    """
+    """Factor from a table's numbers to a unit, and the unit; 1 and "" where the heading does not say."""
     for entry in entries:
         scales = re.fullmatch(_Z_SCALE_KEYS, entry.key) and (entry.unit or "scal" not in entry.key)
         each_step = entry.of == "digit" and not entry.key.startswith(("x", "y"))
@@ -482,11 +463,14 @@ def _xy_mm(entries: Sequence[HeadEntry]) -> float | None:
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
-    """Wyko: a line of the file is a column of the map, the lowest row first; heights in wavelengths or nm."""
+    """Wyko: a line of the file is a column of the map, the lowest row first; heights in wavelengths or nm.
+
+    SurfaceTopography 1.27 takes the lines for rows, which mirrors the map.
+    """
     number = r"\s+\d+\s+\d+\s+([-+.\deE]+)"
     stated = {
-        key: float(found[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")
-        if (found := re.search(rf"(?im)^{key}{number}", head))
+        key: float(line[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")
+        if (line := re.search(rf"(?im)^{key}{number}", head))
     }  # fmt: skip
     flags = re.search(r"(?i)format\s+\d+\s+(\d+)", head)
     nm = 1.0 if flags and flags[1] == "1" else stated.get("Wavelength", 1.0) / stated.get("Mult", 1.0)

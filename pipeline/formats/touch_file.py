@@ -34,10 +34,10 @@ _NAMED = {
 
 
 def read_height_map(path: str | Path, settings: MapSettings | None = None) -> HeightMap:
-    """Read the height map in a file, in mm, row 0 at the top.
+    """Read the height map in a file, in mm, row 0 at the top; its suffix determines the format.
 
     Args:
-        path: the file; its suffix determines the format.
+        path: the file.
         settings: unit, pitch, kind and order of rows (default: as the file states them).
 
     Raises:
@@ -49,15 +49,9 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
 def read_part_map(
     path: str | Path, settings: MapSettings | None = None, *, most: int = MAX_PIXELS
 ) -> PartMap:
-    """Read the height map in a file, with its dirt.
+    """Read the height map in a file, with its dirt, as `read_height_map` does.
 
-    Args:
-        path: as in `read_height_map`.
-        settings: likewise.
-        most: most samples that it may have, checked from the file's header if its format has one.
-
-    Raises:
-        FileError: likewise.
+    It may have `most` samples, which is checked from the file's header if its format has one.
     """
     from pipeline.formats.grid import part_map
     from pipeline.formats.text_maps import is_number_table
@@ -78,9 +72,7 @@ def read_part_map(
 def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
     """Read the scan in a recording.
 
-    Args:
-        path: the file.
-        most: most samples that it may have; with it, a file that points to other files is refused, too.
+    With `most`, the most samples that it may have, a file that points to other files is refused, too.
 
     Raises:
         FileError: the file cannot be used.

@@ -91,10 +91,6 @@ def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
 
     TDMS channels with another start or sampling rate than the first are resampled at its samples.
 
-    Args:
-        path: the file.
-        layout: description of the columns and of the text layout.
-
     Raises:
         DataError: the file is of another kind or damaged, lacks a column, or has a value that is not a number.
         MissingExtraError: the library for TDMS is missing.
@@ -135,10 +131,10 @@ def _text(path: Path, names: Columns, how: Csv) -> TraceTable:
 
 def second_of_day(written: str) -> float | None:
     """Second of the day of a time stamp, such as 2024-03-01T09:30:00.125 or 9:30:00 PM; None for any other text."""
-    found = _OF_DAY.search(written)
-    if found is None:
+    stamp = _OF_DAY.search(written)
+    if stamp is None:
         return None
-    hours, minutes, seconds, half = found.groups()
+    hours, minutes, seconds, half = stamp.groups()
     hour = int(hours) if half is None else int(hours) % 12 + (12 if half in "Pp" else 0)
     return 3600.0 * hour + 60.0 * int(minutes) + float(seconds.replace(",", "."))
 
@@ -176,11 +172,7 @@ def _number(line: TableLine, place: int, name: Column, names: Columns, decimal: 
 
 
 def _check_work(path: Path) -> None:
-    """Count segments and described objects of a TDMS file before the library reads them.
-
-    Raises:
-        DataError: there are too many.
-    """
+    """Count segments and described objects of a TDMS file before the library reads them."""
     place = segments = objects = described = held = inherited = 0
     with path.open("rb") as file:
         while len(lead_in := file.read(28)) == 28 and lead_in.startswith(b"TDSm"):
@@ -205,11 +197,6 @@ def _check_work(path: Path) -> None:
 
 
 def _tdms_values(file: Any, channels: Mapping[Column, Any]) -> dict[Column, NDArray[Any]]:
-    """Values of the channels, read piece by piece.
-
-    Raises:
-        DataError: there are too many pieces.
-    """
     n_channels = sum(len(group) for group in file.groups())
     pieces: dict[Column, list[NDArray[Any]]] = {name: [] for name in channels}
     for k, chunk in enumerate(file.data_chunks(), start=1):
@@ -268,13 +255,7 @@ def _on_first_clock(
 ) -> dict[Column, Floats]:
     """Resample channels at the samples of the first one, over the time that all of them cover.
 
-    Args:
-        columns: values of each channel.
-        channels: the channels, each with a clock.
-        states: channels that hold a value until it changes; the others are interpolated linearly.
-
-    Raises:
-        DataError: one is not recorded at the same time as the others.
+    Those that hold a value until it changes (`states`) are not interpolated.
     """
     starts = {n: np.datetime64(c.properties.get("wf_start_time") or 0, "ns") for n, c in channels.items()}
     first, at_s = next(iter(channels)), {}

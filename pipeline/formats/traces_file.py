@@ -28,9 +28,8 @@ class Columns(Strict, strict=True):
     """Columns of the quantities.
 
     Attributes:
-        moment: column of each whisker's signal.
-        x: x of the stage's position.
-        y: y of the stage's position, in the plate frame, with y down the part.
+        moment: of each whisker's signal.
+        x: of the stage's position, as y, in the plate frame, with y down the part.
         time: time in `time_unit`, or time stamps; `None`: the rate is known.
         lifted: not 0 where the array is lifted off; `None`: all samples touch.
         number: number of the pass, negative between passes; `None`: each file is one pass.
@@ -50,13 +49,7 @@ class Columns(Strict, strict=True):
 
 
 class Csv(Strict, strict=True):
-    """Layout of text.
-
-    Attributes:
-        delimiter: separator of values.
-        decimal: decimal sign of numbers, a point or a comma.
-        skip_lines: number of lines before the header, or before the first values if columns are numbered.
-    """
+    """Layout of text; `skip_lines` stand before the header, or before the first values if columns are numbered."""
 
     delimiter: str = Field(default=",", min_length=1, max_length=1)
     decimal: Literal[".", ","] = "."
@@ -67,21 +60,16 @@ class TracesFile(Strict, strict=True):
     """Description of trace files.
 
     Attributes:
-        whisker: whisker file.
-        columns: columns of the quantities.
-        moment_unit: unit of the signals.
         position_unit: unit of the position columns only; keys in mm stay in mm.
         time_unit: unit of the time column, if it holds numbers.
-        sampling_rate_hz: sampling rate, if there is neither a time column nor a TDMS channel with its increment.
+        sampling_rate_hz: if there is neither a time column nor a TDMS channel with its increment.
         lead_mm: run-in and run-out on bare land; 0 without any.
         across_mm: lateral distance of each tip from the stage's position: towards +y in passes along x, towards +x in
             passes along y (default: 0).
-        turns: whether the comb turns with the direction: across_mm is then to the right of the travel.
+        turns: the comb turns with the direction: across_mm is then to the right of the travel.
         behind_mm: distance of each tip behind the position (default: 0).
         part_mm: x0, y0, x1, y1 of the part; a tip beyond it does not touch (default: the whole plate).
-        part_id: name of the part.
         start_time: ISO 8601 with zone.
-        csv: layout of text files.
     """
 
     whisker: str
@@ -102,9 +90,11 @@ class TracesFile(Strict, strict=True):
     @model_validator(mode="after")
     def _one_each(self) -> Self:
         n = len(self.columns.moment)
-        for name, given in (("across_mm", self.across_mm), ("behind_mm", self.behind_mm)):
-            if len(given) not in (0, n):
-                raise ValueError(f"has {len(given)} numbers in {name}, and {n} whiskers in columns.moment")
+        for name, distances in (("across_mm", self.across_mm), ("behind_mm", self.behind_mm)):
+            if len(distances) not in (0, n):
+                raise ValueError(
+                    f"has {len(distances)} numbers in {name}, and {n} whiskers in columns.moment"
+                )
         if n > 1 and not self.across_mm:
             raise ValueError(f"lacks the key across_mm, with {n} whiskers that do not run on one line")
         if self.behind_mm and min(self.behind_mm) != 0.0:

@@ -49,16 +49,11 @@ class Accuracy:
     """Running counts of readings compared with the truth.
 
     Attributes:
-        truth: text by part.
-        parts: number of parts with a truth.
-        parts_right: number of parts read without any error.
-        characters: number of true characters of those parts.
-        edits: characters wrong, missing or too many.
+        edits: characters wrong, missing or too many, of all `characters` of the truth.
         without_truth: number of parts that were read but have no truth.
         seen: names of the parts with a truth, as the table has them.
         wrong: parts with any error, as PART (TRUTH read as TEXT).
         accepted_wrong: names of the accepted parts among these.
-        accepted: number of accepted parts with a truth.
     """
 
     truth: PartTexts
@@ -124,14 +119,7 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class PartLine:
-    """A line of a table of parts.
-
-    Attributes:
-        line: number in the file.
-        part: its name.
-        text: text stamped on it, or read.
-        others: the other columns, by their headings in lower case.
-    """
+    """A line of a table of parts: its text, stamped or read, and the other columns by their headings in lower case."""
 
     line: int
     part: str
@@ -175,10 +163,6 @@ def load_truth(path: Path) -> PartTexts:
 def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
     """The lines of a table with the columns part (or file) and text (or serial), in this order without headings.
 
-    Args:
-        path: the table.
-        repeated: a part may have several lines.
-
     Raises:
         FileError: the table lacks columns, or repeats a part although `repeated` is off.
     """
@@ -192,7 +176,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         elif part is None or text is None:
             what = f"has the columns {', '.join(titles) or 'none'}"
             raise DataError(what, "its first line must name part and text")
-        found: list[PartLine] = []
+        part_lines: list[PartLine] = []
         seen: set[str] = set()
         for line in lines:
             name, value = line.cell(part), check_serial(line.number, line.cell(text))
@@ -206,11 +190,11 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
                     f"line {line.number} names {name} a second time", "keep one line for each part"
                 )
             others = {title: line.cell(k) for k, title in enumerate(titles) if k not in (part, text)}
-            found.append(PartLine(line.number, name, value, others))
+            part_lines.append(PartLine(line.number, name, value, others))
             seen.add(name)
-        if not found:
+        if not part_lines:
             raise DataError("holds no part", "give a line for each part and its text")
-    return found
+    return part_lines
 
 
 def part_name(cell: str) -> str:
@@ -259,7 +243,6 @@ def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
 
 
 def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
-    """The column that holds the serials, and the lines below the headings."""
     if not lines:
         return 0, lines
     named = column_of(lines[0].cells, TEXT_HEADINGS)
@@ -267,8 +250,8 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
         return named, lines[1:]
     filled = sorted({place for line in lines for place, cell in enumerate(line.cells) if cell})
     if len(filled) > 1:
-        found = ", ".join(map(repr, lines[0].cells))[:200]
-        what = f"line {lines[0].number} is {found}" if is_data(lines[0].cells) else f"has the columns {found}"
+        cells = ", ".join(map(repr, lines[0].cells))[:200]
+        what = f"line {lines[0].number} is {cells}" if is_data(lines[0].cells) else f"has the columns {cells}"
         hint = "call it serial in the first line"
         raise DataError(f"{what}, and it is unclear which column holds the serials", hint)
     return filled[0], lines
@@ -277,11 +260,7 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
 def _dashed_range(
     line: TableLine, cell: str, grammar: Grammar | None
 ) -> tuple[NumberedSerial, NumberedSerial] | None:
-    """The ends of a range that is written with a dash; None for a serial.
-
-    Raises:
-        DataError: it may be either.
-    """
+    """The ends of a range that is written with a dash; None for a serial. An ambiguous cell is refused."""
     for dash in _DASH.finditer(cell):
         first, last = cell[: dash.start()], cell[dash.end() :]
         low, high = split_serial(first), split_serial(last)

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 
 SUFFIX = ".toml"
+# a file without a version has this one, too
 FORMAT_VERSION = 1
-"""Version of the format; a file without one has this version, too."""
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
 
 Length = Annotated[float, Field(gt=0.0, le=10_000.0, allow_inf_nan=False)]
@@ -54,17 +54,7 @@ _RASTER = ("character_height_mm", "line_pitch_mm", "sample_pitch_mm", "speed_mm_
 
 @dataclass(frozen=True, eq=False)
 class WhiskerFile:
-    """A whisker and its use.
-
-    Attributes:
-        whisker: the whisker.
-        touch: contact of the whisker with the surface.
-        character_height_mm: height of the characters it is made for.
-        line_pitch_mm: distance of traced lines.
-        sample_pitch_mm: distance of samples.
-        speed_mm_s: scan speed.
-        known: uncertainty of the whisker, if it was identified.
-    """
+    """A whisker and its use; `known`: the uncertainty of the whisker, if it was identified."""
 
     whisker: LShaped
     touch: Touch
@@ -131,37 +121,37 @@ class _Straight(_Written):
 _OneKind = Annotated[_L | _Straight, Field(discriminator="kind")]
 # with an empty kind the message on a missing one lists the valid kinds
 _ANY: TypeAdapter[_L | _Straight] = TypeAdapter(
-    Annotated[_OneKind, BeforeValidator(lambda given: {"kind": "", **given})]
+    Annotated[_OneKind, BeforeValidator(lambda keys: {"kind": "", **keys})]
 )
 _HIDDEN = ("L", "straight", "ribbon", "round", "Material")
 
 
-def _built(given: _L | _Straight) -> WhiskerFile:
+def _built(written: _L | _Straight) -> WhiskerFile:
     """Whisker, touch and raster, with defaults scaled to the character height."""
-    section = _SECTIONS[given.section.kind](**given.section.model_dump(exclude={"kind"}))
-    material = given.material if isinstance(given.material, Material) else MUSIC_WIRE
-    shape = math.radians(given.beta_deg), section, material
+    section = _SECTIONS[written.section.kind](**written.section.model_dump(exclude={"kind"}))
+    material = written.material if isinstance(written.material, Material) else MUSIC_WIRE
+    shape = math.radians(written.beta_deg), section, material
     whisker = (
-        straight_whisker(given.l_mm, *shape)
-        if isinstance(given, _Straight)
-        else LShaped(given.l1_mm, given.l2_mm, given.l3_mm, *shape)
+        straight_whisker(written.l_mm, *shape)
+        if isinstance(written, _Straight)
+        else LShaped(written.l1_mm, written.l2_mm, written.l3_mm, *shape)
     )
     touch = Touch(
-        whisker.tip_model(), given.preload_mm, given.tip_radius_mm, given.friction, whisker.describe()
+        whisker.tip_model(), written.preload_mm, written.tip_radius_mm, written.friction, whisker.describe()
     )
     row = touch.tip.compliance_mm_per_n[1]
     if not row[1] - touch.friction * row[0] > 0.0:
         raise DataError("describes a whisker that jams on the land", "take another setting angle")
-    height = given.character_height_mm
-    lines = given.line_pitch_mm or height / LINES_PER_HEIGHT
+    height = written.character_height_mm
+    lines = written.line_pitch_mm or height / LINES_PER_HEIGHT
     return WhiskerFile(
         whisker=whisker,
         touch=touch,
         character_height_mm=height,
         line_pitch_mm=lines,
-        sample_pitch_mm=given.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
-        speed_mm_s=given.speed_mm_s or min(10.0 * height, SAFE_SPEED_MM_S),
-        known=given.identified.knowledge() if given.identified is not None else None,
+        sample_pitch_mm=written.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
+        speed_mm_s=written.speed_mm_s or min(10.0 * height, SAFE_SPEED_MM_S),
+        known=written.identified.knowledge() if written.identified is not None else None,
     )
 
 
@@ -218,35 +208,23 @@ def _written(content: WhiskerFile) -> _L | _Straight:
     )
 
 
+# distance of samples in the map of a piece
 PITCH_MM = 0.02
-"""Distance of samples in the map of a piece."""
 
 
 def read_piece(path: Path) -> Piece | HeightMap:
-    """Read the test piece in a file.
-
-    Raises:
-        FileError: the file cannot be used.
-    """
+    """Read the test piece in a file."""
     return read_toml(path, TypeAdapter(Piece)) if path.suffix.lower() == ".toml" else read_height_map(path)
 
 
 def read_surface(path: Path) -> HeightMap:
-    """The height map of the piece in a file.
-
-    Raises:
-        FileError: as in `read_piece`.
-    """
+    """The height map of the piece in a file."""
     piece = read_piece(path)
     return piece.height_map(PITCH_MM) if isinstance(piece, Piece) else piece
 
 
 def heights_of_piece(piece: Piece | HeightMap) -> Heights:
-    """Function that returns the height over the land at places of the piece, mm.
-
-    Raises:
-        MapError: a map with holes.
-    """
+    """Function that returns the height over the land at places of the piece, mm; a map with holes is a MapError."""
     from recognition.see.levelling import level
     from whisker_array.identification.piece_map import heights_of
 
