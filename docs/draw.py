@@ -14,6 +14,7 @@ from pathlib import Path
 from active_touch import draw_active_touch
 from elastica_figure import elastica_figure
 from estimators_figure import estimators_figure
+from paper_figures import draw_figures
 from results_figure import draw_results
 from speed_figure import speed_figure
 
@@ -23,7 +24,6 @@ from pipeline.plots.pictures import save_figure
 PAGES = Path(__file__).parent / "pages"
 DESIGN = "design --alpha 30:60 --mu 0.1:0.5 --depth-mm 0.2 --height-mm 5"
 COMMANDS = (
-    "figures --out .",
     f"{DESIGN} --picture design.png --drawing whisker-drawing.svg",
     "design --array --height-mm 5 --accuracy 0.98 --dirt 0.3 --picture array.png",
     "bench scan bench.toml --region 3 8 21 16 --dry-run moves.png",
@@ -39,6 +39,7 @@ def draw(folder: Path) -> None:
     assert bench is not None
     (folder / "bench.toml").write_text(bench[1], encoding="utf-8")
     with contextlib.chdir(folder):
+        draw_figures(Path())
         for command in COMMANDS:
             print(f"tactile-marks {command}", flush=True)
             if status := main(command.split()):

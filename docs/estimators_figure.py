@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from paper_steps import Wedge
 
 from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, styled
-from pipeline.plots.steps import Wedge
 from whisker_array.estimation.friction import FrictionRoute, land_friction
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief

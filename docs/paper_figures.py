@@ -1,7 +1,11 @@
-"""Draw Figs. 4, 6 and 7 of the paper from simulated traces, and write the steps in them as a table."""
+"""Draw Figs. 4, 6 and 7 of the paper from simulated traces: `python docs/paper_figures.py FOLDER [MU]`.
+
+MU is the friction in Figs. 6 and 7 (default: 0.2). The steps are written beside the pictures, as figures.csv.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -11,10 +15,10 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from paper_steps import DEPTH_MM, L1_MM, PRELOAD_MM, TIP_RADIUS_MM, Step, feel_step, paper_whisker
 
 from pipeline.common.output_paths import make_folder, write_table
 from pipeline.plots.pictures import BLUE, VERMILION, note, save_figure, styled
-from pipeline.plots.steps import DEPTH_MM, L1_MM, PRELOAD_MM, TIP_RADIUS_MM, Step, feel_step, paper_whisker
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.enhancement import moment_ratio
 
@@ -29,23 +33,14 @@ _LINES: dict[Fidelity, dict[str, Any]] = {
     Fidelity.POINTWISE: {"color": BLUE, "alpha": 0.6, "linewidth": 3.2},
     Fidelity.CONTACT: {"color": VERMILION, "linewidth": 1.4},
 }
+# a figure, and its steps with the numbers of their panels
 Drawn = tuple[Figure, list[tuple[str, Step]]]
-"""A figure, and its steps with the numbers of their panels."""
 
 
-def draw_figures(folder: Path, *, mu: float) -> list[Path]:
-    """Draw the figures into a folder, made if missing, and write their steps beside them as figures.csv.
+def draw_figures(folder: Path, *, mu: float = 0.2) -> list[Path]:
+    """Draw the figures into a folder, made if missing, and write their steps beside them.
 
-    Args:
-        folder: output folder.
-        mu: friction in Figs. 6 and 7; Fig. 4 has the paper's range of them.
-
-    Returns:
-        The files written.
-
-    Raises:
-        FileError: the folder cannot be made or written.
-        StepError: a step cannot be read off a trace.
+    `mu` is the friction in Figs. 6 and 7; Fig. 4 has the paper's range of them.
     """
     make_folder(folder)
     written, rows = [], []
@@ -65,11 +60,7 @@ def draw_figures(folder: Path, *, mu: float) -> list[Path]:
 
 @styled
 def factor_figure() -> Drawn:
-    """Draw Fig. 4: F against the intersection angle by eq. (16), and the steps read off simulated traces.
-
-    Raises:
-        StepError: a step cannot be read off.
-    """
+    """Draw Fig. 4: F against the intersection angle by eq. (16), and the steps read off simulated traces."""
     figure = Figure(figsize=(10.0, 5.0))
     figure.suptitle(
         "Fig. 4  Edge enhancement factor F of the L-shaped whisker (β = 0, l3 = l2); mind the two scales of F"
@@ -110,22 +101,14 @@ def factor_figure() -> Drawn:
 
 
 def pieces_figure(mu: float) -> Drawn:
-    """Draw Fig. 6: one whisker, l2/l1 = 0.083, over the test pieces of 30, 45 and 60 degrees.
-
-    Raises:
-        StepError: a step cannot be read off.
-    """
+    """Draw Fig. 6: one whisker, l2/l1 = 0.083, over the test pieces of 30, 45 and 60 degrees."""
     panels = {f"α = {alpha:g}°": (PIECES_K, alpha) for alpha in PIECES_DEG}
     title = f"Fig. 6  Three test pieces, l2/l1 = {PIECES_K:g}"
     return _draw_traces("6", title, panels, mu, view_mm=(-0.4, 1.25), panel_in=3.1)
 
 
 def whiskers_figure(mu: float) -> Drawn:
-    """Draw Fig. 7: the 60 degree test piece under four whiskers, l2/l1 = 0, 0.033, 0.083 and 0.117.
-
-    Raises:
-        StepError: a step cannot be read off.
-    """
+    """Draw Fig. 7: the 60 degree test piece under four whiskers, l2/l1 = 0, 0.033, 0.083 and 0.117."""
     panels = {f"l2/l1 = {k:g}": (k, WHISKERS_DEG) for k in WHISKERS_K}
     title = f"Fig. 7  Four whiskers on the test piece of α = {WHISKERS_DEG:g}°"
     return _draw_traces("7", title, panels, mu, view_mm=(-0.3, 0.75), panel_in=2.45)
@@ -141,7 +124,6 @@ def _draw_traces(
     view_mm: tuple[float, float],
     panel_in: float,
 ) -> Drawn:
-    """Draw a trace above its test piece in each column; panels are k and alpha by heading."""
     figure = Figure(figsize=(panel_in * len(panels) + 0.6, 5.4))
     figure.suptitle(
         f"{title}\nβ = 0, l3 = l2, l1 = {L1_MM:g} mm, μ = {mu:g}, preload {PRELOAD_MM:g} mm, "
@@ -195,3 +177,8 @@ def _trace_panel(axes: Axes, steps: Sequence[Step], view_mm: tuple[float, float]
             0.97, 0.97 - 0.06 * row, f"{label}  F = {value:.3f}", transform=axes.transAxes, va="top", ha="right",
             color=colour, fontsize=9,
         )  # fmt: skip
+
+
+if __name__ == "__main__":
+    for path in draw_figures(Path(sys.argv[1]), mu=float(sys.argv[2]) if sys.argv[2:] else 0.2):
+        print(f"wrote {path}")

@@ -97,7 +97,7 @@ class StepReading:
 
     Attributes:
         factor: F, the step at the edge over the land level.
-        land_n_mm: moment on the land, N mm.
+        land_n_mm: moment on the land.
         line: line on the slope, of the moment over the land's: (rise per mm, value at x = 0).
         edge_mm: commanded position where the line reaches h = 0.
         foot_mm: commanded position where the slope ends on the floor.
@@ -118,14 +118,11 @@ class Step:
 
     Attributes:
         k: l2 / l1; 0 is the straight whisker.
-        alpha_deg: intersection angle, degrees.
+        alpha_deg: intersection angle.
         mu: friction coefficient.
-        fidelity: fidelity of the simulated touch.
-        wedge: the test piece.
-        place_mm: (samples,) commanded position of the tip, mm after the edge.
-        moment_n_mm: (samples,) moment, N mm.
+        place_mm: (samples,) commanded position of the tip after the edge.
+        moment_n_mm: (samples,) moment.
         predicted: F of eq. (16).
-        reading: the step read off.
     """
 
     k: float
@@ -203,7 +200,7 @@ def read_step(
 
     Args:
         place_mm: (samples,) commanded positions, evenly spaced, mm after the edge.
-        moment_n_mm: (samples,) moment, N mm.
+        moment_n_mm: (samples,) moment.
         wedge: the test piece.
         preload_mm: d0, which must exceed the depth of the test piece.
         blur_mm: distance by which a corner shows early: one sample if slopes are central differences.
@@ -226,8 +223,8 @@ def read_step(
     )
     if -rise * wedge.run_mm < 0.2 * (1.0 - left):
         raise unread
-    rest = (place_mm >= 0.6 * wedge.run_mm) & (place_mm <= 1.4 * wedge.run_mm)
-    foot, misfit = _find_foot(place_mm[rest], ratio[rest], (rise, start), floor=left)
+    near_foot = (place_mm >= 0.6 * wedge.run_mm) & (place_mm <= 1.4 * wedge.run_mm)
+    foot, misfit = _find_foot(place_mm[near_foot], ratio[near_foot], (rise, start), floor=left)
     if misfit > 2.0 * scatter + _MOST_MISFIT:
         raise unread
     # a straight whisker has no step at the foot that could be blurred: the line just crosses the floor's level
@@ -269,5 +266,5 @@ def _find_foot(
     j = int(np.argmin(np.cumsum((ratio - slope) ** 2 - (ratio - floor) ** 2)))
     bounds = [(x[0], x[-1]), (0.0, 1.0)]
     exact = {"xatol": 1e-6, "fatol": 1e-16}
-    found = minimize(squares, (x[j], 0.5), method="Nelder-Mead", bounds=bounds, options=exact)
-    return float(found.x[0]), math.sqrt(found.fun)
+    fit = minimize(squares, (x[j], 0.5), method="Nelder-Mead", bounds=bounds, options=exact)
+    return float(fit.x[0]), math.sqrt(fit.fun)

@@ -98,7 +98,6 @@ _COMMANDS = (
      "piece whisker out figure"),
     ("import", "Whisker", "whisker:import_traces", "Make a scan from traces recorded by others.", "traces out"),
     ("design", "Whisker", "design:design", "Find the whisker to build.", "height-mm alpha mu depth-mm out array"),
-    ("figures", "Whisker", "whisker:figures", "Compute and draw the results of the paper.", "out mu"),
     ("bench check", "Whisker", "bench:check", "Ask stage and converter to identify themselves.", ""),
     ("bench home", "Whisker", "bench:home", "Lift the comb and find the axes' ends.", ""),
     ("bench calibrate", "Whisker", "bench:calibrate", "Find the whiskers' gains on a bare plate.", ""),
@@ -120,7 +119,7 @@ _COMMANDS = (
     ("completion", "Serve", "", "Print the script with which a shell completes commands and options.", ""),
 )  # fmt: skip
 """Words of a command, its panel in help, its function, its summary, and the flags that `--help` shows."""
-_MORE = ("calibrate", "identify", "import", "figures", "study", "worker", "completion")
+_MORE = ("calibrate", "identify", "import", "study", "worker", "completion")
 """Commands that `--help` leaves to `--help-all`."""
 
 for _name, _group, _line in _GROUPS:

@@ -1,4 +1,4 @@
-"""`tactile-marks scan`, `calibrate`, `identify`, `import` and `figures`: recordings of touch."""
+"""`tactile-marks scan`, `calibrate`, `identify` and `import`: recordings of touch."""
 
 from __future__ import annotations
 
@@ -284,25 +284,6 @@ def import_traces(
         print(f"  {fault}")
     if volts:
         print(f"its signals are in volts: run tactile-marks calibrate {out}")
-
-
-def figures(
-    *, out: Path = Path("figures-out"), mu: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.2
-) -> None:
-    """Draw Figs. 4, 6 and 7 of the paper, with the step F from simulated traces and from eq. (16).
-
-    Parameters
-    ----------
-    out
-        Folder for the pictures and figures.csv; made if missing.
-    mu
-        Friction coefficient in Figs. 6 and 7; Fig. 4 has the paper's range of them.
-    """
-    from pipeline.plots.paper_figures import draw_figures
-
-    print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
-    for path in draw_figures(out, mu=mu):
-        print(f"wrote {path}")
 
 
 def describe_plan(plan: RasterPlan) -> str:

@@ -1,1 +1,1 @@
-"""Pictures: parts, fonts, designs, benches and the figures of the paper; `pictures` holds their style."""
+"""Pictures: parts, fonts, designs and benches; `pictures` holds their style."""

@@ -52,7 +52,7 @@ COMMANDS = (
         "identify",
         "import",
     ),
-    *("design", "figures", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
+    *("design", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
     *("bench check", "bench home", "bench calibrate", "bench scan"),
     *("tokens add", "tokens list", "tokens revoke", "store backup", "store restore", "store check"),
     *("benchmark run", "benchmark compare", "benchmark export", "benchmark score"),
@@ -86,13 +86,13 @@ def test_help_of_the_program_leaves_out_commands_that_few_need(capsys: pytest.Ca
     short = capsys.readouterr().out
     assert main(["--help-all"]) == 0
     whole = capsys.readouterr().out
-    assert "7 more commands: tactile-marks --help-all" in short
+    assert "6 more commands: tactile-marks --help-all" in short
     for command in {name.split()[0] for name in COMMANDS}:
         assert f"│ {command} " in whole
         assert (f"│ {command} " in short) == (command not in LEFT_OUT)
 
 
-LEFT_OUT = ("calibrate", "identify", "import", "figures", "study", "worker", "completion")
+LEFT_OUT = ("calibrate", "identify", "import", "study", "worker", "completion")
 
 
 @pytest.mark.parametrize(
