@@ -8,6 +8,7 @@ otherwise misses those sweeps, and they are simulated. After a change of the sim
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -181,6 +182,25 @@ def load_part(path: Path) -> tuple[DrawnPart, KeptSweeps]:
             for digest, group in file.get("felt", {}).items()
         }
     return part, KeptSweeps(felt)
+
+
+def unread_parts(
+    drawn: Path, out: Path, *, first: int = 0, step: int = 1, hours: float = 2.0
+) -> Iterator[tuple[Path, Path]]:
+    """The file of each drawn part that has none in a folder of readings, and the name of its reading there.
+
+    Several runs may share the folders: each takes the parts from `first` on at a distance of `step`. No part is begun
+    after `hours`.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    end = time.monotonic() + 3600.0 * hours
+    for source in sorted(drawn.glob("[0-9]*.h5")):
+        number, target = int(source.stem), out / f"{source.stem}.pkl"
+        if number < first or (number - first) % step or target.exists():
+            continue
+        if time.monotonic() > end:
+            return
+        yield source, target
 
 
 def _plain(value: Any) -> Any:

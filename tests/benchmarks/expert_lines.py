@@ -1,16 +1,17 @@
-"""Draw parts, find their lines, and keep what the experts of a line need, one file a part::
+"""Find the lines of drawn parts, and keep what the experts of a line need, one file a part::
 
-    python tests/benchmarks/expert_lines.py FONTS OTHER_GENERATORS --out lines
+    python tests/benchmarks/risk_parts.py draw FONTS OTHER_GENERATORS --out drawn-lines --seed 62
+    python tests/benchmarks/expert_lines.py drawn-lines --out lines
 
-The parts are those of `risk_parts.py` with another seed, most of them dirty. `tests/benchmarks/fit_experts.py` fits the
-weights of the experts to what was kept, so that neither a new library of faces nor other terms need a new reading.
+The seed is another than that of the parts to which the score is fitted; most of the parts that are read are dirty.
+`tests/benchmarks/fit_experts.py` fits the weights of the experts to what was kept, so that neither a new library of
+faces nor other terms need a new reading.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.errors import MarksError
 from recognition.decide.evidence import Evidence, SenseEvidence
 from recognition.glyph_match.felt_line import DepthStrip
@@ -25,13 +27,12 @@ from recognition.language.lattice import Lattice
 from recognition.reader import Reader
 from recognition.see.text_line import TextLine
 from recognition.surface import Surface
-from tests.benchmarks.drawn_parts import DrawnPart
-from tests.benchmarks.risk_parts import FORMATS, SEVERITIES, SHARES, draw_part, kept_of
+from tests.benchmarks.drawn_parts import DrawnPart, KeptSweeps, load_part, unread_parts
+from tests.benchmarks.risk_parts import FORMATS, kept_of
 from whisker_array.whisker.touch import Touch
 
-SEED = 62
 CLEAN = 4
-"""Of so many clean parts one is kept."""
+"""Of so many clean parts one is read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,58 +83,42 @@ def line_of(evidence: SenseEvidence, reader: Reader) -> ExpertLine | None:
     )
 
 
-def is_wanted(number: int) -> bool:
-    """Whether the part of a number is drawn: all dirty ones, and some clean ones."""
-    severity = np.random.default_rng((SEED, number)).choice(SEVERITIES, p=SHARES)
-    return bool(severity > 0.0) or (number // 4) % CLEAN == 0
+def is_wanted(part: DrawnPart) -> bool:
+    """Whether a part is read: all dirty ones, and some clean ones."""
+    return part.severity > 0.0 or (part.number // 4) % CLEAN == 0
 
 
-def lines_of(part: DrawnPart, reader: Reader) -> dict[str, ExpertLine | None]:
+def lines_of(part: DrawnPart, sweeps: KeptSweeps, reader: Reader) -> dict[str, ExpertLine | None]:
     """The line of each sense."""
-    evidence = (reader.feel(Surface(part.height_map, part.soil_layer)), reader.look_at(part.photo))
-    return {sense.source: line_of(sense, reader) for sense in evidence}
+    with sweeps.in_place_of_simulation():
+        felt = reader.feel(Surface(part.height_map, part.soil_layer))
+    return {sense.source: line_of(sense, reader) for sense in (felt, reader.look_at(part.photo))}
 
 
-def main(
-    fonts: Path,
-    others: Path,
-    *,
-    out: Path,
-    parts: int = 4000,
-    first: int = 0,
-    step: int = 1,
-    hours: float = 2.0,
-) -> None:
-    """Draw, read and keep.
+def main(drawn: Path, *, out: Path, first: int = 0, step: int = 1, hours: float = 2.0) -> None:
+    """Read, and keep lines.
 
     Args:
-        fonts: folder of font files that neither recogniser nor library has learned from.
-        others: folder of the other generators.
-        out: folder of what is kept.
-        parts: number of parts.
+        drawn: folder of the drawn parts, in fonts that neither recogniser nor library has learned from.
+        out: folder of the lines.
         first: number of the first part.
         step: distance of the numbers.
         hours: time after which the run stops.
     """
     os.nice(19)
-    files = sorted(path for path in fonts.iterdir() if path.suffix in (".woff", ".ttf", ".otf"))
-    out.mkdir(parents=True, exist_ok=True)
     readers = {format: Reader(format=format) for format in dict.fromkeys(FORMATS)}
-    end = time.monotonic() + 3600.0 * hours
-    for number in filter(is_wanted, range(first, parts, step)):
-        path = out / f"{number:06d}.pkl"
-        if path.exists() or time.monotonic() > end:
+    for source, target in unread_parts(drawn, out, first=first, step=step, hours=hours):
+        part, sweeps = load_part(source)
+        if not is_wanted(part):
             continue
         try:
-            part = draw_part(number, files, others, seed=SEED)
-            lines = lines_of(part, readers[part.format])
-        except (MarksError, ValueError, KeyError) as error:
-            print(f"part {number}: {error}", flush=True)
+            lines = lines_of(part, sweeps, readers[part.format])
+        except MarksError as error:
+            print(f"part {part.number}: {error}", flush=True)
             continue
-        kept_lines = {sense: None if line is None else vars(line) for sense, line in lines.items()}
-        temporary = path.with_suffix(".tmp")
-        temporary.write_bytes(pickle.dumps({**part.facts, "lines": kept_lines}))
-        temporary.replace(path)
+        written = {sense: None if line is None else vars(line) for sense, line in lines.items()}
+        with replacing(target) as temporary:
+            temporary.write_bytes(pickle.dumps({**part.facts, "lines": written}))
 
 
 if __name__ == "__main__":

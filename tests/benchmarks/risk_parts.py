@@ -40,7 +40,7 @@ from recognition.learning.sketches import photograph
 from recognition.reader import Reader
 from recognition.see.levelling import level, square_to_plate
 from recognition.see.view import GREY
-from tests.benchmarks.drawn_parts import DrawnPart, KeptSweeps, load_part, save_part
+from tests.benchmarks.drawn_parts import DrawnPart, KeptSweeps, load_part, save_part, unread_parts
 
 GENERATORS = ("stamped", "sketched", "bevelled", "rusted")
 SEVERITIES, SHARES = (0.0, 0.3, 0.6, 0.9), (0.35, 0.3, 0.22, 0.13)
@@ -234,6 +234,7 @@ def draw(
     first: int = 0,
     step: int = 1,
     hours: float = 2.0,
+    seed: int = 61,
 ) -> None:
     """Draw and feel parts, and keep them.
 
@@ -245,6 +246,7 @@ def draw(
         first: number of the first part.
         step: distance of the numbers.
         hours: time after which the run stops.
+        seed: seed of all parts.
     """
     files = sorted(path for path in fonts.iterdir() if path.suffix in (".woff", ".ttf", ".otf"))
     readers, end = _Readers(), time.monotonic() + 3600.0 * hours
@@ -257,7 +259,7 @@ def draw(
             return
         start = time.process_time()
         try:
-            part = draw_part(number, files, others)
+            part = draw_part(number, files, others, seed=seed)
         except (MarksError, ValueError, KeyError):
             continue
         drawn = time.process_time()
@@ -281,22 +283,16 @@ def read(drawn: Path, *, out: Path, first: int = 0, step: int = 1, hours: float 
         step: distance of the numbers.
         hours: time after which the run stops.
     """
-    readers, end, simulated = _Readers(), time.monotonic() + 3600.0 * hours, 0
-    out.mkdir(parents=True, exist_ok=True)
-    for source in sorted(drawn.glob("[0-9]*.h5")):
-        number, path = int(source.stem), out / f"{source.stem}.pkl"
-        if number < first or (number - first) % step or path.exists():
-            continue
-        if time.monotonic() > end:
-            break
+    readers, simulated = _Readers(), 0
+    for source, target in unread_parts(drawn, out, first=first, step=step, hours=hours):
         part, sweeps = load_part(source)
         try:
             kept = read_part(part, sweeps, readers.of(part))
         except MarksError as error:
-            print(f"part {number}: {error}", flush=True)
+            print(f"part {part.number}: {error}", flush=True)
             continue
         simulated += sweeps.simulated > 0
-        with replacing(path) as temporary:
+        with replacing(target) as temporary:
             temporary.write_bytes(pickle.dumps(kept))
     print(f"{simulated} parts needed scans that were not kept with them")
 

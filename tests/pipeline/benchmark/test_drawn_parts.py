@@ -14,7 +14,7 @@ from glyphs.surface.maps import HeightMap
 from recognition.find.first_pass import virtual_feel
 from recognition.reader import Reader
 from tests.benchmarks import drawn_parts
-from tests.benchmarks.drawn_parts import SOIL_ARRAYS, DrawnPart, load_part, save_part
+from tests.benchmarks.drawn_parts import SOIL_ARRAYS, DrawnPart, load_part, save_part, unread_parts
 from tests.benchmarks.risk_parts import feel_part, kept_of, read_part
 
 
@@ -79,3 +79,17 @@ def test_another_surface_is_simulated(part: DrawnPart, kept: Path) -> None:
     assert sweeps.simulated == len(scan.sweeps)
     again = virtual_feel()(raised, part.height_mm)
     assert same([s.moment_n_mm for s in scan.sweeps], [s.moment_n_mm for s in again.sweeps])
+
+
+def test_runs_share_the_parts_that_have_no_reading(tmp_path: Path) -> None:
+    drawn, out = tmp_path / "drawn", tmp_path / "new" / "readings"
+    drawn.mkdir()
+    for number in range(8):
+        (drawn / f"{number:06d}.h5").touch()
+    assert [target.name for _, target in unread_parts(drawn, out, first=1, step=2)] == [
+        *("000001.pkl", "000003.pkl", "000005.pkl", "000007.pkl")
+    ]
+    (out / "000003.pkl").touch()
+    later = [source.stem for source, _ in unread_parts(drawn, out, first=1, step=2)]
+    assert later == ["000001", "000005", "000007"]
+    assert not list(unread_parts(drawn, out, hours=-1.0))
