@@ -30,7 +30,7 @@ from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.pictures import styled
 from recognition.active.active_reader import scan_of
 from recognition.active.active_reading import ActiveReading
-from recognition.active.replay import read_kept
+from recognition.active.felt_log import read_and_log
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.see.levelling import level
@@ -80,7 +80,7 @@ def _feel() -> FeltPart:
     reader = Reader(format=FORMAT, fonts=(spec.font,), height_mm=height_mm, orientation=Orientation.UPRIGHT)
     session = VirtualBench(part.height_map, height_mm, VirtualArray(seed=SEED), part.soil).open_session()
     try:
-        found = read_kept(reader.touch, session, budget_s=BUDGET_S)
+        found = read_and_log(reader.touch, session, budget_s=BUDGET_S)
     finally:
         session.close()
     assert found.scan is not None

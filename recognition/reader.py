@@ -141,10 +141,10 @@ class Reader:
         return evidence_of_surface(self.touch, surface)
 
     def feel_scan(self, scan: Scan) -> SenseEvidence:
-        """Evidence by touch of a recorded scan; one with a log of passes is replayed pass by pass."""
-        from recognition.active.replay import replay
+        """Evidence by touch of a recorded scan; one with a log of passes stays marked as felt pass by pass."""
+        from recognition.active.felt_log import logged_evidence
 
-        return self.touch.of_recording(scan) if scan.log is None else replay(self.touch, scan).evidence
+        return self.touch.of_recording(scan) if scan.log is None else logged_evidence(self.touch, scan)
 
     def look_at(self, photo: Photo) -> SenseEvidence:
         """Evidence by camera of a photograph with its others."""

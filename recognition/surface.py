@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap
+from recognition.active.felt_log import read_and_log
 from recognition.active.moves import Region
-from recognition.active.replay import read_kept
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
@@ -181,7 +181,7 @@ def _felt_actively(touch: TactileReader, surface: Surface, stage: OpenStage) -> 
         if spent_s >= surface.budget_s:
             break
         session = stage(squared, soil, height_mm, surface.region_mm)
-        felt = read_kept(touch, session, budget_s=surface.budget_s - spent_s)
+        felt = read_and_log(touch, session, budget_s=surface.budget_s - spent_s)
         session.close()
         spent_s += felt.stage_s
         note = f"felt in {len(felt.passes)} passes, {spent_s:.1f} s of stage time: {felt.stop.message}"

@@ -141,11 +141,11 @@ def scan_actively(
     Raises:
         CommandError: no pass could be scanned.
     """
-    from recognition.active.replay import read_kept
+    from recognition.active.felt_log import read_and_log
     from recognition.reader import Reader
     from whisker_array.scan.recording import save_scan
 
-    found = read_kept(Reader(format=format).touch, session, budget_s=budget_s)
+    found = read_and_log(Reader(format=format).touch, session, budget_s=budget_s)
     session.close()
     if found.scan is None:
         raise CommandError(f"scan: no pass could be scanned: {found.problem}", hint="check the stage")

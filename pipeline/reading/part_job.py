@@ -326,14 +326,14 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
         StageError: not even one pass could be scanned.
         FileError: as in `read_sent`.
     """
-    from recognition.active.replay import read_kept
+    from recognition.active.felt_log import read_and_log
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.stage_error import StageError
 
     reader = _own_reader(job)
     session = stage.open(scan_order)
     try:
-        felt = read_kept(reader.touch, session, budget_s=job.settings.budget_s)
+        felt = read_and_log(reader.touch, session, budget_s=job.settings.budget_s)
     finally:
         session.close()
     if felt.scan is None:

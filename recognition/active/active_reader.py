@@ -160,7 +160,7 @@ class _Part:
             stop = StopReason.NOTHING_FOUND
         return ActiveReading(
             evidence, reading, tuple(self.passes), stop, steps=self.progress.history,
-            sure_at_look=sure_at_look, problem=self.problem,
+            sure_at_look=sure_at_look, problem=self.problem, sweeps=tuple(self.sweeps),
         )  # fmt: skip
 
     def _make_steps(self) -> StopReason:

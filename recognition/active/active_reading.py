@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # the service's pages need only the messages
     from recognition.active.moves import Way
     from recognition.decide.evidence import SenseEvidence
     from whisker_array.scan.scan import Scan
+    from whisker_array.scan.sweep import Sweep
     from whisker_array.whisker.passes import Pass
 
 
@@ -58,6 +59,7 @@ class ActiveReading:
         steps: for each step its direction, its lines per half character height, and the confidence after it.
         sure_at_look: whether a full reading between two steps was sure and ended touch.
         problem: message of the stage if it failed; otherwise empty.
+        sweeps: raw moments of each pass.
     """
 
     evidence: SenseEvidence
@@ -67,6 +69,7 @@ class ActiveReading:
     steps: tuple[tuple[Way, int, float], ...] = ()
     sure_at_look: bool = False
     problem: str = ""
+    sweeps: tuple[Sweep, ...] = ()
 
     __repr__ = one_line
 

@@ -1,6 +1,6 @@
 """Log of a scan that was made pass by pass: the passes in order, and the reason for stopping.
 
-A recording stores it, and a `RecordedSession` replays the same passes.
+A recording stores it.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.formats.touch_file import read_part_map, read_scan
 from pipeline.reading.as_record import reading_record
 from pipeline.reading.part_job import PartJob, read_listed
-from recognition.active.replay import read_kept
+from recognition.active.felt_log import read_and_log
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
@@ -53,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_scan(scan, folder / "scan.h5")
     dead = recorded(scan, rng=np.random.default_rng(1), fault=FaultKind.DEAD)
     save_scan(dead, folder / "faults.h5")
-    chosen = read_kept(READER.touch, bench.open_session(), budget_s=4.0)
+    chosen = read_and_log(READER.touch, bench.open_session(), budget_s=4.0)
     assert chosen.scan is not None
     save_scan(chosen.scan, folder / "chosen.h5")
     return folder

@@ -1,4 +1,4 @@
-"""What was felt pass by pass: kept in a recording, and chosen again from it."""
+"""What was felt pass by pass: kept in a recording, and read from it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part
 from recognition.active.active_reading import ActiveReading, StopReason
-from recognition.active.replay import read_kept, replay
+from recognition.active.felt_log import logged_evidence, read_and_log
+from recognition.decide.decision import ReadingFlag
 from recognition.reader import Reader
 from recognition.see.virtual_array import VirtualArray
 from recognition.see.virtual_bench import VirtualBench
 from recognition.touch import TactileReader
 from tests.support.jamming import Jamming
-from whisker_array.scan.recorded_session import RecordedSession
 from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import StageSession
-from whisker_array.scan.stage_error import StageError
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.passes import Pass
 
@@ -44,7 +43,7 @@ def session_of(dirt: float) -> StageSession:
 @pytest.fixture(scope="module")
 def felt(reader: TactileReader) -> ActiveReading:
     """A part so dirty that several choices are made."""
-    return read_kept(reader, session_of(0.8), budget_s=BUDGET_S)
+    return read_and_log(reader, session_of(0.8), budget_s=BUDGET_S)
 
 
 @pytest.fixture(scope="module")
@@ -55,38 +54,30 @@ def recording(felt: ActiveReading, tmp_path_factory: pytest.TempPathFactory) -> 
     return path
 
 
-def assert_same_choices(one: ActiveReading, other: ActiveReading) -> None:
-    assert [p.order for p in one.passes] == [p.order for p in other.passes]
-    assert [(p.text, p.confidence) for p in one.passes] == [(p.text, p.confidence) for p in other.passes]
-    assert (one.stop, one.problem) == (other.stop, other.problem)
-    assert (one.reading.text, one.reading.decision) == (other.reading.text, other.reading.decision)
-    assert one.reading.confidence == other.reading.confidence
-
-
-def test_a_replay_reproduces_every_choice(
+def test_a_recording_is_read_as_it_was_felt(
     felt: ActiveReading, recording: Path, reader: TactileReader
 ) -> None:
+    """Its passes, read at once, give the serial; passes and texts are those of the log."""
     assert len([p for p in felt.passes if p.text]) > 3  # looks, and so choices
-    assert_same_choices(replay(reader, load_scan(recording)), felt)
+    scan = load_scan(recording)
+    evidence = logged_evidence(reader, scan)
+    assert evidence.log.chosen_passes
+    assert evidence.log.scan is not None
+    assert evidence.log.scan.log is scan.log
+    assert reader.reading_of(evidence).text == felt.reading.text
 
 
-def test_a_failing_stage_fails_again_in_the_replay(reader: TactileReader, tmp_path: Path) -> None:
-    cut = read_kept(reader, Jamming(session_of(0.8), 5), budget_s=BUDGET_S)
+def test_after_a_stage_that_failed_a_person_looks_again(reader: TactileReader, tmp_path: Path) -> None:
+    cut = read_and_log(reader, Jamming(session_of(0.8), 5), budget_s=BUDGET_S)
     assert (cut.stop, len(cut.passes)) == (StopReason.STAGE_FAILED, 5)
     assert cut.reading.decision != "accept"
     assert cut.scan is not None
     save_scan(cut.scan, tmp_path / "cut.h5")
-    assert_same_choices(replay(reader, load_scan(tmp_path / "cut.h5")), cut)
-
-
-def test_another_reader_is_given_all_passes_at_once(recording: Path, felt: ActiveReading) -> None:
-    other = Reader(format="AA99", fonts=("gothic",), height_mm=2.0 * HEIGHT_MM).touch
-    scan = load_scan(recording)
-    assert scan.log is not None
-    found = replay(other, replace(scan, log=replace(scan.log, height_mm=2.0 * HEIGHT_MM)))
-    assert [p.order for p in found.passes] == [p.order for p in felt.passes]
-    assert found.stop is felt.stop
-    assert found.stage_s == pytest.approx(felt.stage_s)
+    evidence = logged_evidence(reader, load_scan(tmp_path / "cut.h5"))
+    reading = reader.reading_of(evidence)
+    assert reading.flags & ReadingFlag.STAGE_FAILED
+    assert reading.decision != "accept"
+    assert cut.problem in evidence.log.findings[0].text
 
 
 def log_of(scan: Scan) -> list[tuple[Pass, str, str, float]]:
@@ -111,17 +102,6 @@ def test_a_recording_keeps_order_plan_and_stop(felt: ActiveReading, recording: P
     ):  # passes of several lengths, gathered alike
         np.testing.assert_array_equal(mine.moment_n_mm, theirs.moment_n_mm)
         np.testing.assert_array_equal(mine.flags, theirs.flags)
-
-
-def test_a_session_over_a_recording_feels_nothing_else(recording: Path) -> None:
-    scan = load_scan(recording)
-    assert scan.log is not None
-    session, first = RecordedSession(scan), scan.log.passes[0].order
-    with pytest.raises(StageError, match="another pass"):
-        session.feel(replace(first, along_mm=(first.along_mm[0], first.along_mm[1] - 1.0)))
-    assert session.feel(first) is scan.log.passes[0].sweep
-    with pytest.raises(StageError, match="no log of passes"):
-        RecordedSession(replace(scan, log=None))
 
 
 @pytest.mark.parametrize(

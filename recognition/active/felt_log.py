@@ -1,0 +1,59 @@
+"""Record how a part is felt pass by pass, and read such a recording again.
+
+session --ActiveReader--> ActiveReading --read_and_log--> Scan with its log of passes and texts
+the scan --logged_evidence--> evidence of all its passes at once; the texts stay those of the log
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from recognition.active.active_reader import ActiveReader, ActiveSettings
+from recognition.active.active_reading import ActiveReading, stage_failure
+from recognition.decide.decision import Finding, ReadingFlag
+from recognition.decide.evidence import SenseEvidence
+from recognition.touch import TactileReader
+from whisker_array.scan.pass_log import LoggedPass, PassLog
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.session import StageSession
+
+
+def read_and_log(reader: TactileReader, session: StageSession, *, budget_s: float) -> ActiveReading:
+    """Feel and read a part, and log its passes in the scan. The session stays open.
+
+    Args:
+        reader: reader by touch.
+        session: stage session with the part mounted.
+        budget_s: maximum stage time, s.
+    """
+    reading = ActiveReader(reader, ActiveSettings(budget_s=budget_s)).read(session)
+    if reading.scan is None:
+        return reading
+    log = PassLog(
+        tuple(
+            LoggedPass(felt.order, sweep, felt.why, felt.text, felt.confidence)
+            for felt, sweep in zip(reading.passes, reading.sweeps, strict=True)
+        ),
+        array=session.fitting.array,
+        height_mm=session.fitting.height_mm,
+        field_mm=session.fitting.field_mm,
+        stopped=reading.stop.value,
+        problem=reading.problem,
+        budget_s=budget_s,
+    )
+    return replace(reading, evidence=reading.evidence.logged(scan=replace(reading.scan, log=log)))
+
+
+def logged_evidence(reader: TactileReader, scan: Scan) -> SenseEvidence:
+    """Evidence of a recording with a log of passes; a stage that failed sends the part to review again.
+
+    Args:
+        reader: reader by touch.
+        scan: scan with a log of passes.
+    """
+    evidence = reader.of_recording(scan).logged(chosen_passes=True)
+    if scan.log is None or not scan.log.problem:
+        return evidence
+    note = stage_failure(scan.log.problem, passes=len(scan.log.passes))
+    failed = Finding(ReadingFlag.STAGE_FAILED, note)
+    return evidence.logged(findings=(failed, *evidence.log.findings))
