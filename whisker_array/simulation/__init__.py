@@ -1,1 +1,1 @@
-"""Simulation of tips on surfaces: traces by either fidelity, pointwise or contact, and dynamics."""
+"""Simulation of tips on surfaces: traces by either fidelity, pointwise or contact."""

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from glyphs.ranges import require_positive
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap
-from whisker_array.simulation.dynamic import trace_dynamic
-from whisker_array.simulation.dynamic_modes import contact_mm_per_n, whisker_modes
+from tests.proof.dynamic import trace_dynamic
+from tests.proof.dynamic_modes import contact_mm_per_n, whisker_modes
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import LINES_PER_HEIGHT

@@ -11,9 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from whisker_array.simulation.dynamic import CONTACT_DAMPING, shortest_period_s, trace_dynamic
-from whisker_array.simulation.dynamic_modes import contact_mm_per_n, whisker_modes
-from whisker_array.simulation.dynamic_speed import FINE_ERROR, fastest_mm_s, speed_cost
+from tests.proof.dynamic import CONTACT_DAMPING, shortest_period_s, trace_dynamic
+from tests.proof.dynamic_modes import contact_mm_per_n, whisker_modes
+from tests.proof.dynamic_speed import FINE_ERROR, fastest_mm_s, speed_cost
+from whisker_array.design.array_design import BETAS_DEG, SPEED_BY_ERROR
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
@@ -296,6 +297,16 @@ def test_the_usual_speed_keeps_the_fine_error_and_three_times_it_does_not() -> N
     assert SAFE_SPEED_MM_S < limit < 3.0 * SAFE_SPEED_MM_S
     looser = fastest_mm_s(WHISKER, touch, character_height_mm=HEIGHT, allowed_error=0.2)
     assert looser > limit
+
+
+@pytest.mark.parametrize("beta_deg", BETAS_DEG)
+def test_array_design_knows_the_speed_for_each_error(beta_deg: float) -> None:
+    """Within 3 %, at an angle of each of its builds."""
+    whisker = replace(WHISKER, beta_rad=math.radians(beta_deg))
+    touch = default_touch(HEIGHT).with_whisker(whisker)
+    for error, speed in SPEED_BY_ERROR.items():
+        limit = fastest_mm_s(whisker, touch, character_height_mm=HEIGHT, allowed_error=error)
+        assert limit == pytest.approx(speed, rel=0.03)
 
 
 def test_refusals() -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import kernel, read_only
 from glyphs.ranges import require_positive
-from whisker_array.simulation.dynamic_modes import WhiskerModes
+from tests.proof.dynamic_modes import WhiskerModes
 from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.sections import WhiskerError
