@@ -52,9 +52,9 @@ def _from_above(axes: Axes, moves: Sequence[Moves], bench: BenchSettings) -> Non
 
 
 @styled
-def identified_figure(found: Identified, *, most_lines: int = 4) -> Figure:
+def identified_figure(result: Identified, *, most_lines: int = 4) -> Figure:
     """Draw one line of the recording for each direction, at most `most_lines`, and the histogram of all residuals."""
-    pairs = list(zip(found.traces, found.predicted, strict=True))
+    pairs = list(zip(result.traces, result.predicted, strict=True))
     by_way: dict[tuple[int, bool], tuple[Trace, NDArray[np.float64]]] = {}
     for pair in pairs:
         by_way.setdefault((int(pair[0].plan.direction), pair[0].plan.pushed), pair)
@@ -71,7 +71,7 @@ def identified_figure(found: Identified, *, most_lines: int = 4) -> Figure:
         axes.set(xlabel="position along the trace, mm", ylabel="signal, N mm")
     panels[0].legend(loc="upper right", ncols=3)
     left = np.concatenate([t.measured_n_mm - p for t, p in pairs])
-    left = left[np.isfinite(left)] / found.scatter_n_mm
+    left = left[np.isfinite(left)] / result.scatter_n_mm
     histogram.hist(np.clip(left, -8.0, 8.0), bins=120, color="0.33", log=True)
     histogram.set(title="residuals, in standard deviations of a sample", ylabel="samples")
     return figure

@@ -52,8 +52,8 @@ def _factor_panel(axes: Axes, design: Design, tuned: Tuned | None) -> None:
             0.5 * (low + high), 0.98, "requested walls", transform=axes.get_xaxis_transform(), ha="center", va="top",
             color="0.4",
         )  # fmt: skip
-        at = factors(design.whisker, alpha_rad=np.array([worst.alpha_rad]), mu=np.array([worst.mu]))
-        axes.plot(math.degrees(worst.alpha_rad), at[0, 0], "o", color=VERMILION, markersize=5)
+        worst_factor = factors(design.whisker, alpha_rad=np.array([worst.alpha_rad]), mu=np.array([worst.mu]))
+        axes.plot(math.degrees(worst.alpha_rad), worst_factor[0, 0], "o", color=VERMILION, markersize=5)
         axes.set_title(f"F over the wall (dot: worst, contrast {design.contrast:.3f})")
     else:
         place, finite = math.degrees(tuned.alpha_rad), values[np.isfinite(values)]
@@ -68,16 +68,16 @@ def _factor_panel(axes: Axes, design: Design, tuned: Tuned | None) -> None:
 def _trade_panel(axes: Axes, trade: TradeOff) -> None:
     allowed = np.array(trade.allowed)
     contrast = np.array([math.nan if c is None else c for c in trade.contrast])
-    found, here = np.isfinite(contrast), allowed == trade.at
-    axes.semilogx(allowed[found], contrast[found], "o-", color=STEEL, markersize=4, linewidth=1.4)
+    known, here = np.isfinite(contrast), allowed == trade.at
+    axes.semilogx(allowed[known], contrast[known], "o-", color=STEEL, markersize=4, linewidth=1.4)
     axes.plot(allowed[here], contrast[here], "o", color=VERMILION, markersize=7, label="this design")
-    if not found.all():
-        axes.plot(allowed[~found], np.zeros(np.sum(~found)), "x", color="0.5", label="no whisker")
+    if not known.all():
+        axes.plot(allowed[~known], np.zeros(np.sum(~known)), "x", color="0.5", label="no whisker")
     axes.set_xticks(allowed, [f"{a:.3g}" for a in allowed], rotation=45)
     axes.minorticks_off()
     axes.grid()
     axes.set(
-        ylim=(0.0, 1.15 * max(contrast[found], default=1.0)), xlabel=f"{trade.name}, {trade.unit}",
+        ylim=(0.0, 1.15 * max(contrast[known], default=1.0)), xlabel=f"{trade.name}, {trade.unit}",
         ylabel="worst edge contrast", title=f"contrast against {trade.name}",
     )  # fmt: skip
     axes.legend(loc="lower left")

@@ -24,15 +24,7 @@ _USED, _ASIDE, _SHAPE = "0.6", "#c62828", "#1b4e91"
 
 @styled
 def sheet_figure(fonts: Sequence[Font], *, height_mm: float = 5.0) -> Figure:
-    """Draw the sheet.
-
-    Args:
-        fonts: fonts to draw, at least one.
-        height_mm: character height, which sets the width of strokes.
-
-    Raises:
-        ValueError: there is no font.
-    """
+    """Draw the sheet of at least one font; the character height sets the width of strokes."""
     if not fonts:
         raise ValueError("a specimen sheet needs at least one font")
     figure = Figure(figsize=(11.0, 1.8 * len(fonts)), dpi=100)
@@ -61,10 +53,10 @@ def _ink(
         rows = np.flatnonzero((y > base - 0.5) & (y < base + 1.5))
         for shape in row:
             here = np.flatnonzero((x > origin - 0.3) & (x < origin + shape.advance + 0.3))
-            at = (x[None, here] - origin, y[rows, None] - base)
+            places = (x[None, here] - origin, y[rows, None] - base)
             window = np.ix_(rows, here)
-            found = signed_distance(shape, *at, stroke=die.stroke_mm / height_mm)
-            distance[window] = np.minimum(distance[window], found)
+            ink = signed_distance(shape, *places, stroke=die.stroke_mm / height_mm)
+            distance[window] = np.minimum(distance[window], ink)
             origin += shape.advance
     return x, y, distance
 
@@ -73,18 +65,14 @@ def _ink(
 def exemplars_figure(
     font: Font, exemplars: Sequence[Exemplar], set_aside: Collection[Exemplar], *, most_columns: int = 12
 ) -> Figure:
-    """Draw the shape of each character and the exemplars behind it.
+    """Draw the shape of each character of a learned font and the exemplars behind it, in order of enrolment.
 
-    Args:
-        font: the learned font.
-        exemplars: exemplars of the font, in order of enrolment.
-        set_aside: those of them that are not used; they are drawn first.
-        most_columns: most exemplars of a character to draw.
+    Those that are not used (`set_aside`) are drawn first.
     """
     rows: dict[str, list[Exemplar]] = {}
-    for one in exemplars:
-        rows.setdefault(one.char, []).append(one)
-    aside = {(one.evidence, one.place) for one in set_aside}
+    for exemplar in exemplars:
+        rows.setdefault(exemplar.char, []).append(exemplar)
+    aside = {(exemplar.evidence, exemplar.place) for exemplar in set_aside}
     columns = 1 + min(most_columns, max(map(len, rows.values())))
     figure = Figure(figsize=(0.9 * columns + 0.6, 1.05 * len(rows) + 0.6), dpi=100)
     figure.suptitle(
@@ -96,10 +84,10 @@ def exemplars_figure(
     for line, (char, row) in zip(grid, sorted(rows.items()), strict=True):
         glyph = font.glyphs.get(char)
         shown = [(line[0], glyph.relief if glyph is not None else None, char, _SHAPE)]
-        row.sort(key=lambda one: (one.evidence, one.place) not in aside)
-        for axes, one in zip(islice(line, 1, None), row, strict=False):
-            colour = _ASIDE if (one.evidence, one.place) in aside else _USED
-            shown.append((axes, one.relief, f"{one.part}: {one.place}", colour))
+        row.sort(key=lambda exemplar: (exemplar.evidence, exemplar.place) not in aside)
+        for axes, exemplar in zip(islice(line, 1, None), row, strict=False):
+            colour = _ASIDE if (exemplar.evidence, exemplar.place) in aside else _USED
+            shown.append((axes, exemplar.relief, f"{exemplar.part}: {exemplar.place}", colour))
         for axes, relief, title, colour in shown:
             if relief is None:
                 continue

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 STEEL, PALE, LAND = "#3b5b7a", "#a5b5c7", "#d9d4c7"
 
+# decorator that gives drawing functions the common style
 styled = rc_context(
     {
         "figure.dpi": 110,
@@ -38,12 +39,13 @@ styled = rc_context(
         "legend.frameon": False,
     }
 )
-"""Decorator that gives drawing functions the common style."""
 
 
-def note(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any) -> None:
+def note(
+    axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], **style: Any
+) -> None:
     """Write text beside a data point, `offset` points to the right and above."""
-    axes.annotate(text, at, xytext=offset, textcoords="offset points", **style)
+    axes.annotate(text, place, xytext=offset, textcoords="offset points", **style)
 
 
 def save_figure(figure: Figure, path: Path) -> None:

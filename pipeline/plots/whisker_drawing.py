@@ -43,12 +43,7 @@ def check_drawing(path: Path) -> None:
 
 
 def save_drawing(whisker: WhiskerFile, path: Path) -> None:
-    """Write the drawing; the file appears whole or not at all.
-
-    Raises:
-        FileError: it cannot be written.
-        ModuleNotFoundError: ezdxf is not installed (extra `drawing`).
-    """
+    """Write the drawing; the file appears whole or not at all. Errors are those of `check_drawing`."""
     check_drawing(path)
     drawing = whisker_drawing(whisker)
     with replacing(path) as temporary:
@@ -152,33 +147,36 @@ def _side_view(
             space.add_lwpolyline(bracket, close=True)
 
 
-def _section_view(space: Modelspace, shape: LShaped, at: Point, *, size: float) -> float:
+def _section_view(space: Modelspace, shape: LShaped, start: Point, *, size: float) -> float:
     """Draw the enlarged section with its dimensions to the right of a point; return x to the right of the drawing."""
     section = shape.section
     dimensions: dict[str, Any] = {"dimstyle": "mm", "override": {"dimlfac": 1.0 / _SECTION_SCALE}}
     if isinstance(section, Rectangle):
-        right, half = at[0] + _SECTION_SCALE * section.width_mm, 0.5 * _SECTION_SCALE * section.thickness_mm
-        corners = [(at[0], at[1] - half), (right, at[1] - half), (right, at[1] + half), (at[0], at[1] + half)]
+        right, half = (
+            start[0] + _SECTION_SCALE * section.width_mm,
+            0.5 * _SECTION_SCALE * section.thickness_mm,
+        )
+        low, high = start[1] - half, start[1] + half
+        corners = [(start[0], low), (right, low), (right, high), (start[0], high)]
         space.add_lwpolyline(corners, close=True)
-        above, left = (0.0, at[1] + half + 2.0 * size), (at[0] - 2.0 * size, 0.0)
+        above, left = (0.0, high + 2.0 * size), (start[0] - 2.0 * size, 0.0)
         space.add_linear_dim(above, corners[3], corners[2], **dimensions).render()
         space.add_linear_dim(left, corners[0], corners[3], angle=90.0, **dimensions).render()
         return right + 3.0 * size
     if isinstance(section, Round):
         wide = _SECTION_SCALE * section.diameter_mm
-        space.add_circle((at[0] + 0.5 * wide, at[1]), 0.5 * wide)
-        above = (0.0, at[1] + 0.5 * wide + 2.0 * size)
-        space.add_linear_dim(above, at, (at[0] + wide, at[1]), text="⌀ <>", **dimensions).render()
-        return at[0] + wide + 3.0 * size
-    return at[0]
+        space.add_circle((start[0] + 0.5 * wide, start[1]), 0.5 * wide)
+        above = (0.0, start[1] + 0.5 * wide + 2.0 * size)
+        space.add_linear_dim(above, start, (start[0] + wide, start[1]), text="⌀ <>", **dimensions).render()
+        return start[0] + wide + 3.0 * size
+    return start[0]
 
 
-def _text(space: Modelspace, text: str, at: Point, size: float) -> None:
-    space.add_text(text, height=size, dxfattribs={"style": "OpenSans"}).set_placement(at)
+def _text(space: Modelspace, text: str, place: Point, size: float) -> None:
+    space.add_text(text, height=size, dxfattribs={"style": "OpenSans"}).set_placement(place)
 
 
 def _svg(drawing: Drawing) -> str:
-    """Draw dark lines on white, at a scale of 1.5 to 1."""
     from ezdxf.addons.drawing import layout
     from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
     from ezdxf.addons.drawing.frontend import Frontend

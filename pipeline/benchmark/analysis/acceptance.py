@@ -21,11 +21,9 @@ class RiskAcceptance:
     """Readings that a reader accepts at a threshold fitted to other parts.
 
     Attributes:
-        key: mode and levels of the trials.
         risk: greatest share of wrong readings among those accepted.
-        accepted: share of parts accepted.
-        wrong_of_accepted: share of wrong readings among those accepted, with exact one-sided bounds.
-        least: thresholds, the most lenient and the strictest of those that the fits found.
+        wrong_of_accepted: with exact one-sided bounds.
+        least: thresholds of the fits, the most lenient and the strictest.
     """
 
     key: GroupKey
@@ -42,13 +40,10 @@ def acceptance_at_risks(
     confidence: float = 0.95,
     left_out: str = "soil",
 ) -> Iterator[RiskAcceptance]:
-    """Compute what each group of trials accepts at each risk that its trials can prove.
+    """Compute what each group of trials of one mode accepts at each risk that its trials can prove.
 
-    Args:
-        groups: trials of one mode each.
-        risks: risks between 0 and 1.
-        confidence: confidence level of the tests.
-        left_out: factor whose levels are left out in turn; groups with one level are passed over.
+    The levels of the factor `left_out` are left out in turn; groups with one level are passed over. `confidence` is the
+    confidence level of the tests.
     """
     for key, trials in groups:
         levels = dict.fromkeys(level_of(trial, left_out) for trial in trials)

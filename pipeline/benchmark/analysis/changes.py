@@ -40,13 +40,7 @@ class Flip(Enum):
 
 @dataclass(frozen=True)
 class Change:
-    """One reading that changed.
-
-    Attributes:
-        flip: kind of change.
-        before: the reading in A.
-        after: the reading in B.
-    """
+    """One reading that changed: in A before, in B after."""
 
     flip: Flip
     before: Trial
@@ -60,12 +54,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Row:
-    """Paired comparison of the readings of B with those of A.
+    """Paired comparison of the readings of B (first) with those of A.
 
-    Attributes:
-        factor: factor of the level; empty over all.
-        level: level of the factor.
-        compared: the comparison, B first.
+    It is at a level of a factor or, without a factor, over all.
     """
 
     factor: str
@@ -94,10 +85,10 @@ class Changes:
     @property
     def counts(self) -> dict[str, Counter[Flip]]:
         """Number of flips of each kind, by reader."""
-        found: dict[str, Counter[Flip]] = {row.compared.first.reader: Counter() for row in self.overall}
+        counts: dict[str, Counter[Flip]] = {row.compared.first.reader: Counter() for row in self.overall}
         for change in self.flips:
-            found[change.reader][change.flip] += 1
-        return found
+            counts[change.reader][change.flip] += 1
+        return counts
 
 
 def changes(
@@ -105,12 +96,7 @@ def changes(
     after: Sequence[Trial],
     descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
 ) -> Changes:
-    """Compare the trials of two benchmarks, for unperturbed parts.
-
-    Args:
-        before: trials of A.
-        after: trials of B.
-        descriptions: descriptions of A and B.
+    """Compare the trials of two benchmarks, A and B with their descriptions, for unperturbed parts.
 
     Raises:
         NotComparableError: the parts differ, or no reader is in both.
@@ -165,7 +151,7 @@ def _rows(key: GroupKey, now: Sequence[Trial], then: Sequence[Trial]) -> Iterato
 
 
 def _check_made_alike(before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
-    was, now = ({k: v for k, v in said.items() if k not in _NOT_OF_PARTS} for said in (before, after))
+    was, now = ({k: v for k, v in parts.items() if k not in _NOT_OF_PARTS} for parts in (before, after))
     if was != now:
         raise NotComparableError(
             f"the two runs did not read the same parts ({differences(was, now)})",

@@ -28,15 +28,7 @@ FUSED = "fused"
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two readings of each of the same parts.
-
-    Attributes:
-        first: one group of readings.
-        second: the group it is compared with.
-        parts: number of parts.
-        serials: comparison of whole serials.
-        characters: comparison of characters.
-    """
+    """Two groups of readings of each of the same parts."""
 
     first: GroupKey
     second: GroupKey
@@ -90,7 +82,6 @@ def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comp
 
 
 def _rivals(readings: Mapping[str, Sequence[Trial]]) -> Iterator[tuple[str, str]]:
-    """Yield pairs of modes to compare."""
     singles = [mode for mode in SINGLE_MODES if mode in readings]
     less = {mode: mode.partition(WITHOUT)[0] for mode in readings if WITHOUT in mode}
     others = [mode for mode in readings if mode not in (*SINGLE_MODES, *EXPERTS, FUSED, *less)]
@@ -120,21 +111,12 @@ def _facts(key: GroupKey) -> frozenset[str]:
 
 
 def _merit(trials: Sequence[Trial]) -> tuple[int, int]:
-    """Rank of a mode: serials right, then characters right."""
     return sum(t.right for t in trials), sum(characters_right(t) for t in trials)
 
 
 @dataclass(frozen=True)
 class Fault:
-    """An accepted serial that became another accepted serial.
-
-    Attributes:
-        part: name of the part.
-        perturbation: perturbation that changed the reading.
-        truth: text that was stamped.
-        before: serial accepted without the perturbation.
-        after: serial accepted with it.
-    """
+    """An accepted serial that became another accepted serial under a perturbation."""
 
     part: str
     perturbation: str
@@ -149,7 +131,7 @@ class Stability:
 
     Attributes:
         key: the reader, with its facts if these differ between trials.
-        perturbation: name of the perturbation; empty: any of them, each part counted once.
+        perturbation: empty: any of them, each part counted once.
         verdicts: share of parts with another decision, where an error counts as a decision.
         texts: share of parts with another text.
         accepted_texts: share of the parts accepted unperturbed that were read with another text.
@@ -172,13 +154,13 @@ def unperturbed(trials: Sequence[Trial]) -> list[Trial]:
 def stability_of(trials: Sequence[Trial]) -> tuple[Stability, ...]:
     """One result per reader over all perturbations, then one per perturbation; empty without perturbations."""
     several = len({t.given for t in trials}) > 1
-    found: list[Stability] = []
+    stabilities: list[Stability] = []
     for key, members in group_trials(trials, (GIVEN_FACTOR,) if several else ()).items():
         before = {t.part: t for t in members if not t.perturbed}
         pairs = [(before[t.part], t) for t in members if t.perturbed]
         for name in dict.fromkeys(name for _, t in pairs for name in ("", t.perturbed)):
-            found.append(_stability(key, name, [p for p in pairs if name in ("", p[1].perturbed)]))
-    return tuple(found)
+            stabilities.append(_stability(key, name, [p for p in pairs if name in ("", p[1].perturbed)]))
+    return tuple(stabilities)
 
 
 def _stability(key: GroupKey, perturbation: str, pairs: Sequence[tuple[Trial, Trial]]) -> Stability:

@@ -26,12 +26,7 @@ BINS = 10
 
 @dataclass(frozen=True)
 class ReliabilityBin:
-    """Readings with about the same confidence.
-
-    Attributes:
-        confidence: mean of the reported confidences.
-        right: share of right readings.
-    """
+    """Readings with about the same confidence: its mean, and the share of right ones."""
 
     confidence: float
     right: Share
@@ -39,11 +34,9 @@ class ReliabilityBin:
 
 @dataclass(frozen=True)
 class Reliability:
-    """A reliability diagram.
+    """A reliability diagram: bins that are not empty, by confidence.
 
-    Attributes:
-        bins: bins that are not empty, by confidence.
-        error: expected calibration error: mean over all readings of |share right - mean confidence| of their bin.
+    `error` is the expected calibration error: mean over all readings of |share right - mean confidence| of their bin.
     """
 
     bins: tuple[ReliabilityBin, ...]
@@ -56,23 +49,21 @@ def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: in
     Raises:
         ValueError: the lengths differ, or a confidence is not between 0 and 1.
     """
-    said, was = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
-    if said.shape != was.shape:
-        raise ValueError(f"{said.size} confidences for {was.size} readings")
-    if said.size == 0:
+    sure, is_right = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
+    if sure.shape != is_right.shape:
+        raise ValueError(f"{sure.size} confidences for {is_right.size} readings")
+    if sure.size == 0:
         return Reliability((), 0.0)
-    if not (np.isfinite(said).all() and said.min() >= 0.0 and said.max() <= 1.0):
+    if not (np.isfinite(sure).all() and sure.min() >= 0.0 and sure.max() <= 1.0):
         raise ValueError("a confidence lies between 0 and 1")
-    where = np.clip(np.ceil(said * bins).astype(np.int64) - 1, 0, bins - 1)
+    places = np.clip(np.ceil(sure * bins).astype(np.int64) - 1, 0, bins - 1)
     filled = tuple(
-        ReliabilityBin(
-            float(said[where == k].mean()), share(int(was[where == k].sum()), int((where == k).sum()))
-        )
-        for k in range(bins)
-        if (where == k).any()
+        ReliabilityBin(float(sure[members].mean()), share(int(is_right[members].sum()), int(members.sum())))
+        for members in (places == k for k in range(bins))
+        if members.any()
     )
     off = sum(b.right.total * abs(b.right.value - b.confidence) for b in filled)
-    return Reliability(filled, float(off / said.size))
+    return Reliability(filled, float(off / sure.size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,16 +95,16 @@ def risk_coverage(confidences: Sequence[float], right: Sequence[bool]) -> RiskCo
     Raises:
         ValueError: the lengths differ.
     """
-    said, wrong = np.asarray(confidences, dtype=np.float64), ~np.asarray(right, dtype=bool)
-    if said.shape != wrong.shape:
-        raise ValueError(f"{said.size} confidences for {wrong.size} readings")
-    if said.size == 0:
+    sure, wrong = np.asarray(confidences, dtype=np.float64), ~np.asarray(right, dtype=bool)
+    if sure.shape != wrong.shape:
+        raise ValueError(f"{sure.size} confidences for {wrong.size} readings")
+    if sure.size == 0:
         return RiskCoverage(np.zeros(0), np.zeros(0), 0.0, 0.0)
-    count = np.arange(1, said.size + 1)
-    levels, place = np.unique(-said, return_inverse=True)
+    count = np.arange(1, sure.size + 1)
+    levels, place = np.unique(-sure, return_inverse=True)
     # within a group of equal confidence every reading counts as the group's mean
     mean_wrong = np.bincount(place, weights=wrong) / np.bincount(place)
     expected = np.repeat(mean_wrong, np.bincount(place, minlength=levels.size))
     risk = np.cumsum(expected) / count
     best = np.cumsum(np.sort(wrong)) / count
-    return RiskCoverage(count / said.size, risk, float(risk.mean()), float(best.mean()))
+    return RiskCoverage(count / sure.size, risk, float(risk.mean()), float(best.mean()))

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pipeline.common.shares import CONFIDENCE_LEVEL, Share, share, share_bounds
 
 RESAMPLES = 2000
+# for an interval by resampling; of fewer it is far too narrow
 LEAST_PARTS = 8
-"""Least number of parts for an interval by resampling; of fewer it is far too narrow."""
 _SEED = 20240229
 # number of sign patterns: all those of up to 14 differing parts and the added zero, else as many random ones
 _FLIPS = 2**15
@@ -28,10 +28,7 @@ _FLIPS_SEED = 20240301
 class Estimate:
     """An estimate with its 95 % interval from resampling whole parts.
 
-    Attributes:
-        value: measured value.
-        low: lower end; None with fewer than `LEAST_PARTS` parts.
-        high: upper end; None with fewer than `LEAST_PARTS` parts.
+    The ends are None with fewer than `LEAST_PARTS` parts.
     """
 
     value: float
@@ -49,11 +46,7 @@ def draw_parts(parts: int) -> NDArray[np.float64]:
 
 
 def exact_share(count: int, total: int) -> Share:
-    """A share with Clopper and Pearson's one-sided 95 % bounds.
-
-    Raises:
-        ValueError: the count is below 0 or above the total.
-    """
+    """A share with Clopper and Pearson's one-sided 95 % bounds; the count lies between 0 and the total."""
     return Share(count, total, *share_bounds(count, total, confidence=CONFIDENCE_LEVEL))
 
 
@@ -118,12 +111,9 @@ def bootstrap_share(right: Sequence[int], total: Sequence[int], *, least: float 
 
 @dataclass(frozen=True)
 class SerialTest:
-    """McNemar's exact test on the parts that one mode read and the other did not.
+    """McNemar's exact test on the parts that only the first, or only the second mode read right.
 
-    Attributes:
-        only_first: number of parts that only the first read right.
-        only_second: number of parts that only the second read right.
-        p_differ: two-sided probability of a split at least as uneven, if both are equally good.
+    `p_differ` is the two-sided probability of a split at least as uneven, if both are equally good.
     """
 
     only_first: int
@@ -132,11 +122,7 @@ class SerialTest:
 
 
 def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
-    """Compare two modes on the same parts, serial by serial.
-
-    Raises:
-        ValueError: the lengths differ.
-    """
+    """Compare two modes on the same parts, serial by serial; a ValueError if the lengths differ."""
     from scipy.stats import binomtest
 
     pairs = list(zip(first, second, strict=True))
@@ -147,11 +133,10 @@ def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
 
 @dataclass(frozen=True)
 class CharacterTest:
-    """Comparison of the characters right of two modes, part by part.
+    """Share of characters right of one mode minus that of another, by resampling whole parts.
 
-    Attributes:
-        difference: share right of the first minus that of the second, by resampling whole parts.
-        p_differ: two-sided probability of a difference at least as large, if the modes are exchangeable on every part.
+    `p_differ` is the two-sided probability of a difference at least as large, if the modes are exchangeable on every
+    part.
     """
 
     difference: Estimate
@@ -176,7 +161,7 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
     estimate = bootstrap_share(gained, total, least=-1.0)
     if not differing:
         return CharacterTest(estimate, 1.0)
-    found = permutation_test(
+    test = permutation_test(
         (np.array([*differing, 0.0]),),  # the test needs at least two values, and a zero changes nothing
         lambda x, axis: x.sum(axis=axis),
         permutation_type="samples",
@@ -184,7 +169,7 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
         n_resamples=_FLIPS,
         random_state=np.random.default_rng(_FLIPS_SEED),
     )
-    return CharacterTest(estimate, float(found.pvalue))
+    return CharacterTest(estimate, float(test.pvalue))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -24,15 +24,7 @@ from pipeline.benchmark.trials.journal import Trial
 
 @dataclass(frozen=True)
 class LevelEffect:
-    """Effect of one level.
-
-    Attributes:
-        level: the level.
-        parts: number of parts.
-        characters: share of characters right.
-        serials: share of serials right.
-        difference: share of characters right minus the mean of the other levels.
-    """
+    """Effect of one level; `difference` is its share of characters right minus the mean of the other levels."""
 
     level: Level
     parts: int
@@ -43,14 +35,10 @@ class LevelEffect:
 
 @dataclass(frozen=True)
 class FactorEffect:
-    """Effect of one factor on one mode.
+    """Effect of one factor on one mode: its levels, the costliest first.
 
-    Attributes:
-        factor: name of the factor.
-        mode: mode that read.
-        levels: its levels, the costliest first.
-        p_matters: probability of effects at least as large if the factor had none, corrected for all factors of the
-            mode (Holm).
+    `p_matters` is the probability of effects at least as large if the factor had none, corrected for all factors of the
+    mode (Holm).
     """
 
     factor: str
@@ -77,17 +65,16 @@ def _unit(factor: str) -> str:
 def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
     """Effects of every factor with several levels, for every mode; within a mode the greatest first."""
     factors = [n for n, levels in levels_in(trials).items() if len(levels) > 1 and not n.endswith("_given")]
-    found = []
+    effects: list[FactorEffect] = []
     for mode in dict.fromkeys(t.mode for t in trials):
-        own = [t for t in trials if t.mode == mode]
-        effects = [_effect(own, factor) for factor in factors]
-        corrected = zip(effects, holm([e.p_matters for e in effects]), strict=True)
-        found += sorted((replace(e, p_matters=p) for e, p in corrected), key=lambda e: -e.spread)
-    return tuple(found)
+        of_mode = [t for t in trials if t.mode == mode]
+        single = [_effect(of_mode, factor) for factor in factors]
+        corrected = zip(single, holm([e.p_matters for e in single]), strict=True)
+        effects += sorted((replace(e, p_matters=p) for e, p in corrected), key=lambda e: -e.spread)
+    return tuple(effects)
 
 
 def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect:
-    """Effect on one mode."""
     levels = ordered_levels(level_of(t, factor) for t in trials)
     severities = {t.part: t.severity for t in trials}
     places = {part: k for k, part in enumerate(severities)}
@@ -121,11 +108,9 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect:
 
 
 def _p_matters(counts: NDArray[np.float64], severities: Sequence[float | None]) -> float:
-    """Test whether levels differ.
+    """Test whether levels differ, by counts (parts, levels, columns) as in `_effect`.
 
-    Args:
-        counts: (parts, levels, columns), as in `_effect`.
-        severities: (parts,) severity of each part; a difference between severities is not one between levels.
+    A difference between severities (parts,) is not one between levels.
     """
     from scipy.stats import kruskal
 

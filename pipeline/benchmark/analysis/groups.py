@@ -21,12 +21,12 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share, share
 from pipeline.common.texts import align
 
+# the set of facts given to a reader, as one factor
 GIVEN_FACTOR = "given"
-"""The set of facts given to a reader, as one factor."""
+# outcomes of a part: accepted (right or wrong), review, reject, or an error
 FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
-"""Outcomes of a part: accepted (right or wrong), review, reject, or an error."""
+# of a trial: the program's, its share for reading, its share for the simulated scan, and the real array's
 TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
-"""Times of a trial: the program's, its share for reading, its share for the simulated scan, and the real array's."""
 
 
 def edits(trial: Trial) -> int:
@@ -53,18 +53,13 @@ def confusion(trials: Iterable[Trial]) -> Counter[tuple[str, str]]:
 
 def mistakes(confused: Counter[tuple[str, str]]) -> list[tuple[str, str, int]]:
     """(stamped, read, count) of confused characters, the most frequent first."""
-    found = [(true, read, n) for (true, read), n in confused.items() if true != read]
-    return sorted(found, key=lambda m: (-m[2], m[0], m[1]))
+    wrong = [(true, read, n) for (true, read), n in confused.items() if true != read]
+    return sorted(wrong, key=lambda m: (-m[2], m[0], m[1]))
 
 
 @dataclass(frozen=True)
 class GroupKey:
-    """Mode and levels of a group of trials.
-
-    Attributes:
-        mode: mode that read.
-        levels: (factor, level) that the trials have in common.
-    """
+    """Mode of a group of trials, and the (factor, level) that they have in common."""
 
     mode: str
     levels: tuple[tuple[str, Level], ...] = ()
@@ -82,8 +77,8 @@ class GroupKey:
     @property
     def reader(self) -> str:
         """The mode, and the facts that it knew if these differ between groups."""
-        given = self.level(GIVEN_FACTOR)
-        return self.mode if given is None else f"{self.mode}, given {str(given).replace(',', ', ')}"
+        facts = self.level(GIVEN_FACTOR)
+        return self.mode if facts is None else f"{self.mode}, given {str(facts).replace(',', ', ')}"
 
 
 def level_of(trial: Trial, factor: str) -> Level:
@@ -93,11 +88,11 @@ def level_of(trial: Trial, factor: str) -> Level:
 
 def group_trials(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupKey, list[Trial]]:
     """Group trials by mode and the levels of some factors, in order of appearance."""
-    found: dict[GroupKey, list[Trial]] = {}
+    groups: dict[GroupKey, list[Trial]] = {}
     for trial in trials:
         key = GroupKey(trial.mode, tuple((factor, level_of(trial, factor)) for factor in factors))
-        found.setdefault(key, []).append(trial)
-    return found
+        groups.setdefault(key, []).append(trial)
+    return groups
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,18 +100,12 @@ class Group:
     """The figures of a group.
 
     Attributes:
-        key: mode and levels of the group.
-        serials: share of serials right.
         characters: share of characters right (stamped minus edits).
         character_error_rate: edits per stamped character (CER); above 1 if far more is read than was stamped.
         place_error_rate: share of stamped characters that the text does not have at the same place.
         characters_by_part: share of characters right, with a 95 % interval from resampling whole parts.
         split: number of parts by outcome, see `FATES`.
-        accepted: share of parts accepted.
-        wrong_of_accepted: share of wrong readings among those accepted, with exact one-sided bounds.
-        risk: risk against coverage.
-        serial_reliability: calibration of the confidence in whole serials.
-        character_reliability: calibration of the confidence in single characters.
+        wrong_of_accepted: with exact one-sided bounds.
         confused: number of (true, read) characters.
         seconds: (median, 95th percentile) of the times in `TIMES`.
         stage_s: mean scan time of the real array.
@@ -184,13 +173,12 @@ def levels_in(trials: Iterable[Trial]) -> dict[str, tuple[Level, ...]]:
 
 def ordered_levels(levels: Iterable[Level]) -> tuple[Level, ...]:
     """Distinct levels: numbers by size, then words in their order, then unknown ones."""
-    found = dict.fromkeys(levels)
 
     def rank(level: Level) -> tuple[int, float]:
         number = isinstance(level, int | float)
         return (2 if level is None else 0 if number else 1, float(level) if number else 0.0)  # type: ignore[arg-type]
 
-    return tuple(sorted(found, key=rank))
+    return tuple(sorted(dict.fromkeys(levels), key=rank))
 
 
 def _characters(trials: Iterable[Trial]) -> Iterator[tuple[float, bool]]:

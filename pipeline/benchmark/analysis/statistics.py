@@ -50,11 +50,8 @@ class Headline:
     """Figures of one mode over all dirt; clean parts apart, as in ImageNet-C (Hendrycks and Dietterich 2019).
 
     Attributes:
-        key: mode and given facts.
         clean: share of characters right of the parts without dirt; None if there are none.
-        characters: share of characters right, mean over the severities of dirt.
-        serials: share of serials right, mean over them.
-        accepted: share of parts accepted, mean over them.
+        characters: share of characters right, mean over the severities of dirt, as those of serials and parts accepted.
         relative_error: edits at all severities of dirt over those of the baseline reader, mean over soils (the mCE
             there); None without that reader.
     """
@@ -81,11 +78,11 @@ def headlines_of(
     for key, trials in by_mode.items():
         for trial in trials:
             edits_by_soil[key][level_of(trial, "soil")] += edits(trial) if trial.severity else 0
-    for key, own in edits_by_soil.items():
+    for key, by_soil in edits_by_soil.items():
         groups = [g for g in by_severity if GroupKey(g.key.mode, g.key.levels[1:]) == key]
         dirty = [g for g in groups if g.key.severity]
         base = edits_by_soil.get(GroupKey(baseline, key.levels), Counter[Level]())
-        ratios = [own[soil] / count for soil, count in base.items() if count]
+        ratios = [by_soil[soil] / count for soil, count in base.items() if count]
         if dirty:
             yield Headline(
                 key=key,
@@ -106,8 +103,6 @@ class Statistics:
         given: the sets of facts that readers were given.
         crossed: factors that make up the cells.
         cells: one group for each combination of mode, crossed factors and given facts.
-        by_severity: one group for each severity and mode.
-        by_mode: one group for each mode.
         headlines: figures of each mode over all dirt.
         effects: cost of each factor's levels, for every mode.
         comparisons: readers compared on the same parts: over all parts, then at every severity.
@@ -137,29 +132,29 @@ def statistics_of(
     risks: Sequence[float] = (0.01, 0.001),
     baseline: str = "rapidocr photo",
 ) -> Statistics:
-    """Compute the statistics of trials.
+    """Compute the statistics of the trials of all parts and modes.
 
     Args:
-        all_trials: trials of all parts and modes.
+        all_trials: the trials.
         crossed: factors of the design's cells.
         risks: risks at which readers are compared.
         baseline: mode to which errors are relative: a public reader, shown the usual picture.
     """
     trials = unperturbed(all_trials)
-    given = tuple(dict.fromkeys(t.given for t in trials))
-    more = (GIVEN_FACTOR,) if len(given) > 1 else ()
+    facts = tuple(dict.fromkeys(t.given for t in trials))
+    more = (GIVEN_FACTOR,) if len(facts) > 1 else ()
     by_severity = group_trials(trials, ("severity", *more))
-    at_severity = tuple(group_of(*one) for one in by_severity.items())
+    at_severity = tuple(group_of(key, group) for key, group in by_severity.items())
     by_mode = group_trials(trials, more)
     levels = levels_in(trials)
     over_all = by_mode if len(levels.get("severity", ())) > 1 else {}
     return Statistics(
         levels=levels,
-        given=given,
+        given=facts,
         crossed=tuple(crossed),
-        cells=tuple(group_of(*one) for one in group_trials(trials, (*crossed, *more)).items()),
+        cells=tuple(group_of(key, cell) for key, cell in group_trials(trials, (*crossed, *more)).items()),
         by_severity=at_severity,
-        by_mode=tuple(group_of(*one) for one in by_mode.items()),
+        by_mode=tuple(group_of(key, group) for key, group in by_mode.items()),
         headlines=tuple(headlines_of(by_mode, at_severity, baseline=baseline)),
         effects=factor_effects(trials),
         comparisons=(*between_readers(over_all), *between_readers(by_severity)),

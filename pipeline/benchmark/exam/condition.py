@@ -11,11 +11,11 @@ from pathlib import Path
 from pipeline.common.settings import SettingsError
 from pipeline.common.texts import split_commas
 
+# one setting of a factor; None if unknown
 Level = str | float | bool | None
-"""One setting of a factor; None if unknown."""
 GIVEN = ("font", "height", "format")
+# factor for the perturbation of a part; an unperturbed part does not have it
 PERTURBED = "perturbed"
-"""Factor for the perturbation of a part; an unperturbed part does not have it."""
 
 
 def parse_given(text: str) -> str:
@@ -32,9 +32,9 @@ def parse_given(text: str) -> str:
     return ",".join(name for name in GIVEN if name in words) or "nothing"
 
 
-def given_levels(given: str) -> dict[str, Level]:
+def given_levels(facts: str) -> dict[str, Level]:
     """The given facts as factors of a trial."""
-    return {f"{name}_given": name in given.split(",") for name in GIVEN}
+    return {f"{name}_given": name in facts.split(",") for name in GIVEN}
 
 
 class Condition(dict[str, Level]):

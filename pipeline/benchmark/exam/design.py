@@ -69,13 +69,11 @@ Part = Annotated[dict[str, tuple[str | bool | float, ...]], BeforeValidator(_lev
 
 
 class Section(BaseModel):
-    """A group of consecutive parts with its own levels.
+    """A group of consecutive parts with its own levels, which replace those of the design.
 
     Attributes:
-        name: name of the section.
         parts: number of parts; a multiple of the number of cells is always balanced.
-        kept_out: whether its fonts are held out: nothing in this repository may be fitted to them.
-        part: levels that replace those of the design.
+        kept_out: its fonts are held out: nothing in this repository may be fitted to them.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -89,11 +87,7 @@ class Design(BaseModel):
     """The parts of an exam, and the facts that readers are given.
 
     Attributes:
-        name: name of the design.
-        about: purpose of the design.
-        seed: seed of all random numbers.
         parts: number of parts; give this, `parts_a_cell` or `sections`.
-        parts_a_cell: number of parts in each cell.
         cross: factors crossed in full.
         alike: whether the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
         part: levels of every factor of a part: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`.
@@ -146,11 +140,7 @@ class Design(BaseModel):
 
     @classmethod
     def of(cls, **values: Any) -> Design:
-        """Check the values of a design.
-
-        Raises:
-            SettingsError: an invalid value; the message names the setting.
-        """
+        """Check the values of a design; a SettingsError names the setting that is invalid."""
         try:
             return cls.model_validate(values)
         except ValidationError as error:
@@ -167,13 +157,9 @@ class Design(BaseModel):
         with naming(path):
             return cls.of(**{"name": path.stem, **toml_of(path)})
 
-    def with_given(self, given: tuple[str, ...]) -> Design:
-        """Return a design of the same parts for readers that are given other facts.
-
-        Raises:
-            SettingsError: a fact that readers cannot be given.
-        """
-        checked = tuple(map(parse_given, given))
+    def with_given(self, facts: tuple[str, ...]) -> Design:
+        """Return a design of the same parts for readers that are given other facts."""
+        checked = tuple(map(parse_given, facts))
         return self.model_copy(update={"given": checked}) if checked else self
 
     def all_sections(self) -> tuple[Section, ...]:
@@ -198,7 +184,6 @@ class Design(BaseModel):
         return [dict(zip(self.cross, c, strict=True)) for c in product(*(levels[f] for f in self.cross))]
 
     def _unbalanced(self) -> Iterator[str]:
-        """Yield every section and factor whose levels are not equally frequent, with the counts."""
         planned: dict[str, list[Condition]] = {}
         for section, _, _, condition in self.plan_parts():
             planned.setdefault(section.name, []).append(condition)
@@ -290,13 +275,8 @@ def _turns(
 
     Within each block of `levels` rounds, counted from the first, a cell takes each level once. The cells begin evenly
     spaced over the levels, those of one severity by themselves and all of them together. After any number of rounds the
-    counts of two levels then differ by at most 1, at every severity and over all.
-
-    Args:
-        severities: index of the severity of each cell.
-        rounds: number of parts of a cell.
-        levels: number of levels.
-        seed: seed of the order of levels and cells.
+    counts of two levels then differ by at most 1, at every severity and over all. `severities` is the index of the
+    severity of each cell.
     """
     rng = np.random.default_rng(seed)
     cells, several = np.asarray(severities), max(severities) + 1

@@ -26,19 +26,18 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.texts import without_blanks
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
+# above and below a sketch, so that it can be read as a whole part; character heights
 _LAND = 0.5
-"""Land added above and below a sketch, so that it can be read as a whole part; character heights."""
+# elevation of the lamp, degrees; its direction is drawn at random for every part
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
-"""Elevation of the lamp, degrees; its direction is drawn at random for every part."""
+# lights, evenly spaced around the part, for the mode that reads several photographs
 SEVERAL = 4
-"""Number of lights, evenly spaced around the part, for the mode that reads several photographs."""
+# settings of a design that do not affect its parts
 COUNTS = ("parts", "parts_a_cell")
-"""Settings of a design that do not affect its parts."""
+# of marks and plates: `glyphs.part`, or `glyphs.sketch`, which has its own variation
 GENERATORS = ("stamped", "sketched")
-"""Generators of marks and plates: `glyphs.part`, or `glyphs.sketch`, which has its own variation."""
 _SPECIAL = ("generator", "soil", "severity", "light")
 _SKETCHED = (*_SPECIAL, "format", "font", "height_mm")
-"""Factors of a sketched part."""
 _MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
 _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
 
@@ -46,14 +45,7 @@ _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str:
 def sketch_part(
     format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
 ) -> Part:
-    """Sketch a serial as a part; dirt and photograph are those of stamped parts.
-
-    Args:
-        format: format of the serial, which is random.
-        font: built-in name or font file.
-        height_mm: character height.
-        soiling: dirt on the part.
-        seed: the same seed gives the same part.
+    """Sketch a random serial as a part; dirt and photograph are those of stamped parts.
 
     Raises:
         FontError: the font is missing, or lacks a character.
@@ -62,21 +54,17 @@ def sketch_part(
     key = tuple(int(number) for number in seed)
     rng = np.random.default_rng(key)
     letters, text = load_font(font), random_text(format, rng=rng)
-    made = sketch(letters, text, rng, clean=True)
+    drawn = sketch(letters, text, rng, clean=True)
     land, mm = round(_LAND * ROWS_PER_HEIGHT), height_mm / ROWS_PER_HEIGHT
-    surface = np.pad(made.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
-    boxes = tuple((x0 * mm, (y0 + land) * mm, x1 * mm, (y1 + land) * mm) for x0, y0, x1, y1 in made.boxes)
+    surface = np.pad(drawn.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
+    boxes = tuple((x0 * mm, (y0 + land) * mm, x1 * mm, (y1 + land) * mm) for x0, y0, x1, y1 in drawn.boxes)
     stamped = StampedPart(HeightMap(surface, mm), text, height_mm, boxes, letters.name)
     return Part(stamped, soiling, key)
 
 
 @dataclass(frozen=True)
 class DesignedParts:
-    """Parts of a design.
-
-    Attributes:
-        design: the design.
-        first: number of parts to use, from each section in proportion (default: all).
+    """Parts of a design; with `first`, so many of them, from each section in proportion.
 
     Raises:
         FontError: a font is missing or differs from the design's.
@@ -109,25 +97,25 @@ class DesignedParts:
 
     def items(self) -> list[Item]:
         """All items, in the design's order; the first few have each section's share and all severities."""
-        found: list[Item] = []
+        items: list[Item] = []
         sections: list[list[Item]] = []
         for section, number, replicate, condition in self.design.plan_parts():
             if number == 0:  # the next section begins
                 sections.append([])
             name = "-".join([*([section.name] if section.name else []),
                              *(_level_name(condition, factor) for factor in self.design.cross)])  # fmt: skip
-            own = replicate if self.design.alike else (len(sections) - 1) * MAX_PARTS + number
-            item = Item(f"{name}-{replicate:04d}", own, condition, self.design.given)
-            found.append(item)
+            index = replicate if self.design.alike else (len(sections) - 1) * MAX_PARTS + number
+            item = Item(f"{name}-{replicate:04d}", index, condition, self.design.given)
+            items.append(item)
             sections[-1].append(item)
         if self.first is None:
-            return found
+            return items
         shares = {
-            item.part: (rank + 0.5) / len(own)
-            for own in sections
-            for rank, item in enumerate(_severities_in_turn(own))
+            item.part: (rank + 0.5) / len(section)
+            for section in sections
+            for rank, item in enumerate(_severities_in_turn(section))
         }
-        return sorted(found, key=lambda one: shares[one.part])[: self.first]
+        return sorted(items, key=lambda item: shares[item.part])[: self.first]
 
     def make(self, item: Item) -> Specimen:
         """Stamp and soil the part, and prepare it for the camera."""
@@ -164,11 +152,7 @@ class DesignedParts:
         return str(font_file(condition.font, self.design.fonts))
 
     def spec(self, condition: Condition) -> SynthSpec:
-        """Settings with which a part of that kind is made.
-
-        Raises:
-            MarksError: see the class.
-        """
+        """Settings with which a part of that kind is made; errors are those of the class."""
         light = str(condition.get("light", "drawn"))
         if light not in LIGHTS:
             raise SettingsError(f"there is no light {light!r}", hint=f"use one of {', '.join(LIGHTS)}")
@@ -180,11 +164,11 @@ class DesignedParts:
                 f"a sketched part has no {more[0]}", hint=f"its factors are {', '.join(_SKETCHED)}"
             )
         soils = tuple(str(condition.get("soil", WORKSHOP)).split("+"))
-        made: dict[str, Any] = {name: condition[name] for name in condition if name in _MADE}
-        made["font"] = self.font_of(condition)
+        factors: dict[str, Any] = {name: condition[name] for name in condition if name in _MADE}
+        factors["font"] = self.font_of(condition)
         if LIGHTS[light] is not None:
-            made["light_elevation_deg"] = LIGHTS[light]
-        return SynthSpec(seed=self.design.seed, soiling=Soiling(soils, condition.severity or 0.0), **made)
+            factors["light_elevation_deg"] = LIGHTS[light]
+        return SynthSpec(seed=self.design.seed, soiling=Soiling(soils, condition.severity or 0.0), **factors)
 
     def description(self) -> dict[str, Any]:
         """See `Parts`: the whole design except its number of parts."""
@@ -204,12 +188,7 @@ def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
 
 
 def _check_type(factor: str, level: Level) -> None:
-    """Check the type of a level; a severity is checked by the design.
-
-    Raises:
-        SettingsError: the type is wrong.
-    """
-    if factor == "severity":
+    if factor == "severity":  # checked by the design
         return
     annotation = str(_MADE.get(factor, "str"))
     kind = next((k for k in _KINDS if k.__name__ in annotation), str)

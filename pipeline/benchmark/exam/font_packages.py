@@ -13,14 +13,7 @@ from pipeline.common.version import file_sha256
 
 
 class PackagedFont(BaseModel):
-    """A font file of an installed package.
-
-    Attributes:
-        package: name in the package registry.
-        version: package version that the design was made with.
-        file: path within the package.
-        sha256: hash of the file; a file with another hash is another font.
-    """
+    """A font file of an installed package; a file with another hash is another font."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     package: str

@@ -18,19 +18,13 @@ from pipeline.formats.find_parts import discover
 from pipeline.formats.table_file import number_of
 from pipeline.formats.truth import load_part_lines, load_truth
 
+# of a table of answers: a truth with one of them was probably confused with the answers
 _ANSWER_COLUMNS = ("confidence", "decision", "accepted")
-"""Columns of a table of answers; a truth with one of them was probably confused with the answers."""
 
 
 @dataclass(frozen=True)
 class ListedParts:
-    """Parts with their truth.
-
-    Attributes:
-        known: the parts.
-        table: table of their texts.
-        described: values that determine the parts, as JSON.
-    """
+    """Parts with the table of their texts; `described` are the values that determine the parts, as JSON."""
 
     known: tuple[Item, ...]
     table: Path
@@ -38,15 +32,10 @@ class ListedParts:
 
     @classmethod
     def of_files(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> ListedParts:
-        """The parts of folders, globs or files whose text is in a table.
-
-        Args:
-            inputs: folders, globs or files.
-            truth: CSV with the columns part and text.
-            condition: condition shared by the parts, as far as known.
+        """The parts of folders, globs or files whose text is in a table with the columns part and text.
 
         Raises:
-            FileError: the table is missing, or no part in it was found.
+            FileError: the table is missing, or has no row for any part.
             NothingFoundError: the inputs name no part.
             SettingsError: the format or severity is invalid.
         """
@@ -55,14 +44,14 @@ class ListedParts:
         if (severity := condition.severity) is not None and not 0.0 <= severity <= 1.0:
             raise SettingsError(f"a severity is {severity}", hint="it lies between 0 and 1")
         truths = load_truth(truth)
-        found = [(p, text) for p in discover(inputs) if (text := truths.text_of(p.name)) is not None]
-        if not found:
+        with_text = [(p, text) for p in discover(inputs) if (text := truths.text_of(p.name)) is not None]
+        if not with_text:
             raise FileError(truth, "has no row for these parts", "name the parts as their files")
         known = tuple(
             Item(part.name, number, condition, files=part, truth=without_blanks(text))
-            for number, (part, text) in enumerate(found)
+            for number, (part, text) in enumerate(with_text)
         )
-        folders = sorted({str(Path(part.height_map or part.name).parent) for part, _ in found})
+        folders = sorted({str(Path(part.height_map or part.name).parent) for part, _ in with_text})
         described = {
             "folder": folders,
             "truth": key_of({item.part: item.truth for item in known}),

@@ -31,12 +31,11 @@ class Item:
     """A part of the exam that is not made yet.
 
     Attributes:
-        part: name of the part, unique in the benchmark.
+        part: name, unique in the benchmark.
         number: number among the parts of its condition; a designed part is made from it and the seed.
         condition: levels of its factors.
         given: sets of facts for readers; the part is read with each.
-        files: files of a part from a folder.
-        truth: text stamped on a part from a folder.
+        files: files of a part from a folder, as the truth.
     """
 
     part: str
@@ -52,9 +51,6 @@ class Specimen:
     """A part to be scanned and photographed.
 
     Attributes:
-        part: its name.
-        truth: text that was stamped.
-        height_map: its top surface.
         soil: dirt and friction; None for a clean part.
         take_photo: takes its photograph; None without a camera.
         line_mm: box (x0, y0, x1, y1) around the line, plate frame; None if unknown.
@@ -99,13 +95,7 @@ class Parts(Protocol):
 
 
 def perturb(specimen: Specimen, how: Perturbation, *, array: VirtualArray) -> Specimen:
-    """Perturb a part, in the same way every time.
-
-    Args:
-        specimen: the unchanged specimen.
-        how: change to make.
-        array: the virtual array.
-    """
+    """Perturb a part, in the same way every time."""
     again = Retake(how, zlib.crc32(f"{specimen.part} {how.name}".encode()))
     grown, take = again.grown, specimen.take_photo
     take_lights = specimen.take_lights

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
 ZERO = 32768
+# step of a map with values within ±3.2766: a tenth of a micrometre for heights, below the resolution of touch
 FINEST = 1e-4
-"""Step of a map with values within ±3.2766: a tenth of a micrometre for heights, below the resolution of touch."""
 _MOST = ZERO - 1
 
 
@@ -146,8 +146,8 @@ class _Writer:
         self.views[view] = {"file": path, **grid, "step": step, "unit": unit}
 
 
+# position of the pixels of a view on the plate, in the form of its label
 _Grid = dict[str, Any]
-"""Position of the pixels of a view on the plate, in the form of its label."""
 
 
 def _grid(pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, ...]) -> _Grid:
@@ -156,7 +156,6 @@ def _grid(pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, ...
 
 
 def _scan(scan: Scan) -> dict[str, Any]:
-    """Describe the scan."""
     return {
         "directions_deg": [int(direction) for direction in scan.directions],
         "line_pitch_mm": scan.line_pitch_mm,
@@ -186,17 +185,7 @@ def step_of(values: NDArray[np.floating]) -> float:
 def write_layer(
     path: Path, values: NDArray[np.floating], *, unit: str, pitch_mm: float, origin_mm: tuple[float, float]
 ) -> float:
-    """Write a map as PNG, whole or not at all.
-
-    Args:
-        path: ends in .png.
-        values: (rows, cols), NaN where unknown.
-        unit: unit of the values.
-        pitch_mm: pitch of the grid.
-        origin_mm: (x, y) of its first sample.
-
-    Returns:
-        The step.
+    """Write a map (rows, cols), NaN where unknown, as PNG, whole or not at all; return its step.
 
     Raises:
         FileError: another suffix, or it cannot be written.

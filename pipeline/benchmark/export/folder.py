@@ -42,12 +42,6 @@ def export(
 ) -> int:
     """Write the exam; complete parts already in the folder are kept, so that a later call can add more parts.
 
-    Args:
-        parts: parts of the exam.
-        folder: output folder; created if needed.
-        executor: executor that runs the work (default: this process).
-        progress: progress display.
-
     Returns:
         Number of parts that the folder holds now.
 
@@ -93,27 +87,22 @@ def check(parts: DesignedParts, folder: Path) -> dict[str, str]:
         raise FileError(folder / MANIFEST, "is missing or damaged", "run the export again")
     there = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {MANIFEST}
     wanted: dict[str, str] = manifest["files"]
-    found = dict.fromkeys(there - wanted.keys(), "not in the manifest")
+    differing = dict.fromkeys(there - wanted.keys(), "not in the manifest")
     for path, hashed in wanted.items():
         if path not in there:
-            found[path] = "missing"
+            differing[path] = "missing"
         elif file_sha256(folder / path) != hashed:
-            found[path] = "changed"
-    return dict(sorted(found.items()))
+            differing[path] = "changed"
+    return dict(sorted(differing.items()))
 
 
 def _design_of(parts: DesignedParts) -> dict[str, Any]:
-    """Everything that the parts depend on, except the program."""
     design: dict[str, Any] = json.loads(json.dumps(parts.description()))
     return design
 
 
 def _prepare(parts: DesignedParts, folder: Path) -> None:
-    """Make the folders, or check that existing ones belong to the same export by the same program.
-
-    Raises:
-        FileError: they do not.
-    """
+    """Make the folders, or check that existing ones belong to the same export by the same program."""
     make_folder(folder)
     held, new = _json_of(folder / CARD), card_of(parts, [], design=_design_of(parts))
     if held is not None:
@@ -142,14 +131,13 @@ def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
 
 
 def _finish(parts: DesignedParts, folder: Path, labels: Sequence[dict[str, Any]]) -> None:
-    """Write label files, card and manifest."""
     card = card_of(parts, labels, design=_design_of(parts))
     texts = {**label_files(labels), PAGE: page_of(card)}
     write_json(folder / CARD, card)
     for name, text in texts.items():
         write_text(folder / name, text)
-    made = [CARD, *texts, *(label_path(label["part"]) for label in labels)]
-    hashes = {path: file_sha256(folder / path) for path in made}
+    written = [CARD, *texts, *(label_path(label["part"]) for label in labels)]
+    hashes = {path: file_sha256(folder / path) for path in written}
     for label in labels:
         hashes |= label["files"]
     write_json(folder / MANIFEST, {"format_version": FORMAT_VERSION, "files": dict(sorted(hashes.items()))})

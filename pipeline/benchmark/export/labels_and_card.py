@@ -27,11 +27,11 @@ from pipeline.common.version import library_versions, program_mark, program_vers
 
 RECOGNITION, DETECTION, LINES, TABLE = "rec_gt.txt", "det_gt.txt", "truth.jsonl", "truth.csv"
 IGNORED = "###"
+# the 16 bit pictures have the same grid
 _LABELLED_VIEWS = ("photo", "edges", "relief", "ideal")
-"""Views whose pictures are labelled; the 16 bit ones have the same grid."""
 CARD = "card.json"
+# on which the numbers may depend
 _LIBRARIES = ("numpy", "scipy", "numba", "opencv-contrib-python-headless", "pillow", "fonttools")
-"""Libraries that the numbers may depend on."""
 _PAGE = files("pipeline.benchmark.export") / "templates" / "data_card.md"
 
 
@@ -94,13 +94,7 @@ def _json(value: object) -> str:
 def card_of(
     parts: DesignedParts, labels: Sequence[dict[str, Any]], *, design: dict[str, Any]
 ) -> dict[str, Any]:
-    """Describe the exam in JSON values.
-
-    Args:
-        parts: parts of the design.
-        labels: labels of the parts written.
-        design: everything that the parts depend on, except the program.
-    """
+    """Describe the exam in JSON values; `design` is everything that the parts depend on, except the program."""
     counts: dict[str, Counter[str]] = {}
     for label in labels:
         for name, level in label["levels"].items():
@@ -109,7 +103,7 @@ def card_of(
         "name": parts.design.name,
         "about": parts.design.about,
         "parts": len(labels),
-        "counts": {name: dict(found) for name, found in counts.items()},
+        "counts": {name: dict(by_level) for name, by_level in counts.items()},
         "missing_views": {
             view: gone
             for view in ("edges", "relief")
@@ -133,7 +127,7 @@ def page_of(card: dict[str, Any]) -> str:
 
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
     """Origin of each font, and the licence of its package; the font may have a licence of its own."""
-    design, found = parts.design, {}
+    design, fonts = parts.design, {}
     for name in design.font_names:
         packaged = design.fonts.get(name)
         if packaged is not None:
@@ -142,8 +136,8 @@ def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
             origin = "a file", "that of the file"
         else:
             origin = "tactile-marks", "that of the program"
-        found[font_name(name)] = dict(zip(("from", "licence"), origin, strict=True))
-    return found
+        fonts[font_name(name)] = dict(zip(("from", "licence"), origin, strict=True))
+    return fonts
 
 
 def _licence(package: str) -> str:

@@ -34,20 +34,13 @@ if TYPE_CHECKING:
 
 
 R = TypeVar("R")
+# values and times of each sense that `PartReadings` keeps
 _KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
-"""Values and times of each sense that `PartReadings` keeps."""
 
 
 @dataclass(frozen=True, eq=False)
 class FeltMaps:
-    """A scan, by the default plan or the part's own, with its maps.
-
-    Attributes:
-        scan: scan of the virtual array.
-        edges: its edge map; None if none can be made of the scan.
-        relief: its heights; None if there is no edge map.
-        simulated_s: time to simulate the scan.
-    """
+    """A scan, by the default plan or the part's own, with its maps; None if none can be made of the scan."""
 
     scan: Scan
     edges: EdgeMap | None
@@ -58,11 +51,7 @@ class FeltMaps:
 
 
 def feel_part(specimen: Specimen, array: VirtualArray) -> FeltMaps:
-    """Scan a part by the default plan, or its own.
-
-    Raises:
-        MapError: the surface cannot be scanned.
-    """
+    """Scan a part by the default plan, or its own; a MapError if the surface cannot be scanned."""
     from recognition.see.view import relief_of
     from recognition.see.virtual_bench import VirtualBench
     from whisker_array.estimation.edges import edge_map
@@ -86,12 +75,7 @@ class ModeUnavailableError(MarksError):
 
 
 class PartReadings:
-    """Readings of one part, each made when a mode first needs it.
-
-    Attributes:
-        specimen: the part.
-        seconds: time of each sense.
-    """
+    """Readings of one part, each made when a mode first needs it, and the time of each sense."""
 
     def __init__(self, specimen: Specimen, reader: Reader) -> None:
         self.specimen = specimen
@@ -102,10 +86,10 @@ class PartReadings:
         """The readings of the perturbed part; senses that the perturbation does not change are not read again."""
         shown = perturb(self.specimen, how, array=self._reader.settings.array)
         other = PartReadings(shown, self._reader)
-        for sense, kept in _KEPT.items():
+        for sense, names in _KEPT.items():
             if not how.reaches((sense,)):
-                vars(other).update({name: value for name, value in vars(self).items() if name in kept})
-                other.seconds.update({name: s for name, s in self.seconds.items() if name in kept})
+                vars(other).update({name: value for name, value in vars(self).items() if name in names})
+                other.seconds.update({name: s for name, s in self.seconds.items() if name in names})
         return other
 
     @cached_property
@@ -119,38 +103,22 @@ class PartReadings:
 
     @cached_property
     def felt(self) -> FeltMaps:
-        """The scan with its maps, without reading it.
-
-        Raises:
-            MapError: the surface cannot be scanned.
-        """
+        """The scan with its maps, without reading it; a MapError if the surface cannot be scanned."""
         return self._time("felt", lambda: feel_part(self.specimen, self._reader.settings.array))
 
     @property
     def edges(self) -> EdgeMap:
-        """Edge map of the scan.
-
-        Raises:
-            MarksError: the scan has no edge map.
-        """
+        """Edge map of the scan; a MarksError without one."""
         return self._there("edges", self.felt.edges)
 
     @property
     def relief(self) -> Relief:
-        """Relief of the scan.
-
-        Raises:
-            MarksError: the scan has no relief.
-        """
+        """Relief of the scan; a MarksError without one."""
         return self._there("heights", self.felt.relief)
 
     @cached_property
     def photo(self) -> Photo:
-        """The photograph.
-
-        Raises:
-            MarksError: there is none.
-        """
+        """The photograph; a MarksError without one."""
         return self._take_photo("photograph", self.specimen.take_photo)
 
     @cached_property
@@ -161,11 +129,7 @@ class PartReadings:
 
     @cached_property
     def lights(self) -> Reading:
-        """Reading of photographs under several lights together.
-
-        Raises:
-            MarksError: there is only one, or none.
-        """
+        """Reading of photographs under several lights together; a MarksError without them."""
         photo = self._take_photo("photographs", self.specimen.take_lights)
         return self._time("lights", lambda: self._decide(self._reader.look_at(photo)))
 
@@ -175,10 +139,10 @@ class PartReadings:
         return self._reader.decide(Evidence.of(evidence))
 
     @staticmethod
-    def _there(what: str, found: R | None) -> R:
-        if found is None:
+    def _there(what: str, value: R | None) -> R:
+        if value is None:
             raise MarksError(f"touch has found no {what}")
-        return found
+        return value
 
     def _take_photo(self, name: str, take: Callable[[], Photo] | None) -> Photo:
         from recognition.reader import centre_on
@@ -206,12 +170,7 @@ class PartReadings:
 
 
 def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -> float:
-    """Time of a scan on the real array: every pass with its lead, its samples in the air, and a turnaround.
-
-    Args:
-        scan: the scan.
-        turnaround_s: time to lift, move and set down between passes.
-    """
+    """Time of a scan on the real array: every pass with its lead, its samples in the air, and a turnaround."""
     passes = ((s.plan.line_mm.shape[0], s.plan.n_samples + s.air_n_mm.shape[-1]) for s in scan.sweeps)
     return float(sum(n * (samples / scan.sample_rate_hz + turnaround_s) for n, samples in passes))
 

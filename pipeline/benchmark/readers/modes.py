@@ -28,16 +28,16 @@ from recognition.find.part_lines import PartLines
 from recognition.reader import Reader
 from recognition.settings import ReaderSettings
 
+# sense and expert (`recognition.settings.EXPERTS`): single experts of the built-in modes
 EXPERTS = ("tactile network", "tactile templates", "vision network")
-"""Sense and expert (`recognition.settings.EXPERTS`): single experts of the built-in modes."""
+# modes of third-party programs
 PEERS = tuple(
     f"{engine} {picture}"
     for engine in ("rapidocr", "tesseract")
     for picture in ("photo", "edges", "relief", "ideal")
 )
-"""Modes of third-party programs."""
+# between a mode and the decision rule that it leaves out
 WITHOUT = " without "
-"""Separator between a mode and the decision rule that it leaves out."""
 
 
 def rules() -> dict[str, ReadingFlag | Measure]:
@@ -50,10 +50,6 @@ def rules() -> dict[str, ReadingFlag | Measure]:
 
 def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Reading]:
     """Make a function that decides on the evidence of a reading without one rule; nothing is read again.
-
-    Args:
-        name: name of the rule.
-        settings: settings of the reader.
 
     Raises:
         SettingsError: there is no such rule; the hint lists all.
@@ -68,13 +64,7 @@ def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Readin
 
 
 def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
-    """The reading of one expert alone.
-
-    Args:
-        whole: reading of one sense by all experts together.
-        expert: name of the expert.
-        settings: settings of the reader.
-    """
+    """The reading of one expert alone, from the reading `whole` of one sense by all experts together."""
     (sense,) = _evidence_of(whole).senses
     main = None if sense.lines is None else sense.lines.main
     lattice = None if main is None else main.by_expert.get(expert)
@@ -103,7 +93,6 @@ def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading
 
 
 def _change_reading(whole: str, change: Callable[[Reading], Reading], reader: Reader) -> Mode:
-    """Make a built-in mode whose reading is changed afterwards."""
     mode = MODES[whole](reader)
     return Mode.of(mode.uses, lambda senses: change(mode.read(senses)[0]))
 
@@ -118,21 +107,19 @@ def _peer(name: str, reader: Reader) -> Mode:
     return open_peer(*name.split(), format=written if isinstance(written, str) else None)
 
 
+# built-in modes
 MODES: dict[str, Callable[[Reader], Mode]] = {
     "tactile": partial(_sense, ("touch",), lambda senses, _: senses.touch),
     "vision": partial(_sense, ("vision",), lambda senses, _: senses.vision),
     "lights": partial(_sense, ("lights",), lambda senses, _: senses.lights),
     "fused": partial(_sense, ("touch", "vision"), lambda s, reader: reader.fuse(s.touch, s.vision)),
 }
-"""Built-in modes by name."""
 
 
 def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Replace groups among the names of modes: experts (of the other modes), peers, plans (of touch).
 
-    Args:
-        named: modes and groups.
-        ablate: rules of the decision; each built-in mode is also decided without each of them.
+    Each built-in mode is also decided without each of the rules `ablate`.
     """
     groups = {"experts": experts_in(named), "peers": PEERS, "plans": tuple(p.mode for p in PLANS)}
     single = tuple(name for name in named if name not in groups)

@@ -32,7 +32,6 @@ class Answer:
     """The answer of a reader to a part.
 
     Attributes:
-        text: text that was read.
         confidence: probability that the whole text is right, 0 to 1.
         accepted: whether the reader accepts it (default: by its confidence, see `peers.ACCEPTED_FROM`).
 
@@ -53,7 +52,6 @@ class ExamPart:
     """A part, as given to a user's reader.
 
     Attributes:
-        name: name of the part.
         format: format of the serial; None if it is not given.
         height_mm: height of the characters; None if it is not given.
         fonts: fonts that the mark may have; empty if they are not given.
@@ -76,21 +74,13 @@ class ExamPart:
 
     @property
     def relief(self) -> tuple[NDArray[np.float32], float]:
-        """Felt heights (rows, cols), mm, NaN where unknown, and their pitch, mm.
-
-        Raises:
-            MarksError: the scan has no relief.
-        """
+        """Felt heights (rows, cols), mm, NaN where unknown, and their pitch, mm; a MarksError without a relief."""
         self.felt = True
         return self._senses.relief.height_mm, self._senses.relief.pitch_mm
 
     @property
     def edges(self) -> tuple[NDArray[np.float32], float]:
-        """Edge maps (directions, rows, cols), one per direction of travel, and their pitch, mm.
-
-        Raises:
-            MarksError: the scan has no edge map.
-        """
+        """Edge maps (directions, rows, cols) by direction of travel, and their pitch, mm; a MarksError without."""
         self.felt = True
         return self._senses.edges.enhancement, self._senses.edges.pitch_mm
 
@@ -108,11 +98,7 @@ class ExamPart:
 
 
 def own_mode(name: str, settings: ReaderSettings) -> Mode:
-    """Make a mode from a user's function.
-
-    Raises:
-        SettingsError: there is no such function.
-    """
+    """Make a mode from a user's function; a SettingsError if there is none."""
     function: Any = load_named(name, what="reader", error=SettingsError)
     if not callable(function):
         raise SettingsError(f"the reader {name!r} is not a function", hint="name one that takes a part")
@@ -120,13 +106,13 @@ def own_mode(name: str, settings: ReaderSettings) -> Mode:
     def read(senses: PartReadings) -> tuple[Reading, Mapping[str, Any]]:
         part = ExamPart(senses, settings)
         try:
-            said = function(part)
+            answered = function(part)
         except SystemExit as error:
             raise MarksError("the reader tried to end the program", hint="let it raise an error") from error
-        answer = Answer(said) if isinstance(said, str) else said
+        answer = Answer(answered) if isinstance(answered, str) else answered
         if not isinstance(answer, Answer):
             raise MarksError(
-                f"the reader returned a {type(said).__name__}", hint="return a text or an Answer"
+                f"the reader returned a {type(answered).__name__}", hint="return a text or an Answer"
             )
         return reading_of_answer(answer), {"scan_s": round(senses.scan_s, 3)} if part.felt else {}
 

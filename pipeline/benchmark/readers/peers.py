@@ -29,33 +29,23 @@ if TYPE_CHECKING:
     from recognition.decide.reading import Reading
 
 
+# least product of the characters' confidences for acceptance, if the reading fits the format
 ACCEPTED_FROM = 0.9
-"""Least product of the characters' confidences for acceptance, if the reading fits the format."""
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 _FELT = ("edges", "relief")
 _LEAST_PX = 8  # least side of a picture: engines fail on smaller ones
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
+# input of RapidOCR's network: rows, and columns to which a shorter line is padded
 _RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
-"""Size of the input of RapidOCR's network: rows, and columns to which a shorter line is padded."""
+# characters read and the engine's confidence in each, 0 to 1
 Line = list[tuple[str, float]]
-"""Characters read and the engine's confidence in each, 0 to 1."""
-
-
+# reads a picture (rows, cols, 3) of one line, dark on light, with the characters of each place of the format
 LineReader = Callable[[NDArray[np.uint8], Sequence[str]], Line]
-"""Reads a picture (rows, cols, 3) of one line, dark on light, with the characters of each place of the format."""
 
 
 def open_engine(name: str, chars: str) -> LineReader:
-    """Open the engine "rapidocr" or "tesseract".
-
-    Args:
-        name: name of the engine.
-        chars: all possible characters.
-
-    Raises:
-        ModeUnavailableError: the engine or its data are not installed.
-    """
+    """Open the engine "rapidocr" or "tesseract" for some characters; a ModeUnavailableError if it is not installed."""
     return RapidOcr(chars).read_line if name == "rapidocr" else _tesseract(chars)
 
 
@@ -78,14 +68,7 @@ def _to_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
 
 
 class RapidOcr:
-    """RapidOCR's recognition network.
-
-    Attributes:
-        classes: text of each class, the blank first, empty.
-
-    Raises:
-        ModeUnavailableError: it is not installed.
-    """
+    """RapidOCR's recognition network, with the text of each class, the blank first, empty."""
 
     def __init__(self, chars: str) -> None:
         self._session, self.classes = _rapid_session()
@@ -107,7 +90,6 @@ class RapidOcr:
 
 @cache
 def _rapid_session() -> tuple[Any, tuple[str, ...]]:
-    """The network in the wheel, and its classes."""
     package = _import("rapidocr", "RapidOCR")
     for path in sorted((Path(package.__file__).parent / "models").glob("*rec*.onnx")):
         session = open_network(path)
@@ -120,15 +102,12 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
 
 
 def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:
-    """Most likely character at each place of a format, with its posterior.
+    """Most likely character at each place of a format, with its posterior; empty if there are too few steps.
 
     Args:
         beliefs: (steps, classes) probabilities; class 0 is the blank.
         classes: text of each class.
         places: characters allowed at each place.
-
-    Returns:
-        One character per place; empty if there are too few steps.
     """
     chars = "".join(sorted(set("".join(places))))
     index = {name: k for k, name in enumerate(classes)}
@@ -139,11 +118,11 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
     blank = beliefs[:, 0].astype(np.float64)
     if " " in index:  # a word gap holds no character
         blank = blank + beliefs[:, index[" "]]
-    found = Steps.of(blank, shares, chars, np.arange(len(beliefs), dtype=np.float64)).places(places)
-    if found is None:
+    lattice = Steps.of(blank, shares, chars, np.arange(len(beliefs), dtype=np.float64)).places(places)
+    if lattice is None:
         return []
-    best = found.log_belief.argmax(axis=1)
-    return [(chars[k], float(np.exp(row[k]))) for row, k in zip(found.log_belief, best, strict=True)]
+    best = lattice.log_belief.argmax(axis=1)
+    return [(chars[k], float(np.exp(row[k]))) for row, k in zip(lattice.log_belief, best, strict=True)]
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
@@ -176,10 +155,10 @@ def _tesseract(chars: str) -> LineReader:
         api.SetImage(Image.fromarray(_to_height(picture, _TESSERACT_HEIGHT).mean(axis=2).astype(np.uint8)))
         api.Recognize()
         return [
-            (char, found.Confidence(symbol) / 100.0)
-            for found in tesserocr.iterate_level(api.GetIterator(), symbol)
-            if not found.Empty(symbol)
-            for char in found.GetUTF8Text(symbol).strip()
+            (char, item.Confidence(symbol) / 100.0)
+            for item in tesserocr.iterate_level(api.GetIterator(), symbol)
+            if not item.Empty(symbol)
+            for char in item.GetUTF8Text(symbol).strip()
         ]
 
     return read_line

@@ -30,15 +30,15 @@ from recognition.see.photo_frame import photo_origin_mm
 if TYPE_CHECKING:
     from glyphs.surface.maps import EdgeMap, HeightMap
 
+# around the line, as a share of its height: under the camera a part lies a little off its nominal place
 MARGIN = 0.25
-"""Margin around the line, as a share of its height: under the camera a part lies a little off its nominal place."""
+# percentile of the edge strength that is drawn black
 SHARPEST = 98.0
-"""Percentile of the edge strength that is drawn black."""
+# percentiles of the heights of a line that are drawn black and white
 _LEVELS = (1.0, 99.0)
-"""Percentiles of the heights of a line that are drawn black and white."""
+# sigma of the plate's form that is subtracted, and the height above it at which the rest is clipped: the best of the
+# settings tried for RapidOCR on a felt relief
 BROAD_MM, CLIP_MM = 2.0, 0.3
-"""Sigma of the plate's form that is subtracted, and the height above it at which the rest is clipped: the best of the
-settings tried for RapidOCR on a felt relief."""
 
 
 def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
@@ -53,11 +53,7 @@ def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
 
 
 def edges_picture(senses: PartReadings) -> NDArray[np.uint8]:
-    """The edge map of touch, drawn in grey and cropped to the line, (rows, cols, 3).
-
-    Raises:
-        MarksError: the scan has no edge map.
-    """
+    """The edge map of touch, drawn in grey and cropped to the line, (rows, cols, 3); a MarksError without one."""
     edges = senses.edges
     drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
     return _cut(drawn, _line(senses), origin_mm=edges.origin_mm, pitch_mm=edges.pitch_mm)
@@ -73,8 +69,8 @@ def draw_edges(edges: EdgeMap) -> NDArray[np.uint8]:
 def _line(senses: PartReadings) -> Box | None:
     if senses.specimen.line_mm is not None:
         return senses.specimen.line_mm
-    found = senses.touch.box
-    return None if found is None else (found.x0_mm, found.y0_mm, found.x1_mm, found.y1_mm)
+    box = senses.touch.box
+    return None if box is None else (box.x0_mm, box.y0_mm, box.x1_mm, box.y1_mm)
 
 
 def _cut(
@@ -91,11 +87,7 @@ def _cut(
 
 
 def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
-    """The felt heights, drawn in grey and cropped to the line, (rows, cols, 3).
-
-    Raises:
-        MarksError: the scan has no relief.
-    """
+    """The felt heights, drawn in grey and cropped to the line, (rows, cols, 3); a MarksError without a relief."""
     relief = senses.relief
     cut = _cut(relief.height_mm, _line(senses), origin_mm=relief.origin_mm, pitch_mm=relief.pitch_mm)
     return _grey(cut, pitch_mm=relief.pitch_mm)
@@ -118,7 +110,6 @@ PICTURES: dict[str, Callable[[PartReadings], NDArray[np.uint8]]] = {
     "relief": relief_picture,
     "ideal": ideal_picture,
 }
-"""Pictures by name."""
 
 
 def _grey(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.uint8]:
@@ -126,12 +117,7 @@ def _grey(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.uin
 
 
 def draw_heights(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.uint8]:
-    """Heights from black to white, (rows, cols), without the plate's form; missing points are grey.
-
-    Args:
-        heights_mm: (rows, cols), NaN where unknown.
-        pitch_mm: pitch of the grid.
-    """
+    """Heights (rows, cols) from black to white without the plate's form; missing points (NaN) are grey."""
     flat = np.clip(remove_form(heights_mm, pitch_mm=pitch_mm), -CLIP_MM, CLIP_MM)
     low, high = np.nanpercentile(flat, _LEVELS) if np.isfinite(flat).any() else (0.0, 1.0)
     scaled = np.clip((flat - low) / max(float(high - low), 1e-6), 0.0, 1.0)

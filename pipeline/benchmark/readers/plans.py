@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 WORTHS_S = (30.0, WORTH_S, 1000.0)
 UNIFORM_LINES = (4, 8, 16)
 RANDOM_BUDGETS_S = (8.0, 24.0)
+# most stage time of a part in active mode
 BUDGET_S = 90.0
-"""Maximum stage time of a part in active mode, seconds."""
 BENCH_SEED = 1
 _NO_LIMIT_S = 1e6
 _NAMES = ("active", "uniform", "random", "whole")
@@ -37,12 +37,7 @@ _NAMES = ("active", "uniform", "random", "whole")
 
 @dataclass(frozen=True)
 class TouchPlan:
-    """A plan of touch.
-
-    Attributes:
-        name: active, uniform, random or whole.
-        level: parameter of its length; see the module.
-    """
+    """A plan of touch: active, uniform, random or whole, and the parameter of its length; see the module."""
 
     name: str
     level: float
@@ -90,8 +85,8 @@ def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
         if plan.name == "whole":
             return reader.read(bench.scan()), {"scan_s": round(bench.whole.scan_time_s, 3)}
         session = bench.open_session()
-        found = ActiveReader(touch, plan.settings(part.number)).read(session)
+        result = ActiveReader(touch, plan.settings(part.number)).read(session)
         session.close()
-        return found.reading, {"scan_s": round(found.stage_s, 3), "flags": found.stop.value}
+        return result.reading, {"scan_s": round(result.stage_s, 3), "flags": result.stop.value}
 
     return Mode((), read)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import MarksError
-from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
+from pipeline.benchmark.analysis.changes import Change, Flip, changes
 from pipeline.benchmark.analysis.groups import characters_right
 from pipeline.benchmark.report.page import render, write_files
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
@@ -17,22 +17,16 @@ from pipeline.benchmark.trials.run import remake
 from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"
+# flips that are drawn, the most serious first
 SHOWN = 24
-"""Maximum number of flips that are drawn, the most serious first."""
+# levels that the document shows: those that changed most
 _MOST_LEVELS = 8
-"""Number of levels that the document shows: those that changed most."""
 
 
 def write_comparison(
     before: Path, after: Path, folder: Path, *, executor: Executor | None = None
 ) -> tuple[str, tuple[Path, ...]]:
-    """Compare two folders of finished benchmarks.
-
-    Args:
-        before: folder A.
-        after: folder B.
-        folder: output folder for the page and the table; created if needed.
-        executor: executor that draws (default: this process).
+    """Compare two folders of finished benchmarks, A and B, and write the page and the table into a folder.
 
     Returns:
         The tables in Markdown, with the reason if there are no pictures of flipped parts; and the paths of all files.
@@ -43,11 +37,11 @@ def write_comparison(
     """
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
-    found = changes(old, new, (books[0].description, books[1].description))
-    drawn, problem = _drawn(books[1].description, found.flips[:SHOWN], executor or Executor())
+    compared = changes(old, new, (books[0].description, books[1].description))
+    drawn, problem = _drawn(books[1].description, compared.flips[:SHOWN], executor or Executor())
     folders = (str(before), str(after))
-    values = {"found": found, "kinds": list(Flip), "problem": problem, "folders": folders}
-    changed = [row for row in found.by_factor if row.compared.characters.difference.value]
+    values = {"found": compared, "kinds": list(Flip), "problem": problem, "folders": folders}
+    changed = [row for row in compared.by_factor if row.compared.characters.difference.value]
     changed.sort(key=lambda row: -abs(row.compared.characters.difference.value))
     document = render("compare.md.j2", **values, largest=changed[:_MOST_LEVELS])
     page = render(
@@ -57,7 +51,7 @@ def write_comparison(
         programs=tuple(str(book.description.get("program", "not known")) for book in books),
         drawn=drawn,
     )
-    return document, write_files(folder, {PAGE: page, DOCUMENT: document, TABLE: _rows(found)})
+    return document, write_files(folder, {PAGE: page, DOCUMENT: document, TABLE: _rows(compared.flips)})
 
 
 def _drawn(
@@ -74,17 +68,17 @@ def _drawn(
         else:
             # a part on which several readers flipped is drawn once
             once = {(blank.part, blank.given): (blank, items[blank.part]) for blank in blanks}
-            made = ordered_map(executor, partial(draw_worst, benchmark), list(once.values()))
-            by_part = dict(zip(once, made, strict=True))
+            pictures = ordered_map(executor, partial(draw_worst, benchmark), list(once.values()))
+            by_part = dict(zip(once, pictures, strict=True))
             blanks = [by_part[blank.part, blank.given] for blank in blanks]
     return list(zip(flips, blanks, strict=True)), problem
 
 
-def _rows(found: Changes) -> Iterator[Sequence[object]]:
-    factors = list(dict.fromkeys(name for c in found.flips for name in c.after.levels))
+def _rows(flips: Sequence[Change]) -> Iterator[Sequence[object]]:
+    factors = list(dict.fromkeys(name for c in flips for name in c.after.levels))
     sides = ("text", "decision", "confidence", "characters_right")
     yield "part", *factors, "mode", "given", "flip", "truth", *(f"{s}_{ab}" for s in sides for ab in "ab")
-    for c in found.flips:
+    for c in flips:
         both = c.before, c.after
         yield (
             c.after.part, *(c.after.levels.get(name, "") for name in factors), c.after.mode, c.after.given,

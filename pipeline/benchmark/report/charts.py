@@ -38,8 +38,8 @@ def style_of(mode: str) -> tuple[str, str, str]:
 
 def modes_in(groups: Sequence[Group]) -> list[str]:
     """The modes, in their usual order."""
-    found = list(dict.fromkeys(g.key.mode for g in groups))
-    return sorted(found, key=lambda m: _ORDER.index(m) if m in _ORDER else len(_ORDER))
+    modes = dict.fromkeys(g.key.mode for g in groups)
+    return sorted(modes, key=lambda m: _ORDER.index(m) if m in _ORDER else len(_ORDER))
 
 
 def leading_mode(modes: Sequence[str]) -> str:
@@ -49,8 +49,8 @@ def leading_mode(modes: Sequence[str]) -> str:
 
 def severities_in(groups: Sequence[Group]) -> list[float | None]:
     """The severities, the cleanest first, unknown ones last."""
-    found = {g.key.severity for g in groups}
-    return sorted(found, key=lambda s: (s is None, s or 0.0))
+    severities = {g.key.severity for g in groups}
+    return sorted(severities, key=lambda s: (s is None, s or 0.0))
 
 
 def legend_below(figure: Figure, axes: Axes) -> None:
@@ -67,15 +67,15 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
     severities, modes = severities_in(groups), modes_in(groups)
     for axes, measure in zip(panels, ("serials", "characters"), strict=True):
         for rank, mode in enumerate(modes):
-            own = sorted(
+            of_mode = sorted(
                 (g for g in groups if g.key.mode == mode), key=lambda g: severities.index(g.key.severity)
             )
-            shares: list[Share] = [getattr(g, measure) for g in own]
+            shares: list[Share] = [getattr(g, measure) for g in of_mode]
             colour, marker, line = style_of(mode)
             # side by side, so that no interval hides another
             beside = 0.18 * (rank - 0.5 * (len(modes) - 1)) / max(1, len(modes) - 1)
             axes.errorbar(
-                [severities.index(g.key.severity) + beside for g in own], [s.value for s in shares],
+                [severities.index(g.key.severity) + beside for g in of_mode], [s.value for s in shares],
                 yerr=([s.value - s.low for s in shares], [s.high - s.value for s in shares]), color=colour,
                 marker=marker, linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
             )  # fmt: skip
@@ -89,12 +89,7 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
 
 
 def data_uri(figure: Figure, *, kind: str = "svg") -> str:
-    """The figure as a data URI, so that the page is self-contained.
-
-    Args:
-        figure: figure to be drawn.
-        kind: "svg" for lines, "jpg" for pictures of surfaces.
-    """
+    """The figure as a data URI, so that the page is self-contained: "svg" for lines, "jpg" for pictures of surfaces."""
     stream = io.BytesIO()
     if kind == "svg":
         with matplotlib.rc_context({"svg.hashsalt": "tactile-marks"}):

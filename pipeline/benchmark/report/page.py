@@ -28,14 +28,7 @@ PROGRAM = "tactile-marks"
 
 
 def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
-    """Write the files of a report: the rows of a .csv, the values of a .json, texts.
-
-    Args:
-        folder: output folder; created if missing.
-        contents: contents of the files, by name.
-
-    Returns:
-        Their paths.
+    """Write the files of a report, by name: the rows of a .csv, the values of a .json, texts; return their paths.
 
     Raises:
         FileError: the folder cannot be written.
@@ -122,15 +115,7 @@ def mark_characters(trial: Trial) -> list[tuple[str, bool]]:
 
 
 def write_certificate_page(certificate: Certificate, path: Path) -> None:
-    """Write the page of a certificate: its statement, its evidence, and its scope.
-
-    Args:
-        certificate: the certificate.
-        path: path of the page.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
+    """Write the page of a certificate: its statement, its evidence, and its scope."""
     page = render(
         "certificate.html.j2",
         title="Certificate of acceptance",
@@ -144,7 +129,6 @@ def write_certificate_page(certificate: Certificate, path: Path) -> None:
 
 
 def _spread(kind: KindOfParts) -> list[tuple[str, list[str]]]:
-    """Every measure with its 5th, 50th and 95th percentile."""
     return [
         (name.value, [f"{v:.4g}" for v in np.percentile(values, [5, 50, 95])])
         for name, values in kind.values.items()

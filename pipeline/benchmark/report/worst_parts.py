@@ -28,10 +28,9 @@ _HELPED = ("fused", "tactile")
 
 @dataclass(frozen=True)
 class WorstPart:
-    """One part to show.
+    """One part to show, with the trials of all modes.
 
     Attributes:
-        trials: trials of all modes.
         why: reason why it is one of the worst.
         given: facts given to the reader in the worst reading, which the picture shows.
         picture: data URI; empty if it could not be drawn.

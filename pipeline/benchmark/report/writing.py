@@ -69,33 +69,37 @@ def write_report(
     Raises:
         FileError: the folder cannot be written.
     """
-    found = statistics_of(trials, benchmark.crossed)
+    statistics = statistics_of(trials, benchmark.crossed)
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
     array = benchmark.reading.array
     touch = f"{array.sensors.value} sensors" + (f", {array.whisker.whisker}" if array.whisker else "")
-    document = document_of(found, drift, touch=touch)
-    values = _values(benchmark, trials, found) | {"worst": worst, "certificate": certificate, "drift": drift}
+    document = document_of(statistics, drift, touch=touch)
+    values = _values(benchmark, trials, statistics) | {
+        "worst": worst,
+        "certificate": certificate,
+        "drift": drift,
+    }
     contents = {
         PAGE: render("report.html.j2", **values),
         DOCUMENT: document,
         TABLE: _rows(trials),
-        FIGURES: _figures(benchmark, trials, found),
+        FIGURES: _figures(benchmark, trials, statistics),
     }
-    return document, write_files(folder, contents), found
+    return document, write_files(folder, contents), statistics
 
 
-def document_of(found: Statistics, drift: Mapping[str, str] | None = None, *, touch: str = "") -> str:
+def document_of(statistics: Statistics, drift: Mapping[str, str] | None = None, *, touch: str = "") -> str:
     """The tables in Markdown, for documents and the console.
 
     Args:
-        found: all figures.
+        statistics: all figures.
         drift: differences of the parts of a mode from the certified ones, in words, by mode.
         touch: the array that felt the parts, in words; empty if unknown.
     """
-    return render("benchmark.md.j2", **_tables(found), drift=drift or {}, touch=touch)
+    return render("benchmark.md.j2", **_tables(statistics), drift=drift or {}, touch=touch)
 
 
 def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
@@ -125,7 +129,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
         )  # fmt: skip
 
 
-def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
+def _figures(benchmark: Benchmark, trials: Sequence[Trial], statistics: Statistics) -> dict[str, Any]:
     """All figures; only those under "times" differ from run to run."""
     names = (
         "cells", "by_severity", "by_mode", "headlines", "effects", "comparisons", "knowledge", "stability",
@@ -135,32 +139,30 @@ def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -
         "benchmark": benchmark.description(),
         "versions": versions(),
         "parts": len({t.part for t in trials}),
-        **{name: plain(getattr(found, name)) for name in names},
-        "times": [plain_times(group) for group in found.by_severity],
+        **{name: plain(getattr(statistics, name)) for name in names},
+        "times": [plain_times(group) for group in statistics.by_severity],
     }
 
 
-def _tables(found: Statistics) -> dict[str, Any]:
-    """Values of the page and of the document by their names in the templates."""
-    modes = modes_in(found.by_mode)
+def _tables(statistics: Statistics) -> dict[str, Any]:
+    modes = modes_in(statistics.by_mode)
     return {
         "modes": modes,
-        "found": found,
-        "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
+        "found": statistics,
+        "leaders": sorted(statistics.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
         "lead": leading_mode(modes),
-        "summary": _sort_groups(found.by_severity),
-        "severities": severities_in(found.by_severity),
+        "summary": _sort_groups(statistics.by_severity),
+        "severities": severities_in(statistics.by_severity),
     }
 
 
-def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
-    """Values of the page by their names in its template."""
-    tables, description = _tables(found), benchmark.description()
+def _values(benchmark: Benchmark, trials: Sequence[Trial], statistics: Statistics) -> dict[str, Any]:
+    tables, description = _tables(statistics), benchmark.description()
     modes = tables["modes"]
     # charts show the first set of facts only: more lines would hide each other
     by_severity, by_mode = (
-        [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
-        for groups in (found.by_severity, found.by_mode)
+        [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, statistics.given[0])]
+        for groups in (statistics.by_severity, statistics.by_mode)
     )
     pictures = {
         "accuracy": accuracy_figure(by_severity),
@@ -172,9 +174,9 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "title": "Benchmark of reading dirty marks",
         "n_parts": len({t.part for t in trials}),
         "design": description["parts"],
-        "effects": {(e.mode, e.factor): e for e in found.effects},
-        "cells": None if set(found.crossed) <= {"severity"} else _cells(found.cells),
-        "wrong": _sort_groups(found.by_mode),
+        "effects": {(e.mode, e.factor): e for e in statistics.effects},
+        "cells": None if set(statistics.crossed) <= {"severity"} else _cells(statistics.cells),
+        "wrong": _sort_groups(statistics.by_mode),
         "accept_risk": (risk := benchmark.reading.accept_risk),
         "wrong_needs": parts_needed(risk, confidence=CONFIDENCE_LEVEL),
         "experts": [m for m in modes if m in EXPERTS],
@@ -188,11 +190,10 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
 
 
 def _cells(cells: Sequence[Group]) -> dict[Any, dict[str, Group]]:
-    """Cells by their levels, and by mode."""
-    found: dict[Any, dict[str, Group]] = {}
+    by_levels: dict[Any, dict[str, Group]] = {}
     for cell in cells:
-        found.setdefault(cell.key.levels, {})[cell.key.mode] = cell
-    return found
+        by_levels.setdefault(cell.key.levels, {})[cell.key.mode] = cell
+    return by_levels
 
 
 def _sort_groups(groups: Sequence[Group]) -> list[Group]:

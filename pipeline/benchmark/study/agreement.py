@@ -34,11 +34,7 @@ _Floats = NDArray[np.float64]
 
 
 def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Estimate | None:
-    """Mean of Cohen's kappas over several pairs of ratings of the same parts; None if one is not defined.
-
-    Args:
-        pairs: pairs of (parts,) ratings.
-    """
+    """Mean of Cohen's kappas over several pairs of (parts,) ratings of the same parts; None if one is not defined."""
     if not pairs or not pairs[0][0]:
         return None
     hot = [(_one_hot(a, labels), _one_hot(b, labels)) for a, b in pairs for labels in [sorted({*a, *b})]]
@@ -56,10 +52,7 @@ def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Es
 
 
 def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
-    """Fleiss' kappa of parts that were rated equally often; None if it is not defined.
-
-    Args:
-        ratings: (parts, ratings of a part), at least two of each.
+    """Fleiss' kappa of parts that were rated equally often, (parts, ratings of a part); None if it is not defined.
 
     Raises:
         ValueError: a part has fewer than two ratings, or the parts have different numbers of ratings.
@@ -95,12 +88,12 @@ def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
 
 def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate | None:
     """Kappa and its interval; `kappas` maps weights of the parts (draws, parts) to kappas (draws,)."""
-    found = resample(np.eye(parts), kappas, least=-1.0)
-    return None if np.isnan(found.value) else found
+    kappa = resample(np.eye(parts), kappas, least=-1.0)
+    return None if np.isnan(kappa.value) else kappa
 
 
+# by appraiser and part, trial by trial; an appraiser rates every part equally often
 Ratings = Mapping[str, Mapping[str, tuple[str, ...]]]
-"""Ratings by appraiser and part, trial by trial; an appraiser rates every part equally often."""
 
 
 class Kind(StrEnum):
@@ -115,11 +108,9 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Agreement:
-    """Agreement of ratings.
+    """Agreement of ratings by some appraisers.
 
     Attributes:
-        kind: kind of comparison.
-        who: the appraisers.
         parts: share of the compared parts on which all ratings agree, with the exact 95 % interval.
         kappa: Fleiss' within and between; the mean of Cohen's over the trials for a pair and against truth. None if it
             is not defined.
@@ -134,14 +125,10 @@ class Agreement:
 
 
 def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list[Agreement]:
-    """Compute all comparisons that the ratings allow.
+    """Compute all comparisons that the ratings and the truth by part, as far as known, allow.
 
     "Within" needs an appraiser with several trials. "Between" and "pair" use the parts that the appraisers have in
     common. "Against truth" uses the parts whose truth is known.
-
-    Args:
-        ratings: see `Ratings`.
-        truth: correct rating by part, as far as known.
 
     Raises:
         ValueError: an appraiser did not rate every part equally often, and at least once.
@@ -150,16 +137,16 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):
             raise ValueError(f"{who} did not rate every part equally often")
     several = {who: trials for who, trials in ratings.items() if len(next(iter(trials.values()))) > 1}
-    found = [_agreement(Kind.WITHIN, {who: by_part}) for who, by_part in several.items()]
+    compared = [_agreement(Kind.WITHIN, {who: by_part}) for who, by_part in several.items()]
     if len(ratings) > 1:
-        found.append(_agreement(Kind.BETWEEN, ratings))
+        compared.append(_agreement(Kind.BETWEEN, ratings))
     if len(ratings) > 2:
-        found += [_agreement(Kind.PAIR, dict(two)) for two in combinations(ratings.items(), 2)]
+        compared += [_agreement(Kind.PAIR, dict(two)) for two in combinations(ratings.items(), 2)]
     if truth:
-        found += [_agreement(Kind.TRUTH, {who: by_part}, truth) for who, by_part in ratings.items()]
+        compared += [_agreement(Kind.TRUTH, {who: by_part}, truth) for who, by_part in ratings.items()]
         if len(ratings) > 1:
-            found.append(_agreement(Kind.ALL_TRUTH, ratings, truth))
-    return found
+            compared.append(_agreement(Kind.ALL_TRUTH, ratings, truth))
+    return compared
 
 
 def _agreement(kind: Kind, ratings: Ratings, truth: Mapping[str, str] | None = None) -> Agreement:
@@ -167,17 +154,19 @@ def _agreement(kind: Kind, ratings: Ratings, truth: Mapping[str, str] | None = N
     first, *others = ratings.values()
     parts = [p for p in first if all(p in by for by in others) and (truth is None or p in truth)]
     # (appraisers, trials, parts)
-    said = [
+    texts = [
         [[by_part[part][k] for part in parts] for k in range(len(next(iter(by_part.values()))))]
         for by_part in ratings.values()
     ]
-    trials = [trial for of_one in said for trial in of_one]
+    trials = [trial for appraiser in texts for trial in appraiser]
     right = [] if truth is None else [[truth[part] for part in parts]]
     rows = {part: [trial[k] for trial in (*right, *trials)] for k, part in enumerate(parts)}
     if kind in (Kind.WITHIN, Kind.BETWEEN):
         kappa = fleiss_kappa(list(rows.values()))
     else:
-        kappa = mean_cohen_kappa([(a, right[0]) for a in trials] if right else list(zip(*said, strict=False)))
+        kappa = mean_cohen_kappa(
+            [(a, right[0]) for a in trials] if right else list(zip(*texts, strict=False))
+        )
     disagreed = tuple(part for part, row in rows.items() if len(set(row)) > 1)
     agreed = share(len(rows) - len(disagreed), len(rows), exact=True)
     return Agreement(kind, ", ".join(ratings), agreed, kappa, disagreed)

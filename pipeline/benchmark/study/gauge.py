@@ -17,23 +17,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+# significance level of the interaction, as in the manual's example
 SIGNIFICANT = 0.05
-"""Significance level of the interaction, as in the manual's example."""
+# distinct categories per ratio of part variation to gauge variation, rounded down
 CATEGORIES = 1.41
-"""Number of distinct categories per ratio of part variation to gauge variation, rounded down."""
 GOOD, USABLE = 0.10, 0.30
 LEAST_CATEGORIES = 5
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the analysis of variance.
+    """A row of the analysis of variance, mm².
 
     Attributes:
-        source: source of the variation.
         freedom: degrees of freedom.
-        squares: sum of squares, mm².
-        mean_square: squares divided by freedom, mm².
         f: ratio to the mean square that it is tested against; None if it is not tested.
         p: probability of a ratio at least as large by chance.
     """
@@ -48,14 +45,10 @@ class Row:
 
 @dataclass(frozen=True)
 class GaugeRR:
-    """Result of a gauge study; standard deviations, mm.
+    """Result of a gauge study of parts, appraisers and the trials of each appraiser on each part.
 
     Attributes:
-        table: rows of the analysis of variance.
-        parts: number of parts.
-        appraisers: number of appraisers.
-        trials: number of trials of each appraiser on each part.
-        pooled: whether the interaction is pooled with the repeats.
+        pooled: the interaction is pooled with the repeats.
         repeatability_mm: standard deviation of repeats by one appraiser.
         reproducibility_mm: standard deviation between appraisers, with the interaction; None with one appraiser.
         part_mm: standard deviation between parts.
@@ -104,13 +97,10 @@ class GaugeRR:
 
 
 def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
-    """Compute the study of depths.
-
-    Args:
-        values_mm: (parts, appraisers, trials), mm, at least 2 parts and 2 trials, all finite.
+    """Compute the study of depths (parts, appraisers, trials), mm.
 
     Raises:
-        ValueError: the shape is wrong, or a value is not finite.
+        ValueError: fewer than 2 parts or 2 trials, or a value is not finite.
     """
     x = np.asarray(values_mm, dtype=np.float64)
     if x.ndim != 3 or x.shape[0] < 2 or x.shape[1] < 1 or x.shape[2] < 2:

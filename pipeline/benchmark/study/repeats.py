@@ -31,20 +31,15 @@ from pipeline.runs.journal import resumable
 if TYPE_CHECKING:
     from pipeline.workers.executors import Executor
 
+# factor that distinguishes a real recording from a perturbed one
 RECORDED = "recorded"
-"""Factor that distinguishes a real recording from a perturbed one."""
 _DEPTH = "depth_mm"
 _REPEAT = re.compile(r"(.+)\.(\d+)")
 
 
 @dataclass(frozen=True)
 class StudiedPart:
-    """One part.
-
-    Attributes:
-        name: name of the part, without the number of a recording.
-        recordings: its recordings, in the order of their numbers; at least one.
-    """
+    """One part, without the number of a recording, and its recordings in the order of their numbers."""
 
     name: str
     recordings: tuple[PartFiles, ...]
@@ -59,13 +54,7 @@ class StudiedPart:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """Plan of the measurements.
-
-    Attributes:
-        settings: settings of the reader.
-        repeats: number of trials of every array.
-        arrays: number of virtual arrays.
-    """
+    """Number of trials of every array, and of virtual arrays."""
 
     settings: ReadSettings
     repeats: int
@@ -90,16 +79,16 @@ def depth_of(trial: Trial) -> float | None:
 
 def studied_parts(listed: Sequence[PartFiles]) -> list[StudiedPart]:
     """Group parts whose names differ only in a number after a full stop."""
-    numbered = {part.name: found for part in listed if (found := _REPEAT.fullmatch(part.name))}
-    times = Counter(found[1] for found in numbered.values())
+    numbered = {part.name: match for part in listed if (match := _REPEAT.fullmatch(part.name))}
+    times = Counter(match[1] for match in numbered.values())
     parts: dict[str, list[tuple[int, PartFiles]]] = {}
     for part in listed:
-        found = numbered.get(part.name)
-        stem, number = (found[1], int(found[2])) if found and times[found[1]] > 1 else (part.name, 0)
+        match = numbered.get(part.name)
+        stem, number = (match[1], int(match[2])) if match and times[match[1]] > 1 else (part.name, 0)
         parts.setdefault(stem, []).append((number, part))
     return [
-        StudiedPart(stem, tuple(part for _, part in sorted(own, key=itemgetter(0))))
-        for stem, own in parts.items()
+        StudiedPart(stem, tuple(part for _, part in sorted(recordings, key=itemgetter(0))))
+        for stem, recordings in parts.items()
     ]
 
 
@@ -110,15 +99,7 @@ def measure(
     journal: StudyJournal,
     on_part: Callable[[], None] = lambda: None,
 ) -> list[Trial]:
-    """Measure every trial of every part, in order; failures are recorded in the trial.
-
-    Args:
-        plan: plan of the measurements.
-        parts: parts to measure.
-        executor: executor that runs the measurements.
-        journal: journal of finished measurements, which are kept.
-        on_part: called after each part.
-    """
+    """Measure every trial of every part, in order; failures are recorded in the trial, finished ones in the journal."""
 
     def lost(part: StudiedPart, error: Exception) -> tuple[Trial, ...]:
         return tuple(replace(blank, error=describe_fault(error)) for _, blank in _blanks(plan, part))

@@ -23,16 +23,12 @@ from pipeline.benchmark.study.study import Study
 from pipeline.plots.pictures import styled
 
 PAGE, DOCUMENT, FIGURES, READINGS = "study.html", "study.md", "study.json", "readings.csv"
+# disputed parts that the page shows; the table has all of them
 _MOST_PARTS = 60
-"""Most disputed parts that the page shows; the table has all of them."""
 
 
 def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
     """Write the page, the tables and the figures.
-
-    Args:
-        study: results of the study.
-        folder: folder for the files; created if missing.
 
     Returns:
         The tables in Markdown, and the paths of all files.
@@ -68,7 +64,7 @@ def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
 
 def disputed_parts(study: Study) -> list[str]:
     """Parts whose serial appraisers read differently from each other or from the truth."""
-    disputed = {part for found in study.serials for part in found.disagreed}
+    disputed = {part for agreement in study.serials for part in agreement.disagreed}
     return [part for part in study.parts if part in disputed]
 
 

@@ -87,17 +87,16 @@ def run_study(
         progress.start(len(parts) - len(journal.names))
         with workers.opened(len(parts)) as executor:
             measured = measure(plan, parts, executor, journal, progress.advance)
-        found = Study(tuple(measured), tuple(answers), true, tuple(notes))
-        document, written = write_study(found, out)
+        study = Study(tuple(measured), tuple(answers), true, tuple(notes))
+        document, written = write_study(study, out)
         journal.remove()
-    return found, document, written
+    return study, document, written
 
 
 def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> dict[str, str]:
     expected = {part.name: part.expected for part in listed if part.expected}
     texts = PartTexts(expected) if table is None else load_truth(table)
-    found = {name: texts.text_of(name) for name in names}
-    known = {name: without_blanks(text) for name, text in found.items() if text is not None}
+    known = {name: without_blanks(text) for name in names if (text := texts.text_of(name)) is not None}
     if table is not None and not known:
         raise FileError(table, "has no row for these parts", "name the parts as their files")
     return known

@@ -16,13 +16,7 @@ from pipeline.benchmark.trials.journal import Trial
 
 @dataclass(frozen=True)
 class Study:
-    """All results of a study.
-
-    Attributes:
-        measured: every trial of the reader.
-        answers: answers of reviewers.
-        truth: truth by part, as far as known.
-        notes: further notes, in sentences.
+    """All results of a study: every trial of the reader, answers of reviewers, truth by part as far as known, notes.
 
     Raises:
         ValueError: an appraiser did not measure every part equally often.
@@ -46,11 +40,11 @@ class Study:
     @cached_property
     def depths(self) -> dict[str, list[list[float]]]:
         """Depths by part, (appraisers, trials), mm, of parts whose depth is known in every trial."""
-        found: dict[str, dict[str, list[float]]] = {}
+        depths: dict[str, dict[str, list[float]]] = {}
         for m in self.measured:
             if m.part not in self.depthless and (depth_mm := depth_of(m)) is not None:
-                found.setdefault(m.part, {}).setdefault(m.mode, []).append(depth_mm)
-        return {part: list(by.values()) for part, by in found.items()}
+                depths.setdefault(m.part, {}).setdefault(m.mode, []).append(depth_mm)
+        return {part: list(by.values()) for part, by in depths.items()}
 
     @cached_property
     def depthless(self) -> tuple[str, ...]:
@@ -92,8 +86,8 @@ class Study:
 
 
 def _by_appraiser(measured: Sequence[Trial], attribute: str) -> dict[str, dict[str, tuple[str, ...]]]:
-    found: dict[str, dict[str, tuple[str, ...]]] = {}
+    values: dict[str, dict[str, tuple[str, ...]]] = {}
     for m in measured:
-        by_part = found.setdefault(m.mode, {})
+        by_part = values.setdefault(m.mode, {})
         by_part[m.part] = (*by_part.get(m.part, ()), getattr(m, attribute))
-    return found
+    return values

@@ -32,12 +32,9 @@ def designed_items(parts: DesignedParts) -> list[Item]:
 
 @dataclass(frozen=True)
 class Answers:
-    """The answers of one reader to an exam.
+    """The answers of one reader to an exam: a trial of each part, read empty without an answer.
 
-    Attributes:
-        trials: one per part; a part without an answer counts as read empty.
-        missing: parts without an answer.
-        unknown: answered parts that are not in the exam.
+    The unknown parts of the table are not in the exam.
     """
 
     trials: tuple[Trial, ...]
@@ -77,9 +74,9 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
         )
     trials = []
     for item in items:
-        said = _fields_of(path, answered[item.part]) if item.part in answered else _fields("", 0.0, None)
+        answer = _fields_of(path, answered[item.part]) if item.part in answered else _fields("", 0.0, None)
         levels = {**item.condition.levels, **given_levels(given)}
-        trials.append(replace(Trial(item.part, item.number, levels, reader, item.truth), **said))
+        trials.append(replace(Trial(item.part, item.number, levels, reader, item.truth), **answer))
     missing = tuple(item.part for item in items if item.part not in answered)
     return Answers(tuple(trials), missing, tuple(unknown))
 
@@ -91,8 +88,6 @@ def _part_of(name: str, known: PartTexts) -> str | None:
 
 
 class _Cells(BaseModel):
-    """Cells of an answer beside its text."""
-
     confidence: Annotated[float, BeforeValidator(number_of), Field(ge=0.0, le=1.0)] = 0.0
     decision: Literal["accept", "review", "reject"] | None = None
     accepted: bool | None = None
@@ -106,7 +101,6 @@ _HINTS = {
 
 
 def _fields_of(path: Path, line: PartLine) -> dict[str, Any]:
-    """Fields of a trial from an answer."""
     written = {name: line.others[name].lower() for name in _HINTS if line.others.get(name)}
     try:
         cells = _Cells.model_validate(written)

@@ -19,13 +19,7 @@ _SIMULATION = ("mount", "scan")  # timed steps of a reading that a real array do
 
 @dataclass(frozen=True)
 class ReadCharacter:
-    """One character of a reading.
-
-    Attributes:
-        char: the first candidate.
-        confidence: its probability, 0 to 1.
-        margin: its probability minus that of the second candidate.
-    """
+    """One character of a reading, with its probability and its lead over the second candidate."""
 
     char: str
     confidence: float
@@ -37,16 +31,11 @@ class Trial:
     """One part read by one mode.
 
     Attributes:
-        part: name of the part, unique in the benchmark.
         number: number of the part among those of its kind.
         levels: levels of all factors of the part, and facts given to the reader (`pipeline.benchmark.exam.condition`).
-        mode: mode that read it.
         truth: text that was stamped, without spaces.
-        text: text that was read, without spaces; empty with an error.
-        decision: accept, review or reject; empty with an error.
-        confidence: confidence that the whole text is right, 0 to 1.
-        characters: characters as read, in order.
-        flags: flags of the reading.
+        text: text that was read, without spaces; empty with an error, as the decision.
+        confidence: that the whole text is right, 0 to 1.
         broken: whether it breaks a contract, so that no score is enough.
         error: why there is no reading; empty if there is one.
         compute_s: time that the program took, without making the part and its photograph.

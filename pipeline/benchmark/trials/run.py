@@ -39,8 +39,8 @@ from recognition.settings import ReaderSettings
 from whisker_array.scan.sensor import Sensors
 from whisker_array.simulation.traces import Fidelity
 
+# of a worker: a design with many fonts and heights needs one for each, with about 0.1 GB
 KEPT_READERS = 12
-"""Readers that a worker keeps. A design with many fonts and heights needs one for each, with about 0.1 GB."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,6 @@ class Benchmark:
     """Parts, modes and settings of a benchmark.
 
     Attributes:
-        parts: source of the parts.
-        modes: names of the modes.
         reading: settings for all parts; font, height and format are those of the part if the design gives them.
         perturbations: perturbations under which every part is read again, by the modes that they affect.
 
@@ -95,14 +93,14 @@ class Benchmark:
         """Factors of the cells (default: the severity)."""
         return tuple(self.parts.description().get("cross", ("severity",)))
 
-    def settings_for(self, condition: Condition, given: str) -> ReaderSettings:
+    def settings_for(self, condition: Condition, facts: str) -> ReaderSettings:
         """Settings for a kind of part and a reader with given facts."""
-        font = self.parts.font_of(condition) if "font" in given else ""
+        font = self.parts.font_of(condition) if "font" in facts else ""
         return replace(
             self.reading,
             fonts=(font,) if font else self.reading.fonts,
-            format=(condition.format or self.reading.format) if "format" in given else None,
-            height_mm=condition.height_mm if "height" in given else self.reading.height_mm,
+            format=(condition.format or self.reading.format) if "format" in facts else None,
+            height_mm=condition.height_mm if "height" in facts else self.reading.height_mm,
         )
 
 
@@ -115,12 +113,6 @@ def run_benchmark(
 ) -> list[Trial]:
     """Run the trials of every part that is not in the folder yet.
 
-    Args:
-        benchmark: the benchmark to run.
-        folder: folder for the trials; created if needed.
-        executor: executor that runs the work (default: this process).
-        progress: progress display.
-
     Returns:
         The trials, ordered by part, then by given knowledge, perturbation and mode.
 
@@ -130,7 +122,7 @@ def run_benchmark(
         SettingsError: a mode, font or format cannot be used.
     """
     items = benchmark.parts.items()
-    ways = ((item.condition, given) for item in items for given in item.given)
+    ways = ((item.condition, facts) for item in items for facts in item.given)
     for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):
         for mode in benchmark.modes:
             open_mode(mode, Reader(settings))
@@ -158,10 +150,10 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
     except Exception as error:
         return _failed_trials(benchmark, item, error)
     trials: list[Trial] = []
-    for given in item.given:
-        reader = reader_for(benchmark.settings_for(item.condition, given))
+    for facts in item.given:
+        reader = reader_for(benchmark.settings_for(item.condition, facts))
         senses = PartReadings(specimen, reader)
-        blanks = _blanks(benchmark, replace(item, given=(given,), truth=specimen.truth))
+        blanks = _blanks(benchmark, replace(item, given=(facts,), truth=specimen.truth))
         trials += [_read(blank, senses, reader) for blank in blanks]
         for how in benchmark.perturbations:
             again = senses.again(how)
@@ -174,14 +166,13 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
 
 def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
     return [
-        Trial(item.part, item.number, {**item.condition.levels, **given_levels(given)}, mode, item.truth)
-        for given in item.given
+        Trial(item.part, item.number, {**item.condition.levels, **given_levels(facts)}, mode, item.truth)
+        for facts in item.given
         for mode in benchmark.modes
     ]
 
 
 def _failed_trials(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
-    """The trials of a part that could not be made, or whose worker was lost."""
     return tuple(replace(b, error=f"the part: {_describe(error)}") for b in _blanks(benchmark, item))
 
 
@@ -194,15 +185,15 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
         measures = reading.measures if own_mode else {}
     except Exception as error:
         return replace(blank, error=_describe(error))
-    own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
+    reading_s = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
     used = sum(senses.seconds.get(sense, 0.0) for sense in mode.uses)
-    found = {
+    answer = {
         **answer_of(reading),
         "measures": {name.value: value for name, value in measures.items()},
-        "compute_s": round(own + used, 4),
+        "compute_s": round(reading_s + used, 4),
         "scan_s": round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
     }
-    return replace(blank, **{**found, **more})
+    return replace(blank, **{**answer, **more})
 
 
 @lru_cache(maxsize=KEPT_READERS)
@@ -221,21 +212,17 @@ def _describe(error: Exception) -> str:
 
 
 def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
-    """Rebuild a benchmark, and some of its items, from its description with the present program.
-
-    Args:
-        description: description in a `pipeline.benchmark.trials.journal.TrialJournal`.
-        parts: names of the items.
+    """Rebuild a benchmark, and some of its items, from the description in its journal, with the present program.
 
     Raises:
         MarksError: its parts or whiskers are in files, or its design cannot be made here, for lack of a font or soil.
     """
-    wanted, said = set(parts), description["parts"]
-    if "part" not in said:
+    wanted, source_values = set(parts), description["parts"]
+    if "part" not in source_values:
         raise SettingsError("its parts are in files", hint="only parts of a design are drawn")
     if "whisker" in description["reading"]:
         raise SettingsError("it was felt with a whisker file", hint="only parts felt as usual are drawn")
-    values = {name: value for name, value in said.items() if name != "font_files"}
+    values = {name: value for name, value in source_values.items() if name != "font_files"}
     if not values.get("section"):
         # a part's name ends in its number within its cell; a longer design begins with the same parts
         values["parts_a_cell"] = 1 + max((int(part.rpartition("-")[2]) for part in wanted), default=0)
@@ -243,7 +230,7 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
     items = {item.part: item for item in source.items()}
     if not wanted <= set(items):
         raise MarksError("the design does not contain all of these parts")
-    if source.description().get("font_files") != said.get("font_files"):
+    if source.description().get("font_files") != source_values.get("font_files"):
         raise MarksError("its fonts differ from those installed here")
     reading = description["reading"]
     settings = ReaderSettings(
