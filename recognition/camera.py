@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.decide.decide import decide
+from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
 from recognition.find.deadline import Deadline
@@ -24,6 +26,7 @@ from recognition.glyph_match.prototypes import Prototypes, lit_prototypes
 from recognition.recogniser.read_line import ReadLine
 from recognition.recogniser.recogniser import features_of
 from recognition.see.codes import Code, codes_of, without_codes
+from recognition.see.edges_seen import picture_fault
 from recognition.see.photo_frame import cut
 from recognition.see.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
 from recognition.see.registered import photo_views, stainless_view
@@ -67,10 +70,18 @@ class VisionReader:
         request = replace(self._scaled if photo.pitch_mm is not None else self._unscaled, deadline=deadline)
         if (area := request.area) is not None:
             photo, request = cut(photo, area), request.inside(area)
+        sizes = shrunk_versions(photo)
+        smallest = next(sizes)
+        if (fault := picture_fault(smallest)) is not None:
+            findings = (Finding.of(ReadingFlag[fault.name]),)
+            log = Log(
+                findings, _file_notes(photo), photo=smallest, whole_photo=whole, photos=1 + len(photo.others)
+            )
+            return SenseEvidence("vision", log=log)
         codes = codes_of(shrunk(photo, SIZES[-1]))
         about: tuple[TextLine, ...] = ()
         evidence: SenseEvidence | None = None
-        for small in shrunk_versions(photo):
+        for small in chain((smallest,), sizes):
             if evidence is not None and deadline.is_over():
                 break
             larger = self._of_size(small, request, codes, about)

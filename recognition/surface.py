@@ -14,17 +14,21 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap
 from recognition.active.felt_log import read_and_log
 from recognition.active.moves import Region
-from recognition.decide.decision import ReadingFlag
+from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.find.deadline import Deadline
 from recognition.find.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
+from recognition.see.edges_seen import has_edges
 from recognition.see.levelling import filled_note, level, square_to_plate
 from recognition.step_times import StepTimes
 from recognition.touch import TactileReader, nothing_felt
 from whisker_array.scan.session import StageSession
 
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
+
+LEAST_STEP_MM = 2e-4
+"""Difference of heights below which no mark can be felt."""
 
 OpenStage = Callable[[HeightMap, Soil | None, float, Region | None], StageSession]
 """A function that mounts a surface with its soil on a stage whose whiskers are for characters of a height, mm; its
@@ -143,6 +147,11 @@ def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
     with times.step("mount"):
         squared, soil = square_to_plate(surface.height_map, surface.soil)
         levelled = level(squared)
+        flat = not has_edges(levelled.z_mm, step=LEAST_STEP_MM)
+    if flat:
+        return SenseEvidence(
+            "tactile", log=Log((Finding.of(ReadingFlag.NO_EDGES),), seconds=times.seconds, surface=levelled)
+        )
     with times.step("first pass"):
         try:
             heights = felt_heights_mm(touch.request, levelled, array=array, soil=soil, feel=surface.feel)

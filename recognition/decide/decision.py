@@ -96,6 +96,13 @@ class ReadingFlag(Flag):
     NONE = None, ""
     MISMATCH = Kind.CONTRACT, "this is not the expected serial (check the part and the order)"
     LAYOUT = Kind.EXPLANATION, "the marks are in a layout that is not read (look at the part)"
+    NO_CONTRAST = Kind.SCORE, "no contrast: the photograph shows nothing (uncover the lens, light the part)"
+    OVEREXPOSED = Kind.SCORE, "overexposed: the photograph is white (expose shorter, turn the light down)"
+    OUT_OF_FOCUS = (
+        Kind.SCORE,
+        "out of focus: the photograph has no sharp edge (focus the camera, check that the part is in view)",
+    )
+    NO_EDGES = Kind.SCORE, "no edges: the map is flat (measure the side with the marks)"
     NO_CHARACTERS = Kind.SCORE, "no characters found (check that the serial is in view)"
     FORMAT_NOT_MET = Kind.CONTRACT, "the marks do not fit the format (check the part and the format)"
     SENSES_DISAGREE = Kind.CONTRACT, "touch and camera read different serials (look at the part)"

@@ -18,7 +18,6 @@ from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition import camera
 from recognition.decide.decision import Decision, ReadingFlag
-from recognition.decide.line_judges import DARK
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
 from recognition.settings import ReaderSettings
@@ -119,11 +118,26 @@ def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[Stam
         Reader(limit_s=0.0)
 
 
-@pytest.mark.parametrize(("level", "noise"), [(0, 0.0), (128, 0.0), (20, 3.0)])
-def test_a_covered_lens_is_not_taken_for_several_lines(reader: Reader, level: int, noise: float) -> None:
+@pytest.mark.parametrize(
+    ("level", "noise", "flag"),
+    [
+        (0, 0.0, ReadingFlag.NO_CONTRAST),
+        (128, 0.0, ReadingFlag.NO_CONTRAST),
+        (20, 3.0, ReadingFlag.NO_CONTRAST),
+        (255, 0.0, ReadingFlag.OVEREXPOSED),
+    ],
+)
+def test_a_photograph_that_shows_nothing_is_not_searched(
+    reader: Reader, level: int, noise: float, flag: ReadingFlag
+) -> None:
     pixels = level + np.random.default_rng(1).normal(0.0, noise, (90, 160))
     found = reader.read(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
-    assert (found.text, found.notes) == ("", (DARK,))
+    assert (found.text, found.decision) == ("", Decision.REJECT)
+    assert found.flags == flag | ReadingFlag.NO_CHARACTERS
+    assert found.messages()[0] == flag.text
+    assert found.evidence is not None
+    assert found.evidence.vision is not None
+    assert found.evidence.vision.lines is None
 
 
 def test_without_a_scale_lengths_are_pixels(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
