@@ -98,8 +98,8 @@ def _octaves(values: Floats, *, finest_blur: float = 12.0) -> Iterator[tuple[Flo
     for _ in range(max(3, int(np.log2(side / finest_blur)) + 2)):
         if min(values.shape) < 4:
             return
-        coarse = cv2.pyrDown(values)
-        yield values - cv2.pyrUp(coarse, dstsize=values.shape[::-1]), coarse
+        coarse = np.asarray(cv2.pyrDown(values), dtype=np.float32)
+        yield np.asarray(values - cv2.pyrUp(coarse, dstsize=values.shape[::-1]), dtype=np.float32), coarse
         values = coarse
 
 
