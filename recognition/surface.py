@@ -6,7 +6,7 @@ order of its rows unknown, and not sure --> the mirrored surface likewise; the o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from glyphs.soiling.soil import Soil
@@ -80,122 +80,83 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
         MapError: the map cannot be scanned, or the soil is on another grid.
     """
     deadline = Deadline(None if surface.stage else touch.settings.limit_s)
-    return _surest(touch.until(deadline), surface).logged(stopped=deadline.stopped)
+    evidence = _feel_in_either_order(touch.until(deadline), surface)
+    return evidence.logged(stopped=deadline.stopped)
 
 
-def _surest(touch: TactileReader, surface: Surface) -> SenseEvidence:
+def _feel_in_either_order(touch: TactileReader, surface: Surface) -> SenseEvidence:
     """Evidence of the surface; of the mirrored one, if the order of its rows is unknown and that reads more."""
     if surface.rows_known:
-        return _felt(touch, surface)
+        return _feel(touch, surface)
     touch = touch.with_unknown_rows()
-    evidence = _felt(touch, surface)
+    evidence = _feel(touch, surface)
     # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
     if surface.feel is not None and surface.soil is not None:
         return evidence
-    looks = _Looks(touch)
-    looks.add(evidence)
-    upright = looks.reading
-    if (
-        upright.serial_is_sure
-        or not touch.may_be_mirrored(evidence, upright)
-        or touch.request.deadline.is_over()
-    ):
+    upright = touch.reading_of(evidence)
+    if upright.serial_is_sure or not touch.may_be_mirrored(evidence, upright):
         return evidence
-    mirrored = _felt(touch, surface.mirrored)
-    if not upright.flags & ReadingFlag.LAYOUT or touch.reading_of(mirrored).serial_is_sure:
-        looks.add(mirrored.logged(notes=(*mirrored.log.notes, MIRRORED_NOTE)))
-    return looks.surest
+    if touch.request.deadline.is_over():
+        return evidence
+    mirrored = _feel(touch, surface.mirrored)
+    mirrored = mirrored.logged(notes=(*mirrored.log.notes, MIRRORED_NOTE))
+    reading = touch.reading_of(mirrored)
+    if upright.flags & ReadingFlag.LAYOUT and not reading.serial_is_sure:
+        return evidence
+    return _surest([(evidence, upright), (mirrored, reading)])
 
 
-class _Looks:
-    """Looks at one part, and the one of them that reads most."""
+def _feel(touch: TactileReader, surface: Surface) -> SenseEvidence:
+    """Feel a surface at one height of characters after the other until its serial is sure.
 
-    def __init__(self, touch: TactileReader) -> None:
-        self._touch = touch
-        self._surest: SenseEvidence | None = None
-        self._texts: frozenset[str] = frozenset()
-        self.reading = Reading((), 0.0)
-
-    def add(self, evidence: SenseEvidence) -> None:
-        """Add a look."""
-        reading = self._touch.reading_of(evidence)
-        self._texts |= evidence.log.other_texts
-        if reading.confidence > EVEN:
-            self._texts |= {reading.plain_text}
-        if self._surest is None or reading.nats_read > self.reading.nats_read:
-            self._surest, self.reading = evidence, reading
-
-    @property
-    def surest(self) -> SenseEvidence:
-        """The evidence that reads most, with the texts of the other looks."""
-        assert self._surest is not None
-        others = self._texts - {self.reading.plain_text}
-        return self._surest.logged(other_texts=others) if others else self._surest
-
-
-def _felt(touch: TactileReader, surface: Surface) -> SenseEvidence:
-    if surface.stage is not None:
-        actively = _felt_actively(touch, surface, surface.stage)
-        if actively is not None:
-            return actively
-    return _felt_by_plan(touch, surface)
-
-
-def _felt_by_plan(touch: TactileReader, surface: Surface) -> SenseEvidence:
-    """Scan a surface by a whole plan, at one height of characters after the other until the serial is sure."""
+    By the whole plan; or on a stage pass by pass, as long as the budget lasts, with the whiskers for that height.
+    """
     times, array = StepTimes(), touch.settings.array
     with times.step("mount"):
         squared, soil = square_to_plate(surface.height_map, surface.soil)
         levelled = level(squared)
+        notes = filled_note(squared, levelled)
         flat = not has_edges(levelled.z_mm, step=LEAST_STEP_MM)
     if flat:
-        return SenseEvidence(
-            "tactile", log=Log((Finding.of(ReadingFlag.NO_EDGES),), seconds=times.seconds, surface=levelled)
-        )
+        log = Log((Finding.of(ReadingFlag.NO_EDGES),), seconds=times.seconds, surface=levelled)
+        return SenseEvidence("tactile", log=log)
     with times.step("first pass"):
         try:
             heights = felt_heights_mm(touch.request, levelled, array=array, soil=soil, feel=surface.feel)
         except NothingFeltError as error:
             return nothing_felt(error, Log(seconds=times.seconds, surface=levelled))
-    if not heights:
-        return SenseEvidence("tactile", log=Log(seconds=times.seconds, surface=levelled))
     feel = surface.feel or virtual_feel(array, soil=soil, part_id=surface.part_id)
-    looks = _Looks(touch)
-    for number, height_mm in enumerate(heights):
-        if number and touch.request.deadline.is_over():
-            break
-        with times.step("scan"):
-            scan = feel(levelled, height_mm)
-        evidence = touch.of_scan(scan, times=times)
-        notes = (*filled_note(squared, levelled), *evidence.log.notes)
-        looks.add(evidence.logged(notes=notes, surface=levelled))
-        if looks.reading.serial_is_sure:
-            break
-    return looks.surest.logged(seconds=times.seconds)
-
-
-def _felt_actively(touch: TactileReader, surface: Surface, stage: OpenStage) -> SenseEvidence | None:
-    """Feel a surface pass by pass until its serial is sure; a note states the stage time. None if nothing was felt.
-
-    The whiskers are those for the known character height, or for the one that a first pass finds. If the serial is not
-    sure and the budget not spent, those for the next height are tried.
-    """
-    squared, soil = square_to_plate(surface.height_map, surface.soil)
-    levelled, spent_s, looks = level(squared), 0.0, _Looks(touch)
-    try:
-        heights = felt_heights_mm(touch.request, levelled, array=touch.settings.array, soil=soil)
-    except NothingFeltError:
-        return None
+    looks, spent_s = list[tuple[SenseEvidence, Reading]](), 0.0
     for height_mm in heights:
-        if spent_s >= surface.budget_s:
+        if looks and touch.request.deadline.is_over():
             break
-        session = stage(squared, soil, height_mm, surface.region_mm)
-        felt = read_and_log(touch, session, budget_s=surface.budget_s - spent_s)
-        session.close()
-        spent_s += felt.stage_s
-        note = f"felt in {len(felt.passes)} passes, {spent_s:.1f} s of stage time: {felt.stop.message}"
-        notes = (*felt.evidence.log.notes, *filled_note(squared, levelled), note)
-        looks.add(felt.evidence.logged(notes=notes, surface=levelled))
-        if looks.reading.serial_is_sure:
+        if surface.stage is None:
+            with times.step("scan"):
+                scan = feel(levelled, height_mm)
+            evidence = touch.of_scan(scan, times=times)
+        elif spent_s < surface.budget_s:
+            session = surface.stage(squared, soil, height_mm, surface.region_mm)
+            felt = read_and_log(touch, session, budget_s=surface.budget_s - spent_s)
+            session.close()
+            spent_s += felt.stage_s
+            note = f"felt in {len(felt.passes)} passes, {spent_s:.1f} s of stage time: {felt.stop.message}"
+            evidence = felt.evidence.logged(notes=(*felt.evidence.log.notes, note))
+        else:
             break
-    return looks.surest if spent_s else None
+        evidence = evidence.logged(notes=(*notes, *evidence.log.notes), surface=levelled)
+        reading = touch.reading_of(evidence)
+        looks.append((evidence, reading))
+        if reading.serial_is_sure:
+            break
+    if not looks:
+        return SenseEvidence("tactile", log=Log(seconds=times.seconds, surface=levelled))
+    surest = _surest(looks)
+    return surest.logged(seconds={**surest.log.seconds, **times.seconds})
+
+
+def _surest(looks: Sequence[tuple[SenseEvidence, Reading]]) -> SenseEvidence:
+    """The evidence whose reading reads most, with the texts of the others."""
+    surest, reading = max(looks, key=lambda look: look[1].nats_read)
+    texts = {look.plain_text for _, look in looks if look.confidence > EVEN}
+    others = texts.union(*(evidence.log.other_texts for evidence, _ in looks)) - {reading.plain_text}
+    return surest.logged(other_texts=others) if others else surest

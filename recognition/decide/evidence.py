@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from recognition.language.grammar import Grammar
     from recognition.language.orientation import Orientation
     from recognition.marks.measure import Marks
+    from recognition.recogniser.read_line import ReadLine
     from recognition.see.codes import Code
     from recognition.see.view import View
     from whisker_array.scan.scan import Scan
@@ -132,6 +133,11 @@ class SenseEvidence:
         return replace(self, log=replace(self.log, **fields))  # type: ignore[arg-type]
 
     @property
+    def main(self) -> ReadLine | None:
+        """The serial's line; None if there is none."""
+        return None if self.lines is None else self.lines.main
+
+    @property
     def layout(self) -> Layout | None:
         """Other layout in which a doubtful part reads well; None without one."""
         return None if self.lines is None else self.lines.layout
@@ -183,6 +189,21 @@ class Evidence:
     def source(self) -> str:
         """Source of the reading: "tactile", "vision" or "fused"."""
         return self.senses[0].source if len(self.senses) == 1 else "fused"
+
+    @property
+    def seconds(self) -> Mapping[str, float]:
+        """Time of each step; with both senses, the camera's are named so."""
+        if self.touch is None or self.vision is None:
+            return self.senses[0].log.seconds
+        seen = {f"vision {step}": seconds for step, seconds in self.vision.log.seconds.items()}
+        return {**self.touch.log.seconds, **seen}
+
+    def codes(self, *, scaled: bool) -> tuple[Code, ...]:
+        """Codes of the photographs, for a text whose lengths are mm or not; without a position in another frame."""
+        if self.vision is None:
+            return ()
+        codes = self.vision.log.codes
+        return codes if self.vision.scaled == scaled else tuple(replace(code, corners=()) for code in codes)
 
     def joined(self, other: Evidence) -> Evidence:
         """This evidence with the senses that only the other one has."""

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from recognition.decide.choice import LEAST_PLACES, Choice
+from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.reading import OtherLine
+from recognition.decide.text import LEAST_PLACES
 from recognition.find.layouts import Layout, LayoutKind
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, ways_possible
 from recognition.find.part_lines import PartLines

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, ReadingFlag, decision_of, flags_of
 from recognition.decide.deferred import deferrable
 from recognition.language.box import Box
-from recognition.language.confusions import PlaceState
+from recognition.language.confusions import PlaceState, state_of
 from recognition.language.elements import named_fields
 
 if TYPE_CHECKING:
@@ -365,6 +365,20 @@ class Reading:
     def text(self) -> str:
         """The serial; a space where the line has a word gap."""
         return with_spaces(self.plain_text, self.spaces_after)
+
+
+def characters_of(
+    decoding: Choice, lattice: Lattice, *, most_candidates: int = 5
+) -> tuple[CharacterReading, ...]:
+    """List the candidates of each place: the chosen character first, then its rivals under the format."""
+    characters = []
+    for k, chosen in enumerate(decoding.text):
+        beliefs = decoding.place(k)
+        order = [chosen, *(c for c in beliefs if c != chosen)][:most_candidates]
+        shares = [min(1.0, beliefs.get(c, 0.0)) for c in order]
+        candidates = tuple(map(Candidate, order, shares, shares))
+        characters.append(CharacterReading(candidates, lattice.boxes[k], state=state_of(beliefs)))
+    return tuple(characters)
 
 
 def mean_depth_mm(characters: Sequence[CharacterReading]) -> float | None:

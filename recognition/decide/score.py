@@ -9,46 +9,30 @@ The whole serial is never surer than its least sure place. Each term is a piecew
 falls: a better value never lowers the score. Touch, the camera and both together have weights of their own.
 
 For each risk the fit keeps the least score at which readings of generators that the fit had left out were wrong no more
-often (`pipeline.common.accepted_risk`). Weights and thresholds are in `score.fit.json`; `python
-tests/benchmarks/fit_score.py` fits them.
-
-Some twenty measures are named. Most only describe a part: they are compared between parts that were certified and parts
-that are read (`pipeline.reading.certificate_statistics`).
+often. Weights and thresholds are in `score.fit.json`; `python tests/benchmarks/fit_score.py` fits them.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from recognition.decide.risk_text import CANNOT_PROMISE, check_risk, risk_in_words
-
-if TYPE_CHECKING:
-    from glyphs.camera.photo import Photo
-    from recognition.language.lattice import Lattice
-    from recognition.marks.laid_text import LaidText
-    from recognition.marks.strokes import PlaceStrokes
-    from whisker_array.estimation.relief import Relief
-
 
 SOURCES = ("tactile", "vision", "fused")
 """Sources of readings."""
 FITTED = Path(__file__).with_name("score.fit.json")
 DIGITS = 6
 """Decimals of a score in records; certificates are computed from records."""
-_NORMAL = 1.4826
-"""Standard deviation of normal noise whose median absolute deviation is 1."""
 
 
 class Measure(StrEnum):
@@ -75,181 +59,6 @@ class Measure(StrEnum):
     COARSE_SHARE = "coarse roughness in parts of the marks' depth"
     GRAIN = "grain of the photograph"
     PATCHES = "patches of the photograph"
-
-
-TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.SAME_TEXT)
-STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
-LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
-PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
-Group: TypeAlias = Mapping[Measure, float | None]
-"""Measures that are computed together; None for unknown ones."""
-
-
-class Measures(Mapping[Measure, float]):
-    """The known measures of a part, each group computed when one of it is first read."""
-
-    def __init__(self, groups: Mapping[tuple[Measure, ...], Callable[[], Group]]) -> None:
-        """Take a function for each group of measures."""
-        self._compute = {name: compute for names, compute in groups.items() for name in names}
-        self._known: dict[Callable[[], Group], Group] = {}
-
-    def __getitem__(self, name: Measure) -> float:
-        """A known measure.
-
-        Raises:
-            KeyError: it is not known.
-        """
-        compute = self._compute[name]
-        if compute not in self._known:
-            self._known[compute] = compute()
-        value = self._known[compute].get(name)
-        if value is None or not math.isfinite(value):
-            raise KeyError(name)
-        return float(value)
-
-    def __iter__(self) -> Iterator[Measure]:
-        """The known measures; all groups are computed."""
-        return (name for name in self._compute if name in self)
-
-    def __len__(self) -> int:
-        """Number of known measures; all groups are computed."""
-        return sum(1 for _ in self)
-
-    def __reduce__(self) -> tuple[type[dict[Measure, float]], tuple[dict[Measure, float]]]:
-        """Pickled as a dict."""
-        return dict, (dict(self),)
-
-
-def text_measures(
-    *,
-    probability: float,
-    count_probability: float,
-    places: Iterable[float],
-    format_given: bool,
-    same_text: bool | None = None,
-) -> dict[Measure, float]:
-    """Return the measures of a text that a score needs.
-
-    Args:
-        probability: probability of the text if it has this number of places.
-        count_probability: probability of the number of places; 1 with a format.
-        places: probability of the character of each place; at least one.
-        format_given: whether the reader was given a format.
-        same_text: whether each of both senses reads this text by itself; None for one sense.
-    """
-    measures = {
-        Measure.ODDS: within_odds(log_odds(probability * count_probability)),
-        Measure.LEAST_SURE: min(places),
-        Measure.FORMAT_GIVEN: float(format_given),
-    }
-    return measures if same_text is None else {**measures, Measure.SAME_TEXT: float(same_text)}
-
-
-def mean_belief(open_lattice: Lattice | None) -> float | None:
-    """Belief in the characters before the format is applied, mean of the places."""
-    if open_lattice is None or not open_lattice.n_places:
-        return None
-    return float(np.exp(open_lattice.log_belief.max(axis=1)).mean())
-
-
-def photo_measures(photo: Photo | None) -> Group:
-    """Grain and patches of a photograph."""
-    if photo is None:
-        return {}
-    grey = _evenly_lit(photo)
-    return {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
-
-
-def covered_share(places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25) -> float | None:
-    """Greatest share of the strokes of a rival that could not be felt; None without places.
-
-    Args:
-        places: places of the text.
-        deciding_heights: least length of the strokes that only a rival has, for them to count, character heights.
-    """
-    rivals = (rival for place in places for rival in place.rivals)
-    covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
-    return max(covered, default=0.0) if places else None
-
-
-def stroke_measures(places: Sequence[PlaceStrokes]) -> Group:
-    """Measures of the felt strokes at all places, but for the covered ones.
-
-    Args:
-        places: places of the text.
-    """
-    felt = [place.felt for place in places if place.felt is not None]
-    unlike = [1.0 - place.score for place in places if place.felt is not None]
-    rivals = [rival for place in places for rival in place.rivals]
-    return {
-        Measure.EVIDENCE: min((rival.excluded_nats for rival in rivals), default=None),
-        Measure.STROKES: float(np.mean(felt)) if felt else None,
-        Measure.LEAST_STROKES: min(felt, default=None),
-        Measure.UNLIKENESS: float(np.mean(unlike)) if felt else None,
-    }
-
-
-def land_measures(
-    relief: Relief | None, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
-) -> Group:
-    """Roughness of the land, in µm and relative to the marks' depth.
-
-    Args:
-        relief: the felt relief; None without heights.
-        laid: the serial, if known.
-        fine_mm: distance between the samples that are compared for fine roughness: grains.
-        coarse_mm: the same for coarse roughness: lumps.
-    """
-    if relief is None:
-        return {}
-    heights_um = 1e3 * relief.height_mm.astype(np.float64)
-    depth_um = math.nan if laid is None else max(1e3 * laid.felt.depth_mm, 1.0)
-    fine, coarse = (
-        roughness(heights_um, max(1, round(far / relief.pitch_mm))) for far in (fine_mm, coarse_mm)
-    )
-    return {
-        Measure.FINE: fine,
-        Measure.COARSE: coarse,
-        Measure.FINE_SHARE: fine / depth_um,
-        Measure.COARSE_SHARE: coarse / depth_um,
-    }
-
-
-def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float:
-    """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN if unknown.
-
-    The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
-
-    Args:
-        surface: (rows, cols), NaN where unknown.
-        step: distance between the three, samples.
-        enough_samples: samples that are used of a larger surface; the error of their median is half a per cent.
-    """
-    # in a large picture every n-th row is enough for the median
-    every = max(1, round(surface.size / enough_samples))
-    bends = [
-        np.abs(z[::every, 2 * step :] - 2.0 * z[::every, step:-step] + z[::every, : -2 * step]).ravel()
-        for z in (surface, surface.T)
-        if z.shape[1] > 2 * step
-    ]
-    known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
-    return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else math.nan
-
-
-def within_odds(odds: float, *, most_odds: float = 50.0) -> float:
-    """Limit log odds to `most_odds`, so that certainty is not a missing value."""
-    return min(max(odds, -most_odds), most_odds)
-
-
-def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
-    """Brightness divided by its median, so that exposure does not matter.
-
-    Args:
-        photo: photo of the part.
-        darkest: median brightness of a photograph that shows nothing.
-    """
-    grey = np.asarray(photo.grey(), dtype=np.float64)
-    return grey / max(float(np.median(grey)), darkest)
 
 
 class RiskError(MarksError):

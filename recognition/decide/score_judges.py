@@ -20,11 +20,13 @@ def accepted_risk(evidence: Evidence, choice: Choice, settings: DecisionSettings
         yield from risk_findings(choice.scored_as, choice.accept_risk)
 
 
-def low_confidence(choice: Choice, *, sure_count: float = 0.9) -> Iterator[Finding]:
+def low_confidence(
+    evidence: Evidence, choice: Choice, settings: DecisionSettings, *, sure_count: float = 0.9
+) -> Iterator[Finding]:
     """Report a score below the threshold: the doubtful characters, or their number.
 
     Args:
-        choice: the text.
+        evidence, choice, settings: as for every judge.
         sure_count: probability of the number of characters below which it is doubted.
     """
     if not choice.is_low:

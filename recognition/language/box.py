@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -20,3 +23,11 @@ class Box:
 
     def __repr__(self) -> str:
         return f"Box({self.x0_mm:.6g}, {self.y0_mm:.6g}, {self.x1_mm:.6g}, {self.y1_mm:.6g})"
+
+
+def hull(boxes: Sequence[Box]) -> Box | None:
+    """Return the common hull of boxes; None if there are none."""
+    if not boxes:
+        return None
+    corners = np.array([astuple(box) for box in boxes])
+    return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
-from recognition.language.box import Box
+from recognition.language.box import Box, hull
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,11 @@ class Lattice:
     def n_places(self) -> int:
         """Number of places of the line."""
         return int(self.log_belief.shape[0])
+
+    @property
+    def box(self) -> Box | None:
+        """The whole line; None if the positions are unknown."""
+        return hull(self.boxes)
 
     @property
     def text(self) -> str:

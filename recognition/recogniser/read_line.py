@@ -26,6 +26,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.recogniser.ctc import PlaceBelief
 from recognition.recogniser.steps import Steps
+from recognition.see.places import boxes_of
 from recognition.see.text_line import HEIGHT_ROWS, TextLine
 
 Floats = NDArray[np.float64]
@@ -74,7 +75,17 @@ class ReadLine:
         first = self.looks[:1]
         places = (first[0].chars,) * max(count_places(first)[0], 1)
         lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
-        return with_slip(lattice), columns
+        return replace(with_slip(lattice), boxes=boxes_of(self.line, columns)), columns
+
+    @cached_property
+    def placed(self) -> Lattice:
+        """The lattice with the position of each place."""
+        return replace(self.lattice, boxes=boxes_of(self.line, self.columns))
+
+    def spaces_in(self, text: str, grammar: Grammar | None) -> frozenset[int]:
+        """Places of a text that a word gap follows: from the format if it fixes them, or else from the line."""
+        fixed = None if grammar is None else grammar.spaces(text)
+        return word_gaps(self.columns, self.looks) if fixed is None else fixed
 
     def with_faces(self, faces: Mapping[str, float], own: Lattice, together: Lattice) -> ReadLine:
         """The same line with the posteriors of faces by themselves, and those of all experts together."""

@@ -44,8 +44,9 @@ from recognition.decide.fuse_lattices import (
     possible_characters,
     relative_likelihood,
 )
+from recognition.decide.measures import text_measures
 from recognition.decide.risk_text import risk_in_words
-from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, text_measures
+from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
 from recognition.language.lattice import Lattice
 from tests.benchmarks.kept_readings import KEPT, KeptPart, load
 from tests.benchmarks.risk_parts import SOILS
@@ -160,8 +161,7 @@ def _text_measures(
     """Measures of the likeliest text. A kept format allows every text of the characters of its places."""
     best = np.exp(lattice.log_belief.max(axis=1))
     return text_measures(
-        probability=float(best.prod()),
-        count_probability=count_probability,
+        odds=log_odds(float(best.prod()) * count_probability),
         places=best.tolist(),
         format_given=bool(part.format),
         same_text=same_text,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.reading.certificate_statistics import LEAST_PARTS, KindOfParts, unlike
-from recognition.decide.score import Measure, roughness
+from recognition.decide.measures import roughness
+from recognition.decide.score import Measure
 
 
 def parts(n: int, seed: int, *, rough_um: float = 1.0) -> list[dict[Measure, float]]:

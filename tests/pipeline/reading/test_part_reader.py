@@ -248,7 +248,7 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
 
     def read(*looks: SenseEvidence) -> Reading:
         given = iter(looks)
-        monkeypatch.setattr(room, "_felt", lambda *_: next(given))
+        monkeypatch.setattr(room, "_feel", lambda *_: next(given))
         return touch.reading_of(evidence_of_surface(touch, surface))
 
     whole, stroke = doubtful("ONEDIME", 0.5, *[0.99] * 6), doubtful("M", 0.85)

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recognition.decide.choice import hull
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
@@ -18,7 +17,7 @@ from recognition.decide.format_judges import IN_FORMAT, small_letters
 from recognition.decide.reading import Reading
 from recognition.find.part_lines import PartLines
 from recognition.find.request import LineFormat
-from recognition.language.box import Box
+from recognition.language.box import Box, hull
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.recogniser.read_line import ReadLine, combine_looks, word_gaps

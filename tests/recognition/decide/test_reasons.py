@@ -49,7 +49,7 @@ def review(
     """A reading with these flags in general words; a low confidence is explained as the decision does."""
     sense = sense_of(Lattice(("A",), np.zeros((len(characters), 1))), likely=likely)
     choice = text_of(characters, score=confidence, threshold=threshold, senses=(sense,))
-    doubts = low_confidence(choice) if flags & UNSURE else ()
+    doubts = judged(choice, low_confidence) if flags & UNSURE else ()
     general = (Finding.of(flag) for flag in flags & ~UNSURE)
     return Reading(characters, confidence, (*doubts, *general, *findings))
 

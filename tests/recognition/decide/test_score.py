@@ -13,27 +13,29 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from glyphs.camera.photo import Photo
-from recognition.decide import choice
+from recognition.decide import choice, measures, other_lines
 from recognition.decide import score as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence
+from recognition.decide.measures import (
+    Measures,
+    covered_share,
+    photo_measures,
+    stroke_measures,
+    text_measures,
+)
 from recognition.decide.reading import Reading
 from recognition.decide.score import (
     SOURCES,
     Measure,
-    Measures,
     RiskError,
     RiskThreshold,
     Score,
     Term,
-    covered_share,
     log_odds,
-    photo_measures,
     score_of,
     share,
-    stroke_measures,
-    text_measures,
 )
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
@@ -63,16 +65,14 @@ def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (room, choice):
+    for module in (room, choice, measures, other_lines):
         monkeypatch.setattr(module, "score_of", lambda source: PLAIN)
 
 
 @pytest.mark.parametrize("odds", [math.inf, -math.inf])
 def test_certainty_is_no_missing_value(odds: float) -> None:
     probability = share(odds)
-    found = text_measures(
-        probability=probability, count_probability=1.0, places=[probability], format_given=True
-    )
+    found = text_measures(odds=log_odds(probability), places=[probability], format_given=True)
     assert (found[Measure.ODDS], found[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
     assert Measure.ODDS not in Measures({(Measure.ODDS,): dict})
 
@@ -166,9 +166,7 @@ def test_measures_of_a_text_are_those_of_its_reading() -> None:
     places = (0.99, 0.7, 0.9, 0.95)
     lattice = Lattice(("A", "B"), np.log([[p, 0.5 * (1.0 - p)] for p in places]))
     found = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
-    expected = text_measures(
-        probability=math.prod(places), count_probability=0.9, places=places, format_given=False
-    )
+    expected = text_measures(odds=log_odds(math.prod(places) * 0.9), places=places, format_given=False)
     assert {name: found[name] for name in expected} == pytest.approx(expected)
     assert Measure.SAME_TEXT not in found
     both = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(lattice, "vision")))

@@ -71,7 +71,7 @@ def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyP
     worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
     measures = {Measure.ODDS: 9.0, term: worst}
     groups = {tuple(measures): lambda: measures}
-    monkeypatch.setattr("recognition.decide.choice.measure_groups", lambda *_: groups)
+    monkeypatch.setattr("recognition.decide.measures.measure_groups", lambda *_: groups)
     whole = decided()
     less = leave_out(term.name.lower().replace("_", "-"), SETTINGS)(whole)
     assert less.confidence > whole.confidence

@@ -1,0 +1,327 @@
+"""What is measured of a part with its text: the score rests on some measures, the others only describe the part.
+
+Parts that were certified are compared with parts that are read by all of them
+(`pipeline.reading.certificate_statistics`). Each group is computed when one of it is first read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from statistics import fmean
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.decide.choice import Choice
+from recognition.decide.deferred import deferred
+from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.reading import CharacterReading, mean_depth_mm
+from recognition.decide.score import DIGITS, Measure, score_of
+from recognition.language.confusions import CharacterState
+from recognition.marks.depth import MarkDepth
+from recognition.marks.no_depth import NoDepth
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from recognition.language.lattice import Lattice
+    from recognition.marks.laid_text import LaidText
+    from recognition.marks.strokes import PlaceStrokes
+    from whisker_array.estimation.relief import Relief
+
+T = TypeVar("T")
+TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.SAME_TEXT)
+STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
+LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
+PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
+Group: TypeAlias = Mapping[Measure, float | None]
+"""Measures that are computed together; None for unknown ones."""
+Groups: TypeAlias = Mapping[tuple[Measure, ...], Callable[[], Group]]
+_NORMAL = 1.4826
+"""Standard deviation of normal noise whose median absolute deviation is 1."""
+
+
+def measure_text(
+    choice: Choice,
+    evidence: Evidence,
+    settings: DecisionSettings,
+    *,
+    without: frozenset[Measure] = frozenset(),
+) -> Choice:
+    """Measure the marks of a text, and score it; a text that is dirt is dropped.
+
+    Args:
+        choice: the text.
+        evidence: evidence that it was chosen from.
+        settings: thresholds.
+        without: measures that the score treats as unknown, to see what each is worth.
+    """
+    choice = _with_marks(choice)
+    if is_dirt(choice):
+        choice = replace(choice, characters=(), spaces_after=frozenset())
+    groups = measure_groups(choice, evidence, settings)
+    known: Mapping[Measure, float] = Measures(groups)
+    if without:
+        known = {name: value for name, value in known.items() if name not in without}
+    score = score_of(choice.scored_as).probability(known) if choice.characters else 0.0
+    margin = min((place.margin for place in choice.characters), default=0.0)
+    of_score = {Measure.CONFIDENCE: round(score, DIGITS), Measure.MARGIN: margin}
+    return replace(
+        choice,
+        accept_risk=settings.accept_risk,
+        threshold=settings.least_score(choice.scored_as),
+        measures=Measures({**groups, tuple(of_score): lambda: of_score}),
+        score=score,
+    )
+
+
+def _with_marks(choice: Choice) -> Choice:
+    """The choice with the marks of its text, which are measured when they are first read."""
+    marks = choice.sense.marks
+    if marks is None or choice.lattice is None or choice.line is None or not choice.characters:
+        return choice
+    text_marks = marks.of_text(choice.text, [place.box for place in choice.characters])
+
+    def measured(k: int, place: CharacterReading) -> CharacterReading:
+        return replace(
+            place,
+            depth=deferred(lambda: _if_of(MarkDepth, text_marks.depths[k])),
+            no_depth=deferred(lambda: _if_of(NoDepth, text_marks.depths[k])),
+            grade=deferred(lambda: text_marks.grades[k]),
+        )
+
+    characters = tuple(measured(k, place) for k, place in enumerate(choice.characters))
+    return replace(choice, marks=text_marks, characters=characters)
+
+
+def _if_of(kind: type[T], value: object) -> T | None:
+    return value if isinstance(value, kind) else None
+
+
+def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
+    """Whether an unreadable line is no text but dirt or land: hardly a stroke of it was felt.
+
+    Args:
+        choice: with its marks.
+        least_felt: least share of strokes felt, mean of the characters.
+    """
+    unread = [
+        place.state is not None and place.state.state is CharacterState.NOT_READ
+        for place in choice.characters
+    ]
+    if not unread or not all(unread):
+        return False
+    felt = [place.felt for place in choice.strokes if place.felt is not None]
+    return bool(felt) and fmean(felt) < least_felt
+
+
+def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSettings) -> Groups:
+    """Functions that measure a part with its text."""
+    line, touch, vision = choice.line, evidence.touch, evidence.vision
+    felt = choice.alone.get("tactile")
+    openly = choice.open_lattice if felt is None else felt.trace.open_lattice
+
+    def laid() -> LaidText | None:
+        own = None if choice.marks is None else choice.marks.laid
+        return own if felt is None else own or felt.trace.laid
+
+    def height_mm() -> float | None:
+        return choice.height_mm if choice.sense.scaled and choice.height_mm > 0.0 else None
+
+    def covered() -> float | None:
+        marks = choice.marks
+        if marks is not None and marks.has_strokes(choice.posteriors) and marks.nothing_covered:
+            return 0.0
+        return covered_share(choice.strokes)
+
+    relief = None if touch is None or not touch.views else touch.views[0].relief
+    photo = None if vision is None else vision.log.photo
+    format_nats = None if line is None or choice.decoding is None else line.evidence
+    return {
+        TEXT_MEASURES: lambda: _text_measures(choice, settings),
+        (Measure.FORMAT,): lambda: {Measure.FORMAT: format_nats},
+        (Measure.HEIGHT,): lambda: {Measure.HEIGHT: height_mm()},
+        (Measure.DEPTH,): lambda: {Measure.DEPTH: mean_depth_mm(choice.characters)},
+        STROKE_MEASURES: lambda: stroke_measures(choice.strokes),
+        (Measure.COVERED,): lambda: {Measure.COVERED: covered()},
+        (Measure.BELIEF,): lambda: {Measure.BELIEF: mean_belief(openly)},
+        LAND_MEASURES: lambda: land_measures(relief, laid()),
+        PHOTO_MEASURES: lambda: photo_measures(photo),
+    }
+
+
+def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measure, float]:
+    """Measures of the text that the score needs; empty if there is none."""
+    if choice.odds is None or not choice.characters:
+        return {}
+    texts = {choice.text, *(reading.plain_text for reading in choice.alone.values())}
+    return text_measures(
+        odds=choice.odds,
+        places=[place.confidence for place in choice.characters],
+        format_given=settings.grammar is not None,
+        same_text=len(texts) == 1 if choice.is_fused else None,
+    )
+
+
+class Measures(Mapping[Measure, float]):
+    """The known measures of a part, each group computed when one of it is first read."""
+
+    def __init__(self, groups: Mapping[tuple[Measure, ...], Callable[[], Group]]) -> None:
+        """Take a function for each group of measures."""
+        self._compute = {name: compute for names, compute in groups.items() for name in names}
+        self._known: dict[Callable[[], Group], Group] = {}
+
+    def __getitem__(self, name: Measure) -> float:
+        """A known measure.
+
+        Raises:
+            KeyError: it is not known.
+        """
+        compute = self._compute[name]
+        if compute not in self._known:
+            self._known[compute] = compute()
+        value = self._known[compute].get(name)
+        if value is None or not math.isfinite(value):
+            raise KeyError(name)
+        return float(value)
+
+    def __iter__(self) -> Iterator[Measure]:
+        """The known measures; all groups are computed."""
+        return (name for name in self._compute if name in self)
+
+    def __len__(self) -> int:
+        """Number of known measures; all groups are computed."""
+        return sum(1 for _ in self)
+
+    def __reduce__(self) -> tuple[type[dict[Measure, float]], tuple[dict[Measure, float]]]:
+        """Pickled as a dict."""
+        return dict, (dict(self),)
+
+
+def text_measures(
+    *,
+    odds: float,
+    places: Iterable[float],
+    format_given: bool,
+    same_text: bool | None = None,
+    most_odds: float = 50.0,
+) -> dict[Measure, float]:
+    """Return the measures of a text that a score needs.
+
+    Args:
+        odds: log odds of the text and its number of places.
+        places: probability of the character of each place; at least one.
+        format_given: whether the reader was given a format.
+        same_text: whether each of both senses reads this text by itself; None for one sense.
+        most_odds: limit of the log odds, so that certainty is not a missing value.
+    """
+    measures = {
+        Measure.ODDS: min(max(odds, -most_odds), most_odds),
+        Measure.LEAST_SURE: min(places),
+        Measure.FORMAT_GIVEN: float(format_given),
+    }
+    return measures if same_text is None else {**measures, Measure.SAME_TEXT: float(same_text)}
+
+
+def mean_belief(open_lattice: Lattice | None) -> float | None:
+    """Belief in the characters before the format is applied, mean of the places."""
+    if open_lattice is None or not open_lattice.n_places:
+        return None
+    return float(np.exp(open_lattice.log_belief.max(axis=1)).mean())
+
+
+def photo_measures(photo: Photo | None) -> Group:
+    """Grain and patches of a photograph."""
+    if photo is None:
+        return {}
+    grey = _evenly_lit(photo)
+    return {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
+
+
+def covered_share(places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25) -> float | None:
+    """Greatest share of the strokes of a rival that could not be felt; None without places.
+
+    Args:
+        places: places of the text.
+        deciding_heights: least length of the strokes that only a rival has, for them to count, character heights.
+    """
+    rivals = (rival for place in places for rival in place.rivals)
+    covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
+    return max(covered, default=0.0) if places else None
+
+
+def stroke_measures(places: Sequence[PlaceStrokes]) -> Group:
+    """Measures of the felt strokes at all places, but for the covered ones.
+
+    Args:
+        places: places of the text.
+    """
+    felt = [place.felt for place in places if place.felt is not None]
+    unlike = [1.0 - place.score for place in places if place.felt is not None]
+    rivals = [rival for place in places for rival in place.rivals]
+    return {
+        Measure.EVIDENCE: min((rival.excluded_nats for rival in rivals), default=None),
+        Measure.STROKES: float(np.mean(felt)) if felt else None,
+        Measure.LEAST_STROKES: min(felt, default=None),
+        Measure.UNLIKENESS: float(np.mean(unlike)) if felt else None,
+    }
+
+
+def land_measures(
+    relief: Relief | None, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
+) -> Group:
+    """Roughness of the land, in µm and relative to the marks' depth.
+
+    Args:
+        relief: the felt relief; None without heights.
+        laid: the serial, if known.
+        fine_mm: distance between the samples that are compared for fine roughness: grains.
+        coarse_mm: the same for coarse roughness: lumps.
+    """
+    if relief is None:
+        return {}
+    heights_um = 1e3 * relief.height_mm.astype(np.float64)
+    depth_um = math.nan if laid is None else max(1e3 * laid.felt.depth_mm, 1.0)
+    fine, coarse = (
+        roughness(heights_um, max(1, round(far / relief.pitch_mm))) for far in (fine_mm, coarse_mm)
+    )
+    return {
+        Measure.FINE: fine,
+        Measure.COARSE: coarse,
+        Measure.FINE_SHARE: fine / depth_um,
+        Measure.COARSE_SHARE: coarse / depth_um,
+    }
+
+
+def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float:
+    """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN if unknown.
+
+    The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
+
+    Args:
+        surface: (rows, cols), NaN where unknown.
+        step: distance between the three, samples.
+        enough_samples: samples that are used of a larger surface; the error of their median is half a per cent.
+    """
+    # in a large picture every n-th row is enough for the median
+    every = max(1, round(surface.size / enough_samples))
+    bends = [
+        np.abs(z[::every, 2 * step :] - 2.0 * z[::every, step:-step] + z[::every, : -2 * step]).ravel()
+        for z in (surface, surface.T)
+        if z.shape[1] > 2 * step
+    ]
+    known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
+    return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else math.nan
+
+
+def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
+    """Brightness divided by its median, so that exposure does not matter.
+
+    Args:
+        photo: photo of the part.
+        darkest: median brightness of a photograph that shows nothing.
+    """
+    grey = np.asarray(photo.grey(), dtype=np.float64)
+    return grey / max(float(np.median(grey)), darkest)

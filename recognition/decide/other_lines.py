@@ -1,0 +1,59 @@
+"""Lines beside the serial: requested ones under their formats, others without one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from recognition.decide.evidence import DecisionSettings, SenseEvidence
+from recognition.decide.reading import OtherLine, Reading, with_spaces
+from recognition.decide.score import score_of
+from recognition.language.constrained_decoding import choose
+from recognition.recogniser.read_line import word_gaps
+
+
+def lines_beside(
+    sense: SenseEvidence, settings: DecisionSettings, *, least_serial_evidence: float = -12.0
+) -> tuple[OtherLine, ...]:
+    """Lines that a sense has read beside the serial.
+
+    Args:
+        sense: evidence with the lines.
+        settings: formats of the serial and of the requested lines.
+        least_serial_evidence: log probability of the serial's format on a line, below which the line is not the
+            serial. In the exam, 41 second lines of six characters, under a format of eight, have -19.5 at most; their
+            serials have -5.5 at least.
+    """
+    if sense.lines is None:
+        return ()
+    score, lines = score_of(sense.source), list[OtherLine]()
+    for name, line in sense.lines.named.items():
+        if line.is_text:
+            grammar = settings.asked[name].grammar
+            decoding = choose(line.lattice, grammar)
+            text = with_spaces(decoding.text, line.spaces_in(decoding.text, grammar)).rstrip()
+            confidence = score.of_belief(decoding.probability)
+            lines.append(OtherLine(name, text, confidence, line.placed.box, line=line.line))
+    for line in sense.lines.others:
+        lattice, columns = line.open_places
+        text = with_spaces(lattice.text, word_gaps(columns, line.looks))
+        confidence = score.of_belief(float(np.exp(lattice.log_belief.max(axis=1).sum())))
+        may_be_serial = line.evidence_of(settings.grammar) >= least_serial_evidence
+        lines.append(
+            OtherLine("", text, confidence, lattice.box, may_be_serial=may_be_serial, line=line.line)
+        )
+    return tuple(lines)
+
+
+def joined_lines(touch: Reading, vision: Reading) -> tuple[OtherLine, ...]:
+    """The other lines of both senses, the surer one of each."""
+    joined = {(line.name, line.name or line.text): line for line in touch.others}
+    named = {line.text for line in (*touch.others, *vision.others) if line.name}
+    for line in vision.others:
+        felt = joined.get((line.name, line.name or line.text))
+        box = line.box if vision.unit == touch.unit else None
+        if felt is None or line.confidence > felt.confidence:
+            joined[line.name, line.name or line.text] = replace(line, box=box if felt is None else felt.box)
+    # drop unassigned text that the other sense has read as a requested line
+    return tuple(line for line in joined.values() if line.name or line.text not in named)

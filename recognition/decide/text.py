@@ -1,0 +1,94 @@
+"""Choose the text of a part from the posteriors of its lines.
+
+one sense:  lattice --format--> text
+both:       fuse_lattices --format--> text
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from recognition.decide.choice import Choice
+from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
+from recognition.decide.fuse_lattices import fuse_lattices
+from recognition.decide.other_lines import joined_lines, lines_beside
+from recognition.decide.reading import Reading, characters_of
+from recognition.decide.score import log_odds
+from recognition.language.constrained_decoding import choose
+from recognition.language.lattice import Lattice
+
+LEAST_PLACES = 4
+"""Least number of characters without a format that count as text if they are unsure: a scratch is read as a 1, two
+dents as OO."""
+
+
+def choose_text(evidence: Evidence, settings: DecisionSettings, alone: Mapping[str, Reading]) -> Choice:
+    """Choose the text of a part.
+
+    Args:
+        evidence: evidence of one sense or both.
+        settings: format of the serial, further lines that the part should have, thresholds.
+        alone: readings of each sense alone, if there are both.
+    """
+    choice, *camera = (_text_of_sense(sense, settings) for sense in evidence.senses)
+    if camera:
+        choice = _text_of_both(choice, camera[0], settings, alone)
+    return replace(choice, alone=alone, codes=evidence.codes(scaled=choice.sense.scaled))
+
+
+def _text_of_sense(sense: SenseEvidence, settings: DecisionSettings) -> Choice:
+    line, grammar = sense.main, settings.grammar
+    if line is None:
+        return Choice((sense,))
+    decoding = choose(line.lattice, grammar)
+    lattice, (open_lattice, _) = line.placed, line.open_places
+    if not decoding.text or not line.is_text:
+        return Choice((sense,), lattice=lattice, open_lattice=open_lattice)
+    unsure = decoding.probability < settings.least_score(sense.source)
+    if grammar is None and len(decoding.text) < LEAST_PLACES and unsure:
+        return Choice((sense,), lattice=lattice)
+    return Choice(
+        (sense,),
+        lattice=lattice,
+        open_lattice=open_lattice,
+        decoding=decoding,
+        characters=characters_of(decoding, lattice),
+        others=lines_beside(sense, settings),
+        spaces_after=line.spaces_in(decoding.text, grammar),
+        odds=log_odds(decoding.probability * line.likely),
+    )
+
+
+def _text_of_both(
+    felt: Choice, seen: Choice, settings: DecisionSettings, alone: Mapping[str, Reading]
+) -> Choice:
+    """Text of the combined posteriors; of one sense if the other has read nothing, or other places."""
+    if not alone["tactile"].characters:
+        return seen if alone["vision"].characters else replace(felt, decoding=None, characters=())
+    open_lattice = _fused(felt.open_lattice, seen.open_lattice) or felt.open_lattice
+    lattice = _fused(felt.lattice, seen.lattice)
+    decoding = None if lattice is None else choose(lattice, settings.grammar)
+    if lattice is None or decoding is None or not decoding.text:
+        return replace(felt, open_lattice=open_lattice)
+    known = None if settings.grammar is None else settings.grammar.spaces(decoding.text)
+    return Choice(
+        (felt.sense, seen.sense),
+        lattice=lattice,
+        open_lattice=open_lattice,
+        decoding=decoding,
+        characters=characters_of(decoding, lattice),
+        others=joined_lines(alone["tactile"], alone["vision"]),
+        spaces_after=felt.spaces_after if known is None else known,
+        odds=None if felt.line is None else log_odds(decoding.probability * felt.line.likely),
+    )
+
+
+def _fused(felt: Lattice | None, seen: Lattice | None) -> Lattice | None:
+    """Combined posteriors of both senses; None if they have not read equally many places.
+
+    Equally many count as the same places, because both senses read the line with the format, or the only one.
+    """
+    if felt is None or seen is None or felt.n_places != seen.n_places:
+        return None
+    return fuse_lattices(felt, seen)
