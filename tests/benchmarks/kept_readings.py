@@ -1,10 +1,10 @@
 """Readings of known parts in one compressed file, so that a new score needs no new reading::
 
-    python tests/benchmarks/kept_readings.py READINGS --out tests/benchmarks/readings.npz
+    python tests/benchmarks/kept_readings.py READINGS [--same-reader FILE] [--photographs EARLIER]
 
-READINGS is the folder of `risk_parts.py`. Of each part the file keeps what score and weights of fusion may depend on:
-truth and texts, generator, font, dirt, the posteriors at every place by touch and by camera, and
-named measures. `fit_score.py` fits from this file.
+READINGS is the folder of `risk_parts.py`. The further parts of FILE, which the same reader read, count as well. Of each
+part the file keeps what score and weights of fusion may depend on: truth and texts, generator, font, dirt, the
+posteriors at every place by touch and by camera, and named measures. `fit_score.py` fits from this file.
 """
 
 from __future__ import annotations
@@ -195,6 +195,25 @@ def _lattice(chars: tuple[str, ...], rows: NDArray[np.float16]) -> Lattice:
     return Lattice(chars, log - np.maximum(np.logaddexp.reduce(log, axis=1), 0.0)[:, None])
 
 
+def with_parts(
+    columns: Mapping[str, NDArray[Any]], further: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    """Add the parts of another file that are not among these."""
+    added = _parts_not_in(columns, further)
+    return {name: np.concatenate([values, added[name]]) for name, values in columns.items()}
+
+
+def _parts_not_in(
+    columns: Mapping[str, NDArray[Any]], further: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    more = ~np.isin(further["number"], columns["number"])
+    added = {name: values[more] for name, values in further.items() if not name.endswith("_log")}
+    for source in SENSES:
+        rows = np.repeat(more, further[f"{source}_places"])
+        added[f"{source}_log"] = further[f"{source}_log"][rows]
+    return added
+
+
 def with_photographs(
     columns: Mapping[str, NDArray[Any]], earlier: Mapping[str, NDArray[Any]]
 ) -> dict[str, NDArray[Any]]:
@@ -204,36 +223,40 @@ def with_photographs(
         columns: arrays of the file.
         earlier: arrays of an earlier file.
     """
-    more = ~np.isin(earlier["number"], columns["number"])
-    added = {name: values[more] for name, values in earlier.items() if not name.endswith("_log")}
-    for source in SENSES:
-        rows = np.repeat(more & (source == "vision"), earlier[f"{source}_places"])
-        added[f"{source}_log"] = earlier[f"{source}_log"][rows]
-    count = int(more.sum())
+    added = _parts_not_in(columns, earlier)
+    count = added["number"].size
     blank = {
         "tactile_text": np.full(count, ""), "fused_text": np.full(count, ""),
-        "tactile_places": np.zeros(count, dtype=np.uint8), "felt": np.zeros(count, dtype=np.bool_),
+        "tactile_places": np.zeros(count, dtype=np.uint8), "tactile_log": added["tactile_log"][:0],
+        "felt": np.zeros(count, dtype=np.bool_),
     }  # fmt: skip
     return {name: np.concatenate([values, (added | blank)[name]]) for name, values in columns.items()}
 
 
-def main(readings: Path, *, out: Path = KEPT, photographs: Path | None = None) -> None:
+def main(
+    readings: Path, *, out: Path = KEPT, same_reader: Path | None = None, photographs: Path | None = None
+) -> None:
     """Pack the readings of a folder.
 
     Args:
         readings: folder of `risk_parts.py`.
         out: file to write.
+        same_reader: file of readings by the same reader, whose further parts count as well.
         photographs: earlier file, of whose further parts the photographs count as well.
     """
     every = [pickle.loads(path.read_bytes()) for path in sorted(readings.glob("*.pkl"))]
     # others that are stamped have soils that are kept out of every fit
     parts = [part for part in every if part["generator"] != "stamped" or part["soil"] in SOILS]
     columns = pack(parts)
+    if same_reader is not None:
+        with np.load(same_reader) as further:
+            columns = with_parts(columns, {name: further[name] for name in further.files})
     if photographs is not None:
         with np.load(photographs) as earlier:
             columns = with_photographs(columns, {name: earlier[name] for name in earlier.files})
     np.savez_compressed(out, **columns)
-    print(f"{len(parts):,} parts, and photographs of {columns['felt'].size - len(parts):,} more")
+    felt = int(columns["felt"].sum())
+    print(f"{felt:,} parts, and photographs of {columns['felt'].size - felt:,} more")
 
 
 if __name__ == "__main__":
