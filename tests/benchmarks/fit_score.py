@@ -45,7 +45,7 @@ from recognition.decide.fuse_lattices import (
     relative_likelihood,
 )
 from recognition.decide.measures import text_measures
-from recognition.decide.risk_text import risk_in_words
+from recognition.decide.risk_text import USUAL_RISK, risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
 from recognition.language.lattice import Lattice
 from tests.benchmarks.kept_readings import KEPT, KeptPart, load
@@ -447,8 +447,11 @@ def fusion_table(
     parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: Thresholds, *, risk: float
 ) -> Iterator[str]:
     """Both senses together against each alone, on the same parts; Markdown."""
-    yield "| parts | number | right: touch, camera, both | only both, only the better | accepted: touch, camera, both |"
-    yield "|" + "---|" * 5
+    yield (
+        "| parts | number | right: touch, camera, both | only both, only the better "
+        "| accepted: touch, camera, both | wrong of these |"
+    )
+    yield "|" + "---|" * 6
     for fields in (("severity",), ("generator",), ("format",), ("generator", "severity")):
         for name, own_parts in kinds_of([part for part in parts if part.felt], *fields).items():
             if name == "all" and fields != ("severity",):
@@ -457,12 +460,16 @@ def fusion_table(
             right = {
                 mode: {one.reading.part.number for one in own[mode] if one.reading.right} for mode in SOURCES
             }
-            accepted = (sum(accepts(one, thresholds, risk) for one in own[mode]) for mode in SOURCES)
+            accepted = {
+                mode: [one for one in own[mode] if accepts(one, thresholds, risk)] for mode in SOURCES
+            }
+            wrong = {mode: sum(not one.reading.right for one in accepted[mode]) for mode in SOURCES}
             better = max(right["tactile"], right["vision"], key=len)
             yield (
                 f"| {name} | {len(own_parts):,} | {', '.join(str(len(right[mode])) for mode in SOURCES)} "
                 f"| {len(right['fused'] - better)}, {len(better - right['fused'])} "
-                f"| {', '.join(map(str, accepted))} |"
+                f"| {', '.join(str(len(accepted[mode])) for mode in SOURCES)} "
+                f"| {', '.join(str(wrong[mode]) for mode in SOURCES)} |"
             )
 
 
@@ -547,7 +554,7 @@ def report(
     if photographs:
         yield f"Of {photographs:,} of them only the photograph counts, as an earlier search for lines read it."
     yield from ("", "### Promised risk and risk seen", "", *risk_table(parts, judged, thresholds))
-    both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), max(SHOWN_RISKS)}
+    both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), USUAL_RISK}
     for risk in sorted(both - {1.0}, reverse=True):
         yield from ("", f"### Touch and camera together, at a risk of {risk_in_words(risk)}", "")
         yield from fusion_table(parts, judged, thresholds, risk=risk)
