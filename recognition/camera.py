@@ -46,9 +46,6 @@ class VisionReader:
     def __init__(self, settings: ReaderSettings | None = None) -> None:
         """Load the fonts.
 
-        Args:
-            settings: settings of the reader; `fidelity` and `depth_rules` are ignored.
-
         Raises:
             FontError: a font cannot be loaded, or lacks characters that the format needs.
             MarksError: `experts` lacks the network; only it reads photographs.
@@ -149,7 +146,6 @@ class VisionReader:
         return tuple(lit_prototypes(font, chars, map) for font in self.fonts if (chars := chars_of(font)))
 
     def _with_faces(self, views: Sequence[View], main: ReadLine) -> ReadLine:
-        """The line with the posteriors of the library's faces and the named fonts."""
         if not self.settings.faces_judge or not main.columns.size:
             return main
         library, looks = face_library("vision"), [features_of(view.strip(main.line)) for view in views]
@@ -159,5 +155,4 @@ class VisionReader:
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:
-    """Notes on the files of all photographs, each once."""
-    return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))
+    return tuple(dict.fromkeys(note for picture in (photo, *photo.others) for note in picture.notes))

@@ -40,9 +40,6 @@ class Reader:
     Example::
 
         reading = Reader(fonts="gothic", format="AA999999").read(part)
-
-    Attributes:
-        settings: settings of the reader.
     """
 
     @lists_options(ReaderSettings, ReaderOptions.__annotations__)
@@ -50,7 +47,6 @@ class Reader:
         """Check the settings and load the fonts; templates are made when a sense first needs them.
 
         Args:
-            settings: settings of the reader.
             options: fields of `ReaderSettings`, in place of those of `settings`.
 
         Raises:
@@ -85,7 +81,7 @@ class Reader:
     def after_photo(self) -> Reader:
         """A reader whose regions apply only to photographs: a scan covers only the line that the camera found."""
         reader = Reader(self.settings)
-        lines = {name: replace(line, region=None) for name, line in self.settings.asked.items()}
+        lines = {name: replace(line, region=None) for name, line in self.settings.line_formats.items()}
         reader._touch_settings = replace(self.settings, region=None, lines=lines)
         return reader
 
@@ -110,7 +106,6 @@ class Reader:
             more: others of the same part, one of a kind; any number of photographs.
             pitch_mm: distance of the samples of an array; heights need it.
             soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
-            part_id: name of the part.
 
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid, photographs of different sizes.
@@ -173,10 +168,6 @@ class Reader:
     def verify(self, reading: Reading, expected: str) -> Reading:
         """Decide again on a part that should read a text; the verdict is `reading.trace.verification`.
 
-        Args:
-            reading: the reading.
-            expected: text that the part should read.
-
         Raises:
             ValueError: a reading without evidence.
             VerifyError: a text that cannot be looked for.
@@ -195,7 +186,6 @@ class _PartData:
 
 
 def _data_of(items: tuple[Readable, ...], pitch_mm: float | None) -> _PartData:
-    """The data of a part by kind; photographs as one, over the middle of the height map."""
     from glyphs.camera.photo import Photo
     from glyphs.part import Part
     from glyphs.surface.maps import HeightMap

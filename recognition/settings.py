@@ -55,8 +55,6 @@ class ReaderSettings:
             the marks.
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
-        height_mm: character height, if known.
-        array: the virtual array that feels a height map.
         accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
             was tested to keep it (`recognition.decide.risk`), and nothing if there is none.
         depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
@@ -64,7 +62,6 @@ class ReaderSettings:
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
             (default: anywhere).
         lines: formats and regions of other lines on the part, by name.
-        certified: limits of a certificate; None without one.
         orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
         limit_s: seconds after which a sense searches a part no further (default: no limit). A text whose search was cut
             short is not accepted.
@@ -108,7 +105,7 @@ class ReaderSettings:
         unknown = sorted({*experts} - {*EXPERTS})
         if unknown:
             raise ValueError(f"there is no expert {', '.join(unknown)}; there are {', '.join(EXPERTS)}")
-        _ = self.grammar, self.asked
+        _ = self.grammar, self.line_formats
 
     @property
     def faces_judge(self) -> bool:
@@ -120,11 +117,11 @@ class ReaderSettings:
         return least_score(source, self.accept_risk)
 
     @cached_property
-    def asked(self) -> Mapping[str, LineFormat]:
+    def line_formats(self) -> Mapping[str, LineFormat]:
         """The other lines, with their formats parsed."""
         return {
-            name: LineFormat(Grammar.parse(one)) if isinstance(one, str) else one
-            for name, one in dict(self.lines).items()
+            name: LineFormat(Grammar.parse(line)) if isinstance(line, str) else line
+            for name, line in dict(self.lines).items()
         }
 
     @cached_property
@@ -144,10 +141,8 @@ class Repertoire:
     """The fonts of a reader, and its search for lines.
 
     Attributes:
-        named: the named fonts, loaded.
         fonts: the same; if none is named, the stand-ins.
         strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
-        places: characters at each place; None if their number is not fixed.
     """
 
     def __init__(self, settings: ReaderSettings) -> None:
@@ -167,21 +162,21 @@ class Repertoire:
         for font in self.named:
             lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:
-                asked = settings.format if isinstance(settings.format, str) else str(settings.grammar)
-                raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {asked!r} needs")
+                known = settings.format if isinstance(settings.format, str) else str(settings.grammar)
+                raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {known!r} needs")
 
     @cached_property
     def request(self) -> LineRequest:
         """What to look for: all characters that may occur."""
         settings = self._settings
-        others = {char for line in settings.asked.values() for char in line.grammar.characters}
+        others = {char for line in settings.line_formats.values() for char in line.grammar.characters}
         # characters that the format forbids are searched for as well, so that one on the part is noticed
-        own = SIGNS if settings.grammar is None else settings.grammar.characters
+        allowed = SIGNS if settings.grammar is None else settings.grammar.characters
         return LineRequest(
             settings.grammar,
-            "".join(sorted({*ALPHANUMERIC, *others, *own})),
+            "".join(sorted({*ALPHANUMERIC, *others, *allowed})),
             height_mm=settings.height_mm,
             region=settings.region,
             orientation=settings.orientation,
-            lines=settings.asked,
+            lines=settings.line_formats,
         )

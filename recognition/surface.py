@@ -40,14 +40,11 @@ class Surface:
     """The surface of a part, and how it is felt.
 
     Attributes:
-        height_map: the surface, with the top of any dirt on it.
         soil: dirt into which the tip sinks, and the part's friction, if known.
         rows_known: whether the order of its rows is known. If not, a serial that reads differently mirrored goes to
             review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
-        part_id: name of the part.
         feel: function that scans the surface (default: the virtual array of the reader by the default plan).
         stage: opens a stage on which the part is felt pass by pass instead; it goes with `budget_s`.
-        budget_s: most stage seconds.
         region_mm: region of the line on the map, if known; used pass by pass only.
     """
 
@@ -74,7 +71,6 @@ def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence
 
     Args:
         touch: makes evidence of scans; its time limit does not hold on a stage, whose seconds are limited.
-        surface: the surface.
 
     Raises:
         MapError: the map cannot be scanned, or the soil is on another grid.

@@ -88,10 +88,7 @@ class TactileReader:
         """Evidence of a scan.
 
         Args:
-            scan: the scan.
-            times: records the time of each step.
             about: position of the line, if known; no other line is searched for.
-            edges: its edge map, if it is known already.
         """
         times = times if times is not None else StepTimes()
         log = Log(scan_findings(scan), scan=scan, rows_known=self.request.rows_known)
@@ -141,7 +138,6 @@ class TactileReader:
         return there is not None and there.lead_nats < LEAST_LEAD_NATS
 
     def _with_faces(self, view: View, main: ReadLine, felt: FeltLine | None) -> ReadLine:
-        """The line with the posteriors of the library's faces and the named fonts."""
         if not self.settings.faces_judge or not main.columns.size:
             return main
         line, columns = (main.line, main.columns) if felt is None else (felt.line, felt.columns)
@@ -175,10 +171,6 @@ class TactileReader:
 
 def see_scan(scan: Scan, edges: EdgeMap | None = None) -> tuple[View, tuple[str, ...]]:
     """View of a scan, and a note if it has no heights.
-
-    Args:
-        scan: the scan.
-        edges: its edge map, if it is known already.
 
     Raises:
         MapError: nothing was felt, or the sweeps do not fit together.

@@ -61,8 +61,6 @@ class ActiveSettings:
     """Settings of active touch.
 
     Attributes:
-        budget_s: maximum stage time for one part, s.
-        policy: policy that chooses the steps, and stops when no step is worth its stage time.
         until_sure: whether to stop as soon as the serial is sure; if not, only the policy or the budget ends touch.
 
     Raises:
@@ -91,7 +89,6 @@ class ActiveReader:
     """
 
     def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
-        """Store the tactile reader, which keeps its templates between parts, and the settings."""
         self.reader = reader
         self.settings = settings if settings is not None else ActiveSettings()
 
@@ -101,7 +98,6 @@ class ActiveReader:
         """Feel the part and read it; the session stays open.
 
         Args:
-            session: stage session with the part mounted.
             region_mm: (x0, y0, x1, y1) around the line in the plate frame, if known; nothing else is felt or read.
             line: line that the camera found; default region: the surroundings of this line.
         """

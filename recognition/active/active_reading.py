@@ -33,10 +33,7 @@ class PassFelt:
     """A pass and the most probable text after it.
 
     Attributes:
-        order: the pass.
         stage_s: stage time spent up to its end, s.
-        why: reason for this pass, in words.
-        text: most probable text after it.
         confidence: probability that the whole text is right; 0 before any text is read.
     """
 
@@ -52,13 +49,9 @@ class ActiveReading:
     """The reading of a part, and the steps that led to it.
 
     Attributes:
-        evidence: evidence of all passes together.
         reading: what touch alone reads in it; sent to review if the stage failed.
-        passes: the passes in the order in which they were felt.
-        stop: reason for stopping.
         steps: for each step its direction, its lines per half character height, and the confidence after it.
         sure_at_look: whether a full reading between two steps was sure and ended touch.
-        problem: message of the stage if it failed; otherwise empty.
         sweeps: raw moments of each pass.
     """
 

@@ -31,8 +31,6 @@ class WayGain:
     """Coefficients of one way.
 
     Attributes:
-        usual: for every step.
-        new: added for the first step of the way.
         lines: factor of the way's lines so far, as a share of `MOST`.
     """
 
@@ -46,7 +44,6 @@ class Gain:
     """Expected gains of steps.
 
     Attributes:
-        ways: coefficients of each way.
         sure: factor of s.
         surer: factor of s squared.
         looks: factor of the binary logarithm of the number of looks.
@@ -58,17 +55,11 @@ class Gain:
     looks: float
 
     def chance(self, way: Way, lines: Mapping[Way, int], confidences: Sequence[float]) -> float:
-        """Probability that the serial is sure within `LOOKS_AHEAD` looks if the next step goes this way.
-
-        Args:
-            way: way of the next step.
-            lines: number of lines of every way so far.
-            confidences: confidences of all looks so far, at least one.
-        """
-        own = self.ways[way]
+        """Probability that the serial is sure within `LOOKS_AHEAD` looks if the next step goes this way."""
+        gain = self.ways[way]
         has = lines.get(way, 0)
         s = sureness(confidences)
-        z = own.usual + (own.new if not has else 0.0) + own.lines * has / MOST
+        z = gain.usual + (gain.new if not has else 0.0) + gain.lines * has / MOST
         z += self.sure * s + self.surer * s * s + self.looks * math.log2(len(confidences))
         return 1.0 / (1.0 + math.exp(-z))
 
@@ -87,5 +78,5 @@ def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
 def fitted_gain() -> Gain:
     """Load the fitted model."""
     fitted = json.loads(FITTED.read_text(encoding="utf-8"))["gain"]
-    ways = {Way(name): WayGain(**own) for name, own in fitted["ways"].items()}
+    ways = {Way(name): WayGain(**numbers) for name, numbers in fitted["ways"].items()}
     return Gain(ways, fitted["sure"], fitted["surer"], fitted["looks"])

@@ -41,10 +41,8 @@ class Way(StrEnum):
     """Directions of a step.
 
     Attributes:
-        direction: direction in which the whiskers are dragged.
         shift: shift of its lines, in sixteenths of a character height: lines on the way back lie half way between the
             first eight.
-        purpose: purpose of the step, in words.
     """
 
     direction: TraceDirection
@@ -59,9 +57,9 @@ class Way(StrEnum):
         purpose: str = "",
     ) -> Self:
         """Make a member from its recorded name and its attributes."""
-        made = str.__new__(cls, value)
-        made._value_, made.direction, made.shift, made.purpose = value, direction, shift, purpose
-        return made
+        member = str.__new__(cls, value)
+        member._value_, member.direction, member.shift, member.purpose = value, direction, shift, purpose
+        return member
 
     ALONG = "along", TraceDirection.FORWARD_X, 0.0, "lines along x between those felt"
     BACK = "back", TraceDirection.BACK_X, 0.5, "the other side of the walls"
@@ -74,9 +72,7 @@ class Step:
     """Passes that are felt before the next look.
 
     Attributes:
-        way: their direction.
         lines: lines per half character height in this direction after the step.
-        passes: the passes in order.
     """
 
     way: Way
@@ -97,9 +93,6 @@ def next_step(
     """Plan the next step in a direction; None if that direction is complete.
 
     Args:
-        fitting: whiskers and field of the stage.
-        region_mm: region to feel.
-        way: direction.
         lines: lines per half character height that this direction has already.
         joins: whether another direction was felt before.
     """

@@ -27,12 +27,8 @@ class Progress:
     """Steps and confidences so far.
 
     Attributes:
-        fitting: whiskers and field of the stage.
         lines: lines per half character height of each way that was felt.
-        stage_s: stage time spent, s.
-        text: text of the last look.
         confidence: confidence of the last look; 0 without one.
-        confidences: confidences of all looks.
         steady: number of consecutive looks just before the last that had its text and a confidence above 0.5.
         steps: way of each step, and lines of that way after it.
     """
@@ -91,13 +87,7 @@ class Policy(Protocol):
     """Rule that chooses the steps."""
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
-        """Return the next step, or the reason to stop.
-
-        Args:
-            progress: progress so far.
-            region_mm: region around the line.
-            left_s: stage time left in the budget, s.
-        """
+        """Return the next step, or the reason to stop."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ class Look:
 
     Attributes:
         read: the line and its posteriors, by the recogniser alone.
-        choice: the best text in the format, and its rivals.
         others: whether other lines were found; with few scan lines, their text may not show yet.
     """
 
@@ -44,24 +43,17 @@ class Look:
     @property
     def confidence(self) -> float:
         """Probability that the whole text is right."""
-        return self.choice.probability * self.read.likely
+        return self.choice.probability * self.read.count_probability
 
 
 class LineWatch:
     """Tracker of one line while it is felt.
 
     Attributes:
-        line: its last position; None if unknown.
         is_sure: whether to follow the line instead of searching for one.
     """
 
     def __init__(self, request: LineRequest, *, line: TextLine | None = None) -> None:
-        """Start with a new part.
-
-        Args:
-            request: lines that are looked for, with the format.
-            line: position of the line, if known.
-        """
         self.request, self.line = request, line
         self.is_sure, self._others = line is not None, False
         self._looks = count()
@@ -70,8 +62,6 @@ class LineWatch:
         """Continue with the line of a full reading if its confidence is high enough.
 
         Args:
-            line: line of the reading, if there is one.
-            confidence: confidence of the reading.
             least: confidence above which the line is followed: it is then seldom a wrong one.
         """
         if line is not None and confidence > least:
@@ -94,7 +84,7 @@ class LineWatch:
         if not seen:
             return None
         if not self.is_sure:
-            self._others = any(apart(one, seen[0]) for one in seen[1:])
+            self._others = any(apart(line, seen[0]) for line in seen[1:])
         self.line, self.is_sure = seen[0].line, is_convincing(seen, self.request.limits.sure)
         choice = choose(seen[0].lattice, self.request.grammar)
         return Look(seen[0], choice, self._others) if choice.text else None

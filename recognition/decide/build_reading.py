@@ -23,7 +23,7 @@ def build_reading(
     verification: Verification | None,
     seconds: Mapping[str, float],
 ) -> Reading:
-    """Build the reading of a part.
+    """Build the reading of a part, with all that it rests on.
 
     Args:
         evidence: evidence that it rests on.
@@ -62,7 +62,6 @@ def build_reading(
 def _checked(
     characters: tuple[CharacterReading, ...], verification: Verification | None
 ) -> tuple[CharacterReading, ...]:
-    """The characters with their states for the expected text, if they stand at the verified places."""
     if verification is None or verification.places != len(characters):
         return characters
     states = {check.place: check.state for check in verification.characters}
@@ -94,7 +93,9 @@ def _trace(evidence: Evidence, choice: Choice, verification: Verification | None
         open_lattice=choice.open_lattice,
         choice=choice.decoding,
         line=None if line is None else line.line,
-        by_expert=MappingProxyType({name: replace(by, boxes=boxes) for name, by in by_expert.items()}),
+        by_expert=MappingProxyType(
+            {name: replace(lattice, boxes=boxes) for name, lattice in by_expert.items()}
+        ),
         faces=choice.faces,
         laid=deferred(lambda: None if choice.marks is None else choice.marks.laid),
     )

@@ -38,16 +38,8 @@ class Choice:
         alone: readings of each sense alone, if both have looked.
         lattice: posteriors of the places under the format; None if no line was found.
         open_lattice: posteriors without the format.
-        decoding: best text under the format, and its rivals; None if nothing can be read as text.
-        characters: the text with its marks; empty if there is none.
         marks: marks of the text; None without heights.
-        others: other lines of the part.
-        codes: codes in its photographs.
         spaces_after: places that a word gap follows.
-        accept_risk: greatest share of wrong readings among those accepted.
-        threshold: least score for acceptance, which keeps that risk.
-        measures: measures of the text, computed when they are read.
-        score: probability that the text is right.
         odds: log odds of the text by its posteriors.
     """
 

@@ -31,8 +31,6 @@ def decide(
     """Decide on the evidence of a part.
 
     Args:
-        evidence: evidence of one sense or both.
-        settings: settings of the reader.
         without: flags that do not count, or measures that count as unknown, to see what each is worth.
         certify: whether the certificate of the settings must cover the reading.
 
@@ -64,6 +62,5 @@ def decide(
 
 
 def _alone(evidence: Evidence, settings: DecisionSettings) -> Mapping[str, Reading]:
-    """Readings of each sense alone; empty if there is only one."""
     senses = evidence.senses if len(evidence.senses) > 1 else ()
     return {sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in senses}

@@ -39,13 +39,9 @@ def decision_of(
     """Accept, review or reject.
 
     Args:
-        places: state of each character; None where it was not determined.
-        score: probability that all of them are right, 0 to 1.
-        threshold: least score for acceptance; None if none is required.
-        flags: flags of the reading.
         hopeless_share: least share of places that cannot be read for a part to be rejected.
     """
-    unread = sum(one is not None and one.state is CharacterState.NOT_READ for one in places)
+    unread = sum(state is not None and state.state is CharacterState.NOT_READ for state in places)
     if unread >= hopeless_share * len(places):
         return Decision.REJECT
     if flags & BROKEN or (threshold is not None and score < threshold):
@@ -76,22 +72,17 @@ class Kind(Enum):
 
 
 class ReadingFlag(Flag):
-    """Doubts about a reading, most important first; a reading without doubts has no flag.
-
-    Attributes:
-        kind: effect of a single flag.
-        text: general message of a single flag.
-    """
+    """Doubts about a reading, most important first; a reading without doubts has no flag."""
 
     kind: Kind | None
     text: str
 
     def __new__(cls, kind: Kind | None, text: str) -> Self:
         """Give each flag the next bit; NONE, the first, has none."""
-        made = object.__new__(cls)
-        made._value_ = 1 << (len(cls.__members__) - 1) if kind else 0
-        made.kind, made.text = kind, text
-        return made
+        flag = object.__new__(cls)
+        flag._value_ = 1 << (len(cls.__members__) - 1) if kind else 0
+        flag.kind, flag.text = kind, text
+        return flag
 
     NONE = None, ""
     MISMATCH = Kind.CONTRACT, "this is not the expected serial (check the part and the order)"
@@ -173,7 +164,6 @@ class CertifiedAcceptance:
     """Limits of a certificate for acceptance, in addition to the settings.
 
     Attributes:
-        confidence: least confidence, 0 to 1.
         sources: sources of the certified readings: "tactile", "vision", "fused"; others are not accepted.
     """
 
@@ -188,7 +178,6 @@ class Finding:
     Attributes:
         flag: the problem; none for a note.
         text: in words, with places and numbers: "too shallow for R: 7 at place 2 0.06 mm".
-        places: places that it is about, from 1.
     """
 
     flag: ReadingFlag

@@ -27,11 +27,6 @@ def violations(
 
     Depths are compared without their known error, and the message gives their standard deviation. It moves no limit: it
     is wide even on a clean plate, and a guard band of one standard deviation refuses good marks.
-
-    Args:
-        rule: the rule.
-        characters: the text with its depths.
-        height_mm: height of its characters.
     """
     window = rule.window(height_mm)
     if window is None and rule.windows:
@@ -94,11 +89,6 @@ def print_size_mm(
     """Height of the characters between the ends of their bottoms, as 27 CFR 478.92 measures it.
 
     The height that was read is at the surface, where walls of 45 degrees add one depth at either end.
-
-    Args:
-        characters: with their depths.
-        height_mm: height of the characters at the surface.
-        wall_bevel_deg: slope of a stamp's walls.
     """
     wall = (mean_depth_mm(characters) or 0.0) / math.tan(math.radians(wall_bevel_deg))
     return height_mm - 2.0 * wall

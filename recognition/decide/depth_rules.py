@@ -32,7 +32,6 @@ class DepthWindow:
     Attributes:
         least_mm: least depth below the flat surface, everywhere along every character; 0 for no limit.
         most_mm: greatest depth; infinite for no limit.
-        heights_mm: least and greatest height of the characters that it is for.
 
     Raises:
         DepthRuleError: no limit, or a least value that is not below the greatest.
@@ -60,7 +59,6 @@ class DepthWindow:
         """Whether characters of this measured height may belong to the window.
 
         Args:
-            height_mm: height that was read.
             tolerance: relative error of a measured height, by which the window's heights are widened.
         """
         low, high = self.heights_mm
@@ -72,8 +70,6 @@ class DepthRule:
     """Limits of depth, burr and size that a mark must keep.
 
     Attributes:
-        name: name in requests and messages.
-        windows: windows of depth, one for each range of heights.
         least_height_mm: least height of the characters at the bottom of the marks (print size); 0 for no limit.
         most_burr_mm: greatest height above the land of the rim beside the strokes; infinite for no limit.
         source: standard that has the rule.
@@ -157,15 +153,15 @@ def _parse_rule(text: str) -> DepthRule:
     name, written = named.groups() if named else ("own rule", text)
     windows, limits = [], {"burr": math.inf, "height": 0.0}
     for word in written.split():
-        found = _WORD.fullmatch(word)
-        if found is None:
+        match = _WORD.fullmatch(word)
+        if match is None:
             raise DepthRuleError(f"{word!r} is not a limit of the depth rule {text!r}", hint=_HOW)
-        limit, mm, *window = found.groups()
+        limit, mm, *window = match.groups()
         if limit:
             limits[limit] = float(mm)
             continue
-        least, low = (float(one or 0.0) for one in window[::2])
-        most, high = (float(one or math.inf) for one in window[1::2])
+        least, low = (float(number or 0.0) for number in window[::2])
+        most, high = (float(number or math.inf) for number in window[1::2])
         windows.append(DepthWindow(least, most, (low, high)))
     return DepthRule(name, tuple(windows), least_height_mm=limits["height"], most_burr_mm=limits["burr"])
 

@@ -48,7 +48,7 @@ class DecisionSettings(Protocol):
         """Format of the serial; None without one."""
 
     @property
-    def asked(self) -> Mapping[str, LineFormat]:
+    def line_formats(self) -> Mapping[str, LineFormat]:
         """Further lines that the part should have, by name."""
 
     @property
@@ -77,16 +77,10 @@ class Log:
 
     Attributes:
         findings: faults of scan, bench and stage.
-        notes: notes for people.
-        seconds: time of each step.
-        surface: levelled height map that was scanned.
-        scan: scan, with its log of passes if they were chosen one after the other.
         rows_known: whether the order of the map's rows is known; of a photograph it is.
         chosen_passes: whether the passes of the scan were chosen one after the other.
         photo: photograph, with others of the same part; of one with a region only the area around it.
         whole_photo: the photograph that it was cropped from, if it was.
-        photos: number of photographs that were read.
-        codes: Data Matrix and QR codes in the photographs.
         other_texts: texts of other looks that were more likely right than wrong; the surest look was chosen.
         stopped: why its search ended before it was complete; empty if it did not.
     """
@@ -113,11 +107,8 @@ class SenseEvidence:
     """Evidence of one sense.
 
     Attributes:
-        source: "tactile" or "vision".
         views: what was looked at, the one that counts first; empty if there was nothing to see.
-        lines: lines that were found and read.
         marks: the felt marks; None where they cannot be measured.
-        log: what happened on the way.
     """
 
     source: Source
@@ -153,10 +144,6 @@ class Evidence:
     """Evidence of a part from one sense or both.
 
     Attributes:
-        touch: evidence by touch.
-        vision: evidence by camera.
-        expected: text that the part should read; empty if unknown.
-        notes: notes on the part's files.
         other_texts: texts that earlier readings of the part gave and that were more likely right than wrong.
 
     Raises:

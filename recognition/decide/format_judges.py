@@ -98,7 +98,6 @@ def _format_findings(sense: SenseEvidence, settings: DecisionSettings) -> tuple[
 
 
 def _outside_format(openly: Lattice, grammar: Grammar | None) -> str:
-    """Describe a text that can be read but breaks the format; empty without one."""
     broken = () if grammar is None or not openly.text else grammar.objections(openly.text)
     if not broken or openly.surest < LEAST_READ:
         return ""
@@ -106,7 +105,6 @@ def _outside_format(openly: Lattice, grammar: Grammar | None) -> str:
 
 
 def _describe_found(text: str) -> str:
-    """Describe a text, such as "found 1 character (“8”)"."""
     return f"found {len(text)} character{'' if len(text) == 1 else 's'} (“{text}”)"
 
 
@@ -136,11 +134,8 @@ def format_misfits(
     Apart from what is quoted, a finding has the same words on every part, so that they can be counted over a lot.
 
     Args:
-        openly: posteriors without the format.
-        grammar: the format.
         sure: least probability of another kind of character at a place.
         clear: least mean probability of the best characters, at which a text is clear.
-        most_places: most places that are named.
     """
     belief = np.exp(openly.log_belief)
     if grammar is None or not belief.size or belief.max(axis=1).mean() < clear:
@@ -170,8 +165,6 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
     Twins, which most dies cut with the same shape, do not count as a change: only a format can tell O from 0.
 
     Args:
-        line: the line as read.
-        text: text chosen by the format.
         unchanged: least probability of the chosen text without the format, twins included, at which nothing counts as
             changed.
     """
@@ -209,12 +202,6 @@ def small_letters(
 
     Many dies have small capitals, and many letters have the same shape in both cases. A person who knows the marking
     decides once, by giving a format.
-
-    Args:
-        looks: the recogniser's outputs along the line.
-        columns: (places,) column of each place.
-        text: text of the line.
-        least_small: probability of a small letter above which it is reported.
     """
     if columns.size < 2:
         return ()

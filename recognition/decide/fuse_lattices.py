@@ -49,8 +49,6 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | N
 
     Args:
         touch: posteriors; its places and boxes are the outcome's.
-        camera: posteriors of as many places.
-        weights: None for the fitted weights.
 
     Returns:
         Posteriors over the characters of either. What neither has read is "nothing readable".
@@ -79,8 +77,6 @@ def contradict(touch: Lattice, camera: Lattice, *, sure: float = 0.97) -> bool:
     """Whether both senses are sure of different characters at a place.
 
     Args:
-        touch: posteriors.
-        camera: posteriors of as many places.
         sure: belief from which a sense counts as sure.
     """
     bests = (np.exp(lattice.log_belief).max(axis=1, initial=0.0) >= sure for lattice in (touch, camera))
@@ -91,8 +87,6 @@ def lead_nats(lattice: Lattice, text: str, other: str) -> float:
     """Log ratio of the probabilities of two texts by one sense; what it has not read counts for neither.
 
     Args:
-        lattice: posteriors of the sense.
-        text: text of its characters, as long as it has places.
         other: another text; infinitely less likely if it has another length or other characters.
     """
     if len(other) != lattice.n_places or not set(other) <= set(lattice.chars):

@@ -60,9 +60,6 @@ def judge(
     """Findings of all rules, and whether the text is accepted.
 
     Args:
-        evidence: evidence that the text was chosen from.
-        choice: the text.
-        settings: settings of the reader.
         without: flags that do not count.
         certify: whether the certificate of the settings must cover the text.
     """

@@ -35,7 +35,7 @@ def other_lines(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
     for line in choice.others:
         if not line.name and line.may_be_serial:
             yield Finding(ReadingFlag.UNREAD_MARKS, f"another line reads “{line.text}”")
-    for name in settings.asked:
+    for name in settings.line_formats:
         if name not in names:
             yield Finding(ReadingFlag.LINE_MISSING, f"no text was read for the line {name}")
     for line in choice.others:
@@ -98,7 +98,7 @@ def _excludes(
     """Whether another line with the serial's direction cannot be read in another orientation."""
     if line.line is None or math.cos(math.radians(line.line.turned_deg - serial_deg)) <= 0.0:
         return False
-    grammar = settings.asked[line.name].grammar if line.name else None
+    grammar = settings.line_formats[line.name].grammar if line.name else None
     text = "".join(line.text.split())
     if readable(text, way, grammar, exact=True):
         return False
@@ -146,7 +146,6 @@ def unread_photograph(
     """Note why no text was read in a photograph: it shows nothing, or several places may be the line.
 
     Args:
-        evidence, choice, settings: as for every judge.
         pixels: number of pixels to which the photograph is shrunk first, which averages noise out.
         least_contrast: standard deviation of brightness, 0 to 1, below which it shows nothing.
     """

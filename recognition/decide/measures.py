@@ -53,9 +53,6 @@ def measure_text(
     """Measure the marks of a text, and score it; a text that is dirt is dropped.
 
     Args:
-        choice: the text.
-        evidence: evidence that it was chosen from.
-        settings: thresholds.
         without: measures that the score treats as unknown, to see what each is worth.
     """
     choice = _with_marks(choice)
@@ -104,7 +101,6 @@ def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
     """Whether an unreadable line is no text but dirt or land: hardly a stroke of it was felt.
 
     Args:
-        choice: with its marks.
         least_felt: least share of strokes felt, mean of the characters.
     """
     unread = [
@@ -124,8 +120,8 @@ def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSetting
     openly = choice.open_lattice if felt is None else felt.trace.open_lattice
 
     def laid() -> LaidText | None:
-        own = None if choice.marks is None else choice.marks.laid
-        return own if felt is None else own or felt.trace.laid
+        laid_text = None if choice.marks is None else choice.marks.laid
+        return laid_text if felt is None else laid_text or felt.trace.laid
 
     def height_mm() -> float | None:
         return choice.height_mm if choice.sense.scaled and choice.height_mm > 0.0 else None
@@ -153,7 +149,6 @@ def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSetting
 
 
 def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measure, float]:
-    """Measures of the text that the score needs; empty if there is none."""
     if choice.odds is None or not choice.characters:
         return {}
     texts = {choice.text, *(reading.plain_text for reading in choice.alone.values())}
@@ -169,16 +164,10 @@ class Measures(Mapping[Measure, float]):
     """The known measures of a part, each group computed when one of it is first read."""
 
     def __init__(self, groups: Mapping[tuple[Measure, ...], Callable[[], Group]]) -> None:
-        """Take a function for each group of measures."""
         self._compute = {name: compute for names, compute in groups.items() for name in names}
         self._known: dict[Callable[[], Group], Group] = {}
 
     def __getitem__(self, name: Measure) -> float:
-        """A known measure.
-
-        Raises:
-            KeyError: it is not known.
-        """
         compute = self._compute[name]
         if compute not in self._known:
             self._known[compute] = compute()
@@ -196,7 +185,6 @@ class Measures(Mapping[Measure, float]):
         return sum(1 for _ in self)
 
     def __reduce__(self) -> tuple[type[dict[Measure, float]], tuple[dict[Measure, float]]]:
-        """Pickled as a dict."""
         return dict, (dict(self),)
 
 
@@ -212,8 +200,6 @@ def text_measures(
 
     Args:
         odds: log odds of the text and its number of places.
-        places: probability of the character of each place; at least one.
-        format_given: whether the reader was given a format.
         same_text: whether each of both senses reads this text by itself; None for one sense.
         most_odds: limit of the log odds, so that certainty is not a missing value.
     """
@@ -244,7 +230,6 @@ def covered_share(places: Sequence[PlaceStrokes], *, deciding_heights: float = 0
     """Greatest share of the strokes of a rival that could not be felt; None without places.
 
     Args:
-        places: places of the text.
         deciding_heights: least length of the strokes that only a rival has, for them to count, character heights.
     """
     rivals = (rival for place in places for rival in place.rivals)
@@ -253,11 +238,7 @@ def covered_share(places: Sequence[PlaceStrokes], *, deciding_heights: float = 0
 
 
 def stroke_measures(places: Sequence[PlaceStrokes]) -> Group:
-    """Measures of the felt strokes at all places, but for the covered ones.
-
-    Args:
-        places: places of the text.
-    """
+    """Measures of the felt strokes at all places, but for the covered ones."""
     felt = [place.felt for place in places if place.felt is not None]
     unlike = [1.0 - place.score for place in places if place.felt is not None]
     rivals = [rival for place in places for rival in place.rivals]
@@ -275,8 +256,6 @@ def land_measures(
     """Roughness of the land, in µm and relative to the marks' depth.
 
     Args:
-        relief: the felt relief; None without heights.
-        laid: the serial, if known.
         fine_mm: distance between the samples that are compared for fine roughness: grains.
         coarse_mm: the same for coarse roughness: lumps.
     """
@@ -302,7 +281,6 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
 
     Args:
         surface: (rows, cols), NaN where unknown.
-        step: distance between the three, samples.
         enough_samples: samples that are used of a larger surface; the error of their median is half a per cent.
     """
     # in a large picture every n-th row is enough for the median
@@ -320,7 +298,6 @@ def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.flo
     """Brightness divided by its median, so that exposure does not matter.
 
     Args:
-        photo: photo of the part.
         darkest: median brightness of a photograph that shows nothing.
     """
     grey = np.asarray(photo.grey(), dtype=np.float64)

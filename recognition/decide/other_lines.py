@@ -19,8 +19,6 @@ def lines_beside(
     """Lines that a sense has read beside the serial.
 
     Args:
-        sense: evidence with the lines.
-        settings: formats of the serial and of the requested lines.
         least_serial_evidence: log probability of the serial's format on a line, below which the line is not the
             serial. In the exam, 41 second lines of six characters, under a format of eight, have -19.5 at most; their
             serials have -5.5 at least.
@@ -30,7 +28,7 @@ def lines_beside(
     score, lines = score_of(sense.source), list[OtherLine]()
     for name, line in sense.lines.named.items():
         if line.is_text:
-            grammar = settings.asked[name].grammar
+            grammar = settings.line_formats[name].grammar
             decoding = choose(line.lattice, grammar)
             text = with_spaces(decoding.text, line.spaces_in(decoding.text, grammar)).rstrip()
             confidence = score.of_belief(decoding.probability)

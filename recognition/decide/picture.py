@@ -85,7 +85,6 @@ def _is_long(reading: Reading) -> bool:
 
 
 def _touch_panels(touch: ReadingTrace, reading: Reading) -> Iterator[Callable[[Axes], None]]:
-    """Return the panels of touch: heights first, then moments, steepness and edges."""
     edges, scan, surface, relief = touch.edge_map, touch.scan, touch.height_map, touch.relief
     if surface is not None:
         yield partial(height_panel, height_map=surface, reading=reading)
@@ -191,7 +190,6 @@ def _map(
     unit: str = "mm",
     most_a_side: int = 1600,
 ) -> None:
-    """Draw a map under its title, with a colour bar if `bar` has a label for it."""
     axes.set_title(title, fontsize=9, loc="left")
     low, high = _spread(values) if limits is None else limits
     rows, columns = (max(1, -(-n // most_a_side)) for n in values.shape[:2])
@@ -231,15 +229,14 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = False) -> None:
         axes.add_patch(frame)
         if labelled:
             outline = [withStroke(linewidth=2.0, foreground="white")]
-            at, above = (corner[0] + 0.5 * width, max(corner[1], top)), corner[1] > top
+            place, above = (corner[0] + 0.5 * width, max(corner[1], top)), corner[1] > top
             style = {"color": BOX_COLOUR, "size": 10, "weight": "bold", "path_effects": outline}
-            _label(axes, character.char, at, above=above, **style)
+            _label(axes, character.char, place, above=above, **style)
 
 
-def _label(axes: Axes, text: str, at: tuple[float, float], *, above: bool = False, **style: Any) -> None:
-    """Write a text a little above or below a place."""
+def _label(axes: Axes, text: str, place: tuple[float, float], *, above: bool = False, **style: Any) -> None:
     offset, side = (1.5, "bottom") if above else (-3.0, "top")
-    axes.annotate(text, at, (0, offset), textcoords="offset points", ha="center", va=side, **style)
+    axes.annotate(text, place, (0, offset), textcoords="offset points", ha="center", va=side, **style)
 
 
 def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> None:
@@ -267,7 +264,6 @@ def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> Non
 
 
 def _judgement(character: CharacterReading) -> str:
-    """State and grade of one place, one line each."""
     state = character.state
     lines = (
         [] if state is None else [f"{state.state.value} {'/'.join(c or '-' for c in state.chars)}".strip()]

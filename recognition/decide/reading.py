@@ -51,11 +51,9 @@ class CharacterReading:
     """One place of the line; depth and grade are measured when they are first read.
 
     Attributes:
-        candidates: best first, at least one.
         box: position (axis-parallel hull of the possibly rotated cell), mm.
         depth: depth of the mark; None where it was not measured.
         state: read, confused, not read or mismatch; None where it was not determined.
-        grade: quality of the mark; None where it was not graded.
         no_depth: why touch measured no depth; None with a depth, and without touch.
     """
 
@@ -96,9 +94,6 @@ class OtherLine:
 
     Attributes:
         name: name in the request; empty for unassigned text.
-        text: text of the line.
-        confidence: probability that all of it is right, 0 to 1.
-        box: position; None if not known.
         may_be_serial: whether its text may fit the serial's format.
         line: the line in the view that was read; None if not known.
     """
@@ -120,22 +115,13 @@ class ReadingTrace:
         edge_map: edge map that was read, in the plate frame; None for vision.
         lattice: posteriors of the places, of the characters that the format allows at each; None for a fused reading.
         open_lattice: posteriors without the format; None where they were not computed.
-        choice: the best text that the format allows, and its rivals.
         odds: log odds of the text by recogniser, templates and format; None where no text was read.
         evidence: log probability of all texts that the format allows; None where it was not computed.
-        scan: the scan.
-        height_map: the levelled height map.
         relief: heights and slopes by touch.
-        photo: the photograph.
-        line: the line.
-        by_expert: lattice of each expert by itself.
         faces: probability of each face of the library, and of each named font, that the text is in it; under the empty
             name that it is in none. Empty without such a comparison.
         laid: text of touch, fitted to the line in a font; None without heights, or if no font fits.
         strokes: felt strokes, place by place, of the characters read and their rivals; empty if unknown.
-        touch: the reading of touch that was fused.
-        vision: the reading of vision that was fused.
-        verification: verification of the expected text.
     """
 
     edge_map: EdgeMap | None = None
@@ -171,27 +157,21 @@ class Reading:
     """The reading of one part; font, height, rotation and measures are determined when they are first read.
 
     Attributes:
-        characters: left to right as read; empty when none were found.
         confidence: probability that the whole text is right, 0 to 1 (`recognition.decide.score`).
         findings: what speaks against it, with places and numbers, and notes.
         font: font along whose strokes the marks are graded, or else the most probable face of the library
             (`ReadingTrace.faces`); empty if none fits.
         height_mm: character height found, in `unit`.
-        rotation_deg: rotation of the line, from +x towards +y.
         raised: whether the marks are raised, not sunk.
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         spaces_after: places, from 0, that a word gap follows.
-        seconds: seconds of each step.
         notes: further notes, such as "read by touch alone".
         unit: unit of height and boxes: "mm", or "px" (pixels of the original photograph) if the scale is unknown.
-        others: the part's other lines.
         photos: number of photographs that were read; 0 for touch alone.
         codes: Data Matrix and QR codes in them.
         accept_risk: greatest share of wrong readings among those accepted; None if it is not known.
         threshold: least confidence for acceptance, which keeps that risk; None if none is required.
-        measures: measures of the part (`recognition.decide.score`).
-        trace: data from which it was made.
         evidence: what it was decided on; None for a reading of another program.
     """
 
@@ -243,10 +223,10 @@ class Reading:
     @property
     def fields(self) -> Mapping[str, str]:
         """Named fields of the marking, "SER KB74" or "(21)KB74", on the serial's line and on others: SER -> KB74."""
-        found: dict[str, str] = {}
+        fields: dict[str, str] = {}
         for text in (self.text, *(line.text for line in self.others)):
-            found = {**named_fields(text), **found}
-        return found
+            fields = {**named_fields(text), **fields}
+        return fields
 
     @property
     def nats_read(self) -> float:
@@ -272,7 +252,6 @@ class Reading:
         return f"Reading({self.text!r}, {self.decision.value}, {self.confidence:.4f}, {self.source})"
 
     def __str__(self) -> str:
-        """The reading in one line of text."""
         if not self.text:
             return "no characters"
         facts = [f"“{self.text}”, {self.decision.value}, confidence {self.confidence:.3f}"]
@@ -290,7 +269,6 @@ class Reading:
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
-        """One column per character: the character, its probability, and other candidates."""
         cell = "text-align:center;padding:1px 8px"
         columns = [
             (

@@ -27,7 +27,6 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
     """Return the reasons of a reading, then other findings, then notes.
 
     Args:
-        reading: reading of the part.
         most_reasons: most flags about the serial that are named.
     """
     about = ABOUT_SERIAL
@@ -53,21 +52,20 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
 
 
 def _findings(reading: Reading, flag: ReadingFlag) -> tuple[Finding, ...]:
-    """Return the findings of a flag, or of several flags that give one reason; empty if none is set."""
     if not reading.flags & flag:
         return ()
-    found = tuple({finding.text: finding for finding in reading.findings if finding.flag & flag}.values())
-    return found if flag & ReadingFlag.LOW_CONFIDENCE else _merge(found)
+    distinct = tuple({finding.text: finding for finding in reading.findings if finding.flag & flag}.values())
+    return distinct if flag & ReadingFlag.LOW_CONFIDENCE else _merge(distinct)
 
 
 def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Merge findings with the same explanation: "P or W at place 1, 3 or 2 at place 3: ..."."""
-    made: dict[str, Finding] = {}
+    merged: dict[str, Finding] = {}
     for finding in findings:
         head, colon, why = finding.text.partition(": ")
-        before = made.get(key := colon + why or finding.text)
+        before = merged.get(key := colon + why or finding.text)
         if before is not None:
             text = f"{before.text.removesuffix(colon + why)}, {head}{colon}{why}" if colon else before.text
             finding = replace(before, text=text, places=before.places + finding.places)
-        made[key] = finding
-    return tuple(made.values())
+        merged[key] = finding
+    return tuple(merged.values())

@@ -40,7 +40,6 @@ def risk_in_words(risk: float, *, rounding: float = 0.01) -> str:
     """Write a risk as "1 in 1,000".
 
     Args:
-        risk: the risk, between 0 and 1.
         rounding: greatest relative error of the written number; a risk that needs more is written as a decimal.
     """
     parts = round(1.0 / risk)

@@ -88,8 +88,6 @@ class RiskThreshold:
     """The threshold of a risk, and the readings of left-out generators that showed it.
 
     Attributes:
-        risk: largest share of wrong readings among the accepted.
-        threshold: least score of an accepted reading.
         accepted: number of readings with at least this score that broke no contract.
         wrong: number of these that were wrong.
         bound: upper bound of the share of wrong ones, one-sided, 95 %.
@@ -107,8 +105,6 @@ class Score:
     """Score of one source of readings.
 
     Attributes:
-        source: one of `SOURCES`.
-        bias: log odds if every term adds nothing.
         terms: terms by measure; that of the log odds of the text must be among them, and rise.
         thresholds: tested thresholds, the strictest risk last.
     """
@@ -130,14 +126,11 @@ class Score:
     def threshold(self, risk: float) -> float:
         """Least score of readings that keep a risk: the share of wrong ones among those that are accepted.
 
-        Args:
-            risk: largest share, between 0 and 1.
-
         Raises:
             RiskError: readings of this source were not shown to keep this risk at any score.
             ValueError: the risk does not lie between 0 and 1.
         """
-        tested = [one.threshold for one in self.thresholds if one.risk <= check_risk(risk)]
+        tested = [test.threshold for test in self.thresholds if test.risk <= check_risk(risk)]
         if not tested:
             raise RiskError(
                 f"{SENSE_NAMES[self.source]} {CANNOT_PROMISE} {risk_in_words(risk)}",
@@ -148,7 +141,7 @@ class Score:
     @property
     def least_risk(self) -> float:
         """Least risk that readings of this source were shown to keep; 1 if none."""
-        return min((one.risk for one in self.thresholds), default=1.0)
+        return min((test.risk for test in self.thresholds), default=1.0)
 
     @property
     def slope(self) -> float:

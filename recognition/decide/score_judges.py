@@ -26,7 +26,6 @@ def low_confidence(
     """Report a score below the threshold: the doubtful characters, or their number.
 
     Args:
-        evidence, choice, settings: as for every judge.
         sure_count: probability of the number of characters below which it is doubted.
     """
     if not choice.is_low:
@@ -42,7 +41,7 @@ def low_confidence(
         yield Finding(low, text, tuple(unread))
     if rivals or unread:
         return
-    if choice.line is not None and choice.line.likely < sure_count:
+    if choice.line is not None and choice.line.count_probability < sure_count:
         yield Finding(low, f"{why}: are there {len(places)} characters?")
     elif len(places) > 1:
         k, least = min(places, key=lambda place: place[1].confidence)
@@ -55,9 +54,7 @@ def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> d
     """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5".
 
     Args:
-        choice: choice with its characters.
         doubted: least probability of a second candidate for its place to be named.
-        most_places: most places that are named for low confidence.
     """
     places = [
         (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)

@@ -68,8 +68,6 @@ def senses_disagree(
     also disagree if both are sure of different characters at one place: serials of one lot often differ at one only.
 
     Args:
-        evidence, choice, settings: as for every judge.
-        sure: least score of a text that is sure.
         ratio: ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt
             makes the camera take two or three characters for others at ten to one each; from 1,000 on it is not dirt.
     """

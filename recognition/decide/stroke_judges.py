@@ -52,7 +52,6 @@ def missing_strokes(
     """Report characters most of whose strokes are missing, or are those of another font than the named one.
 
     Args:
-        evidence, choice, settings: as for every judge.
         least_edges: least share of a character's edges that must be there, in a font that explains the marks.
         least_felt: least share of the depth of a character's strokes that must be there, in the best-fitting font,
             which may differ from the part's.
@@ -108,7 +107,6 @@ def _why_undecided(
     """Explain why strokes do not exclude a rival; empty if they do.
 
     Args:
-        rival: with its evidence.
         distinct_heights: least length of strokes that differ between two characters if touch is to decide, character
             heights.
         least_belief: posterior from which a rival is not excluded if touch cannot decide.
@@ -146,7 +144,6 @@ def guessed_characters(
     itself; templates only compare characters that were felt.
 
     Args:
-        evidence, choice, settings: as for every judge.
         near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
             over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
     """

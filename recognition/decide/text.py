@@ -24,13 +24,7 @@ dents as OO."""
 
 
 def choose_text(evidence: Evidence, settings: DecisionSettings, alone: Mapping[str, Reading]) -> Choice:
-    """Choose the text of a part.
-
-    Args:
-        evidence: evidence of one sense or both.
-        settings: format of the serial, further lines that the part should have, thresholds.
-        alone: readings of each sense alone, if there are both.
-    """
+    """Choose the text of a part."""
     choice, *camera = (_text_of_sense(sense, settings) for sense in evidence.senses)
     if camera:
         choice = _text_of_both(choice, camera[0], settings, alone)
@@ -56,7 +50,7 @@ def _text_of_sense(sense: SenseEvidence, settings: DecisionSettings) -> Choice:
         characters=characters_of(decoding, lattice),
         others=lines_beside(sense, settings),
         spaces_after=line.spaces_in(decoding.text, grammar),
-        odds=log_odds(decoding.probability * line.likely),
+        odds=log_odds(decoding.probability * line.count_probability),
     )
 
 
@@ -80,7 +74,7 @@ def _text_of_both(
         characters=characters_of(decoding, lattice),
         others=joined_lines(alone["tactile"], alone["vision"]),
         spaces_after=felt.spaces_after if known is None else known,
-        odds=None if felt.line is None else log_odds(decoding.probability * felt.line.likely),
+        odds=None if felt.line is None else log_odds(decoding.probability * felt.line.count_probability),
     )
 
 

@@ -44,7 +44,6 @@ class CharacterCheck:
     """One expected character, or one extra place.
 
     Attributes:
-        place: place in the lattice, from 0; None for a character without a place.
         state: state of the place, with the character expected there; that is empty for a place that is left over.
     """
 
@@ -66,13 +65,10 @@ class Verification:
     """The verdict and its evidence.
 
     Attributes:
-        expected: the text, without blanks.
-        verdict: the verdict on it.
         probability: probability of the expected text, or the score of a reading that is accepted with it; 0 if the
             number of characters differs.
         refutation: probability that at least one character is clearly another.
         characters: checks in the order of the text; places left over come where they were found.
-        places: number of characters found.
     """
 
     expected: str
@@ -94,13 +90,12 @@ class Verification:
             differences.append(f"{self.places} characters were found where {len(self.expected)} are expected")
             if abs(self.places - len(self.expected)) > 1:
                 return tuple(differences)
-        at = 0
+        place = 0
         for check in self.characters:
-            at += bool(check.state.expected)
+            place += bool(check.state.expected)
             if check.state.state is not CharacterState.READ:
-                where = (
-                    f"place {at}" if check.state.expected else f"after place {at}" if at else "before place 1"
-                )
+                beside = f"after place {place}" if place else "before place 1"
+                where = f"place {place}" if check.state.expected else beside
                 differences.append(f"{where}: {check.message}")
         return tuple(differences)
 
@@ -120,9 +115,6 @@ def verify(
     expected ones.
 
     Args:
-        lattice: posteriors of the places; None if no characters were found.
-        expected: the text; blanks are ignored.
-        grammar: format that the expected text must fit.
         contradicted: whether two senses are sure of different characters; then nothing is confirmed.
         accepted: score of a reading that is accepted with the expected text; 0 if there is none.
         least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED without an accepted reading.
@@ -177,8 +169,6 @@ def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tu
     posteriors.
 
     Args:
-        lattice: posteriors of the places.
-        text: expected characters.
         missing: likelihood of a place or an expected character that is left over, if their numbers differ.
     """
     n, m = lattice.n_places, len(text)
@@ -188,18 +178,17 @@ def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tu
 
     @cache
     def best(i: int, j: int) -> tuple[float, tuple[tuple[int | None, str], ...]]:
-        """Log likelihood and pairs of the first i places and the first j characters."""
         ways: list[tuple[int, int, float, tuple[int | None, str]]] = []
         if i and j:
-            own = float(lattice.log_belief[i - 1, lattice.chars.index(text[j - 1])])
+            log_belief = float(lattice.log_belief[i - 1, lattice.chars.index(text[j - 1])])
             # a pair never costs more than leaving both over, so no more than necessary are left over
-            ways.append((i - 1, j - 1, max(2.0 * cost, own), (i - 1, text[j - 1])))
+            ways.append((i - 1, j - 1, max(2.0 * cost, log_belief), (i - 1, text[j - 1])))
         if i:
             ways.append((i - 1, j, cost, (i - 1, "")))
         if j:
             ways.append((i, j - 1, cost, (None, text[j - 1])))
-        found = ((best(*before), worth, pair) for *before, worth, pair in ways)
-        tried = [(log + worth, (*pairs, pair)) for (log, pairs), worth, pair in found]
-        return max(tried, key=lambda one: one[0], default=(0.0, ()))
+        steps = ((best(*before), worth, pair) for *before, worth, pair in ways)
+        tried = [(log + worth, (*pairs, pair)) for (log, pairs), worth, pair in steps]
+        return max(tried, key=lambda candidate: candidate[0], default=(0.0, ()))
 
     return best(n, m)[1]

@@ -10,8 +10,6 @@ def places_text(text: Sequence[str], places: Sequence[int], *, most_named: int =
     """Characters and their places: "I at place 1, 7 at place 4"; if there are many, only places.
 
     Args:
-        text: the characters.
-        places: places, from 1, ascending.
         most_named: most characters that are named one by one.
     """
     if len(places) > most_named:

@@ -52,12 +52,8 @@ class Cut:
     """One felt character.
 
     Attributes:
-        char: the character, as the reviewer named it.
         relief: (rows, cols) float32 height over the land in character heights; marks are negative, whether sunk or
             raised; NaN where unknown or where a neighbour stands.
-        height_mm: character height of its line.
-        rotation_deg: rotation of its line.
-        raised: whether the marks stand out.
         score: geometric mean posterior per character.
         place: place of the character in the text, from 1.
     """
@@ -82,9 +78,6 @@ def cut_height_map(
     """Cut out the characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
 
     Args:
-        height_map: height map of the part.
-        text, height_mm: as in `cut_scan`.
-        soil: dirt into which the tip sinks, if known.
         good_score: mean posterior per character above which no other scale is tried.
 
     Raises:
@@ -94,22 +87,22 @@ def cut_height_map(
     height_map, soil = square_to_plate(height_map, soil)
     levelled, feel = level(height_map), virtual_feel(soil=soil)
     heights = felt_heights_mm(LineRequest(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
-    found: list[tuple[Cut, ...]] = []
+    cuts: list[tuple[Cut, ...]] = []
     problems: list[ExemplarError] = []
     for height in heights:
         try:
-            found.append(cut_scan(feel(levelled, height), text, height_mm=height_mm))
+            cuts.append(cut_scan(feel(levelled, height), text, height_mm=height_mm))
         except ExemplarError as error:
             problems.append(error)
             continue
-        if _score(found[-1]) > good_score:
+        if _score(cuts[-1]) > good_score:
             break
-    if not found:
+    if not cuts:
         problems.append(
             ExemplarError("no characters found", hint="check the part, or give the character height")
         )
         raise problems[0]
-    return max(found, key=_score)
+    return max(cuts, key=_score)
 
 
 def _score(cuts: tuple[Cut, ...]) -> float:
@@ -122,9 +115,6 @@ def cut_scan(
     """Cut out the characters of a recorded scan.
 
     Args:
-        scan: scan of the part.
-        text: text of the part; blanks are ignored.
-        height_mm: character height, if known.
         least_likely: geometric mean posterior per character, below which the text is taken not to fit the marks.
 
     Returns:
@@ -145,27 +135,27 @@ def cut_scan(
     chars = "".join(sorted({*CHARACTERS, *plain} - {" "}))
     view = felt_view(edges, relief)
     request = LineRequest(Grammar(sets=tuple(plain)), chars, height_mm=height_mm)
-    found = find([view], request).main
-    if found is None:
+    read = find([view], request).main
+    if read is None:
         raise ExemplarError(
             "found no line of marks with as many characters as the text", hint="look at the part and its text"
         )
-    likely = float(np.exp(found.evidence / len(plain)))
-    if likely < least_likely:
+    mean_posterior = float(np.exp(read.evidence / len(plain)))
+    if mean_posterior < least_likely:
         raise ExemplarError(
-            f"the text does not fit the marks (mean posterior {likely:.2f} per character)",
+            f"the text does not fit the marks (mean posterior {mean_posterior:.2f} per character)",
             hint="check the text",
         )
-    raised = _stands_out(view.strip(found.line))
-    along = ((found.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
-    line, places = _fit_size(relief, found.line, np.column_stack([along, np.zeros(along.size)]), raised)
-    made = []
+    raised = _stands_out(view.strip(read.line))
+    along = ((read.columns + 0.5) / HEIGHT_ROWS - MARGIN) * read.line.height_mm
+    line, places = _fit_size(relief, read.line, np.column_stack([along, np.zeros(along.size)]), raised)
+    cuts = []
     cells = zip(plain, places, _bounds(relief, line, places, raised), strict=True)
     for number, (char, place, reach) in enumerate(cells, start=1):
         shape = _own_shape(felt_cell(relief, line, place, raised), line.height_mm, reach)
         if shape is not None:
-            made.append(Cut(char, shape, line.height_mm, line.turned_deg, raised, likely, number))
-    return tuple(made)
+            cuts.append(Cut(char, shape, line.height_mm, line.turned_deg, raised, mean_posterior, number))
+    return tuple(cuts)
 
 
 def _stands_out(strip: Layers) -> bool:
@@ -184,10 +174,7 @@ def _fit_size(
     """Fit the line to the height of its own ink; return it and the middle of every character.
 
     Args:
-        relief: felt relief.
-        line: the line that was found.
         places: (n, 2) of its characters, along the line from its start and down from it, mm.
-        raised: whether its marks stand out.
         tolerance: a character whose ink differs less than this from the median height (share of the line's height)
             counts as full height; the others get the median vertical shift.
     """
@@ -195,7 +182,7 @@ def _fit_size(
         height = line.height_mm
         cells = (felt_cell(relief, line, place, raised) for place in places)
         reaches = _bounds(relief, line, places, raised)
-        boxes = np.array([_ink_box(*one, height) for one in zip(cells, reaches, strict=True)])
+        boxes = np.array([_ink_box(*cell, height) for cell in zip(cells, reaches, strict=True)])
         inked = np.isfinite(boxes[:, 0])
         if not inked.any():
             raise ExemplarError(
@@ -216,7 +203,6 @@ def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap
     """(n, 2) reach of each character's cell to its left and right, mm: to the least ink between two.
 
     Args:
-        relief, line, places, raised: as in `_fit_size`.
         gap_pull: weight that pulls a gap to the half-way point: the cost, in ink of the fullest column, of lying one
             spacing off it.
     """
@@ -239,9 +225,9 @@ def _own_shape(
     middle = felt[np.ix_(np.abs(DOWN) < 0.5, np.abs(ACROSS) < 0.3)]
     if np.isfinite(middle).mean() < least_known:
         return None
-    own = (ACROSS * height_mm > -bounds[0]) & (ACROSS * height_mm < bounds[1])
+    within = (ACROSS * height_mm > -bounds[0]) & (ACROSS * height_mm < bounds[1])
     # float16 is finer than the measurement, and compresses well
-    return np.asarray(np.where(own, felt / height_mm, np.nan).astype(np.float16), dtype=np.float32)
+    return np.asarray(np.where(within, felt / height_mm, np.nan).astype(np.float16), dtype=np.float32)
 
 
 def felt_cell(relief: Relief, line: TextLine, place: Floats, raised: bool) -> Floats:
@@ -249,9 +235,9 @@ def felt_cell(relief: Relief, line: TextLine, place: Floats, raised: bool) -> Fl
     along, down = place / line.height_mm
     columns = (along + MARGIN + ACROSS) * HEIGHT_ROWS - 0.5
     rows = (down + DOWN) * HEIGHT_ROWS + 0.5 * ROWS - 0.5
-    at = (line.places_mm(columns, rows[:, None]) - relief.origin_mm) / relief.pitch_mm
+    places = (line.places_mm(columns, rows[:, None]) - relief.origin_mm) / relief.pitch_mm
     z = relief.height_mm.astype(np.float64)
-    felt = ndimage.map_coordinates(z, (at[..., 1], at[..., 0]), order=1, mode="constant", cval=np.nan)
+    felt = ndimage.map_coordinates(z, (places[..., 1], places[..., 0]), order=1, mode="constant", cval=np.nan)
     return _over_land(-felt if raised else felt)
 
 
@@ -267,10 +253,7 @@ def _over_land(
     A bold character covers more of its cell than it leaves, which a fit by Tukey's weights does not survive.
 
     Args:
-        felt: cell.
         land_share: share of a mark's depth down to which a sample is land.
-        rounds: rounds of separation.
-        least_land: samples of land needed.
     """
     known = np.isfinite(felt)
     if known.sum() < least_land:
@@ -292,9 +275,6 @@ def _ink_box(felt: Floats, bounds: Floats, height_mm: float, *, ink_share: float
     """Box (u0, v0, u1, v1) of a mark at the land, mm from the cell's middle; NaN without ink.
 
     Args:
-        felt: cell.
-        bounds: reach of the cell to its left and right, mm.
-        height_mm: height of the characters.
         ink_share: share of a character's depth from which a sample is ink.
     """
     u, v = ACROSS * height_mm, DOWN * height_mm

@@ -53,8 +53,6 @@ class Hand:
     """A known font with changes that a die may have.
 
     Attributes:
-        font: the known font.
-        width: its characters are widened by this.
         grow: its outlines are moved outwards by this, character heights.
         soften: standard deviation of the Gaussian that rounds it, character heights.
         depth: depth of its marks, character heights.
@@ -91,10 +89,8 @@ class Learned:
     """A font made of exemplars.
 
     Attributes:
-        font: the learned font.
         used: for each character the indices of the exemplars from which its shape is made.
         set_aside: indices of those that disagree with their siblings, or with what the character looks like.
-        hand: the known font that stands for characters never felt.
     """
 
     font: Font
@@ -119,8 +115,6 @@ def learn_font(
     """Learn a font from exemplars.
 
     Args:
-        name: its name.
-        chars: (n,) what each exemplar is, one at least.
         reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
             not known (`recognition.enrol.exemplars.Cut.relief`).
         known: known fonts; the nearest one provides characters that were never felt.
@@ -139,8 +133,8 @@ def learn_font(
     groups = {c: [k for k, other in enumerate(chars) if other == c] for c in sorted(set(chars))}
     shapes: dict[str, Patch] = {}
     used: dict[str, tuple[int, ...]] = {}
-    for char, own in groups.items():
-        shapes[char], used[char] = common_relief(patches, own)
+    for char, siblings in groups.items():
+        shapes[char], used[char] = common_relief(patches, siblings)
     few = [char for char in groups if len(used[char]) < FEWEST_SIBLINGS]
     if not vouching:
         for char in few:
@@ -151,11 +145,11 @@ def learn_font(
             )
     hand = nearest_hand(shapes, known)
     for char in few if vouching else ():
-        own = groups[char]
-        vouched = [k for k in own if _is_credible(char, patches[k], hand, shapes)]
+        siblings = groups[char]
+        vouched = [k for k in siblings if _is_credible(char, patches[k], hand, shapes)]
         if not vouched:
             del shapes[char], used[char]
-        elif len(vouched) < len(own) or len(used[char]) < len(own):
+        elif len(vouched) < len(siblings) or len(used[char]) < len(siblings):
             guess = hand.relief(char, patches[0].shape)
             if guess is not None:
                 # the one most like the nearest font's character leads
@@ -164,19 +158,15 @@ def learn_font(
     if not shapes:
         raise ExemplarError("no exemplar has a mark on it", hint="enrol other parts")
     glyphs = dict(_glyphs(shapes, hand, patches[0].shape))
-    kept = {k for own in used.values() for k in own}
-    source = f"learned from {len(kept)} exemplars of {''.join(sorted(shapes))}; other characters after {hand.font.name}"
-    aside = tuple(k for k in range(len(chars)) if k not in kept)
+    used_exemplars = {k for siblings in used.values() for k in siblings}
+    count, others = len(used_exemplars), hand.font.name
+    source = f"learned from {count} exemplars of {''.join(sorted(shapes))}; other characters after {others}"
+    aside = tuple(k for k in range(len(chars)) if k not in used_exemplars)
     return Learned(Font(name, glyphs, 0.0, source), used, aside, hand)
 
 
 def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
-    """Share of the exemplars that agree with their siblings; 1 if none has enough of them.
-
-    Args:
-        chars: character of each exemplar.
-        used: for each character the indices of those that agree (`Learned.used`).
-    """
+    """Share of the exemplars that agree with their siblings; 1 if none has enough of them."""
     many = {char: n for char, n in Counter(chars).items() if n >= FEWEST_SIBLINGS}
     if not many:
         return 1.0
@@ -190,9 +180,9 @@ def _glyphs(shapes: Mapping[str, Patch], hand: Hand, size: tuple[int, ...]) -> I
         guess = patch is None and not hand.is_own
         if patch is None:
             patch = hand.relief(char, size)
-        made = None if patch is None else _glyph(char, patch, base, guessed=guess)
-        if made is not None:
-            yield char, made
+        glyph = None if patch is None else _glyph(char, patch, base, guessed=guess)
+        if glyph is not None:
+            yield char, glyph
         elif base is not None and not base.inked:
             yield char, base
 
@@ -220,22 +210,18 @@ def _is_credible(
     guess = hand.relief(char, patch.shape)
     if guess is None:
         return True
-    own = align_relief(guess, patch)[0]
-    if own < hand.likeness - (worn_fall if hand.is_own else foreign_fall):
+    own_likeness = align_relief(guess, patch)[0]
+    if own_likeness < hand.likeness - (worn_fall if hand.is_own else foreign_fall):
         return False
     rivals = (hand.relief(c, patch.shape) for c in shapes if c != char)
     return (
-        own
+        own_likeness
         > max((align_relief(g, patch)[0] for g in rivals if g is not None), default=-1.0) - other_character
     )
 
 
 def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
-    """Trim a relief to its character: samples far from its ink become land.
-
-    Args:
-        floor_share: share of the depth that a stroke reaches somewhere.
-    """
+    """Trim a relief to its character: samples far from its ink become land."""
     ink = patch < -OUTLINE_SHARE * depth_of(patch)
     labels, _ = ndimage.label(ink)
     sizes = np.bincount(labels.ravel())
@@ -263,7 +249,9 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
         np.column_stack([line[:-1, 1] - middle_col, middle_row - line[:-1, 0]]) / RELIEF_PIXELS + (0.0, 0.5)
         for line in lines
     ]
-    outlines = [one for one in outlines if cv2.contourArea(one.astype(np.float32)) > SPECK_HEIGHTS**2]
+    outlines = [
+        outline for outline in outlines if cv2.contourArea(outline.astype(np.float32)) > SPECK_HEIGHTS**2
+    ]
     if not outlines:
         return None
     across = np.concatenate(outlines)[:, 0]
@@ -291,17 +279,15 @@ def nearest_hand(shapes: Mapping[str, Patch], fonts: Sequence[Font], *, compared
     """Find the font, with its changes, that is nearest to the felt characters.
 
     Args:
-        shapes: reliefs by character, all of one size.
-        fonts: known ones, at least one.
         compared: characters, at most, by which font and width are found.
     """
     depth = float(np.median([depth_of(p) for p in shapes.values()]))
     few = {c: shapes[c] for c in sorted(shapes)[:: -(-len(shapes) // compared)]}
-    found = [
+    hands = [
         _best_stroke(font, width, few, depth, FIRST_GROWTHS, FIRST_SOFTNESSES)
         for font, width in product(fonts, WIDTHS)
     ]
-    _, first = max(found, key=lambda pair: pair[0])
+    _, first = max(hands, key=lambda pair: pair[0])
     _, hand = _best_stroke(first.font, first.width, shapes, depth, GROWTHS, SOFTNESSES)
     pairs = [(patch, hand.relief(c, patch.shape)) for c, patch in shapes.items()]
     gains = [depth_of(felt) / depth_of(drawn) for felt, drawn in pairs if drawn is not None]
@@ -316,7 +302,6 @@ def _best_stroke(
     growths: Sequence[float],
     softnesses: Sequence[float],
 ) -> tuple[float, Hand]:
-    """The best boldness and softness for a font of a given width, and its mean likeness."""
     distances = {
         c: _distance(font, c, patch.shape, width=width, depth=depth)
         for c, patch in shapes.items()
@@ -332,7 +317,7 @@ def _best_stroke(
         ]
         hand = Hand(font, width, grow, soften, depth, float(np.median(scores)))
         tried.append((float(np.mean(scores)), hand))
-    return max(tried, key=lambda one: one[0])
+    return max(tried, key=lambda candidate: candidate[0])
 
 
 def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, depth: float) -> Patch:
@@ -352,9 +337,9 @@ def _struck(distance: Patch, *, depth: float, grow: float, soften: float) -> Pat
     return ndimage.gaussian_filter(relief, soften * RELIEF_PIXELS) if soften else relief
 
 
-def likeness(one: Patch, other: Patch) -> float:
+def likeness(patch: Patch, other: Patch) -> float:
     """Correlation of two reliefs without alignment."""
-    a, b = one - one.mean(), other - other.mean()
+    a, b = patch - patch.mean(), other - other.mean()
     return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-12))
 
 
@@ -383,9 +368,6 @@ def common_relief(
     """Median of the reliefs that agree, and their indices; if two disagree, only the first.
 
     Args:
-        patches: reliefs.
-        which: their indices.
-        rounds: rounds of rejecting outliers.
         most_leaders: siblings, at most, among which the one most like the others is sought.
     """
     first = (patches[which[0]], (which[0],))

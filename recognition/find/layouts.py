@@ -71,7 +71,7 @@ def other_layout(
     grammar = search.request.grammar
     if main is not None and main.is_text:
         choice = choose(main.lattice, grammar, k=1)
-        sure = bool(choice.text) and choice.probability * main.likely >= doubtful
+        sure = bool(choice.text) and choice.probability * main.count_probability >= doubtful
         if sure and (grammar is not None or len(choice.text) >= least_places):
             return None
     lines: list[TextLine] = []

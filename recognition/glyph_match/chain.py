@@ -35,8 +35,6 @@ class Spacing:
 
     Attributes:
         before, after: (T,) of each template.
-        cost: cost of a distance that is off by one pixel; it rises with the square.
-        limit: greatest cost.
         free_after: places followed by a word gap, after which any distance is free.
     """
 
@@ -53,7 +51,7 @@ def _before(  # type: ignore[no-untyped-def]
     best, by_template, half, start, overlap, reach, gap_free, gap_cost, expected, behind, step_cost, step_limit
 ):
     """Best reward of a chain before a character that starts there, and its end; -1 if none is possible."""
-    before, at = _NONE, -1
+    before, end = _NONE, -1
     for e in range(max(0, start - reach), min(best.size, start + overlap)):
         value = best[e] - gap_cost * max(0, start - e - gap_free)
         last = by_template[e]
@@ -61,8 +59,8 @@ def _before(  # type: ignore[no-untyped-def]
             off = expected - (e - half[last]) - behind[last]
             value -= min(step_cost * off * off, step_limit)
         if value > before:
-            before, at = value, e
-    return before, at
+            before, end = value, e
+    return before, end
 
 
 @kernel()
@@ -90,21 +88,21 @@ def _chain(  # type: ignore[no-untyped-def]
                 if gain <= 0.0 and free:
                     continue
                 start, end = c - half[t], c + half[t]
-                before, at = 0.0, -1
+                before, before_end = 0.0, -1
                 if k > 0:
                     if spaced:
-                        before, at = _before(
+                        before, before_end = _before(
                             best[k - 1], by_template[k - 1], half, start, overlap, reach, gap_free, gap_cost,
                             c - ahead[t], behind, step_cost, step_limit[k],
                         )
                     else:
-                        before, at = earlier[start], earlier_end[start]
-                    if at < 0:
+                        before, before_end = earlier[start], earlier_end[start]
+                    if before_end < 0:
                         continue
                 value = before + gain
                 if value > best[k, end]:
                     best[k, end] = value
-                    from_end[k, end] = at
+                    from_end[k, end] = before_end
                     by_template[k, end] = t
                     placed = True
         if not placed:
@@ -130,11 +128,7 @@ def best_chain(
         reward: (T, cols) reward of each template at each column.
         half_cols: (T,) half width of each template's ink, pixels.
         allowed: (places, T) whether a template is allowed at a place; None for any number of any of them.
-        overlap: columns by which neighbours may intrude on each other.
-        reach: columns of land allowed between neighbours.
         gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
-        spacing: usual distance of neighbours, if known.
-        most_characters: greatest number of characters if the number of places is open.
 
     Returns:
         Its reward and the characters, left to right; (0, ()) if no chain has a reward, or if there is no room for a
@@ -186,14 +180,8 @@ def usual_spacing(
     Either the spacing of the font plus a constant, or even spacing: whichever fits better.
 
     Args:
-        placed: the characters.
-        chars: (T,) characters of the templates.
-        font: font of the templates.
         full: (T,) reward of each template on its own clean character.
-        gaps: places before a word gap.
-        pixels: pixels per character height.
         step_cost: cost of a distance that is off by a character height, in units of `full`.
-        step_limit: greatest such cost.
         stands_out: least reward of both neighbours, as a share of `full`.
     """
     glyphs = [font.glyph(c) for c in chars]
@@ -226,10 +214,6 @@ def place_bounds(
     """Columns of each place: from halfway to the ink of one neighbour to halfway to that of the other.
 
     Args:
-        placed: the characters.
-        half_cols: (T,) half the ink's width of each template, pixels.
-        width: width of the image.
-        pixels: pixels per character height.
         side_heights: most land beside a character's ink that belongs to its place, character heights.
     """
     middles, half = np.array([p.column for p in placed]), half_cols[[p.template for p in placed]]

@@ -104,10 +104,6 @@ def believe_faces(line: LineExperts, weights: ExpertWeights) -> FaceBelief:
     """Infer the face of a line from all of its places, and each character from the faces.
 
     A character that no face has keeps what the recogniser gives it.
-
-    Args:
-        line: the line; its depths do not matter here.
-        weights: weights of the sense.
     """
     prior = log_softmax(line.network, axis=-1)
     lacks = np.isfinite(prior) & np.isnan(line.cosines).all(axis=-3)
@@ -131,13 +127,7 @@ def believe_faces(line: LineExperts, weights: ExpertWeights) -> FaceBelief:
 
 
 def combine_experts(line: LineExperts, belief: FaceBelief, weights: ExpertWeights) -> Floats:
-    """(..., places, C) log posteriors of all experts together; a place counts as read if one of them has read it.
-
-    Args:
-        line: the line.
-        belief: what the faces say of it.
-        weights: weights of the sense.
-    """
+    """(..., places, C) log posteriors of all experts together; a place counts as read if one of them has read it."""
 
     def at_fit(weight: float, rise: float) -> Floats:
         return np.maximum(weight + rise * belief.fit, 0.0)[..., None, None]

@@ -40,10 +40,8 @@ class GlyphImages:
     """The templates of a font at a number of pixels per character height.
 
     Attributes:
-        chars: (T,) characters.
         images: (T,) images (rows, columns, layers), of odd size, with the glyph's reference point in the middle.
         half_cols: (T,) half the ink's width, pixels.
-        pixels: pixels per character height.
     """
 
     chars: tuple[str, ...]
@@ -62,11 +60,7 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
     """(rows, columns, layers) image of the edges felt along a line, straightened.
 
     Args:
-        view: view to be read.
-        line: line to be read.
         rows: number of rows; HEIGHT_ROWS are a character height.
-        margin: margin before and after the line, character heights.
-        pixels: pixels per character height.
     """
     from glyphs.opencv import cv2
 
@@ -79,14 +73,12 @@ def glyph_images(templates: TemplateSet, *, pixels: int, margin_heights: float =
     """The templates at a number of pixels per character height; cached in the set.
 
     Args:
-        templates: templates of a font, of all four directions.
-        pixels: pixels per character height.
         margin_heights: land beside a template's ink that belongs to its window, character heights.
     """
-    made: GlyphImages = templates.derive(
+    images: GlyphImages = templates.derive(
         ("correlation", pixels, margin_heights), lambda: _glyph_images(templates, pixels, margin_heights)
     )
-    return made
+    return images
 
 
 def _glyph_images(templates: TemplateSet, pixels: int, margin_heights: float) -> GlyphImages:
@@ -113,17 +105,15 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
 
     Args:
         image: (rows, columns, layers); outside it is land, which is 0.
-        glyphs: the templates.
-        rows: rows of the image.
     """
-    up, side = (max(one.shape[k] // 2 for one in glyphs.images) for k in (0, 1))
+    up, side = (max(template.shape[k] // 2 for template in glyphs.images) for k in (0, 1))
     padded = np.pad(image, ((up, up), (side, side), (0, 0)))[rows.start : rows.stop + 2 * up]
-    found = np.empty((len(glyphs.images), rows.stop - rows.start, image.shape[1]), dtype=np.float32)
-    for high, wide in {(one.shape[0] // 2, one.shape[1] // 2) for one in glyphs.images}:
+    correlations = np.empty((len(glyphs.images), rows.stop - rows.start, image.shape[1]), dtype=np.float32)
+    for high, wide in {(template.shape[0] // 2, template.shape[1] // 2) for template in glyphs.images}:
         window = padded[up - high : len(padded) - up + high, side - wide : padded.shape[1] - side + wide]
-        alike = [k for k, one in enumerate(glyphs.images) if one.shape[1] == 2 * wide + 1]
-        found[alike] = correlate(window, [glyphs.images[k] for k in alike])
-    return found
+        alike = [k for k, template in enumerate(glyphs.images) if template.shape[1] == 2 * wide + 1]
+        correlations[alike] = correlate(window, [glyphs.images[k] for k in alike])
+    return correlations
 
 
 def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0.1) -> Image:
@@ -133,7 +123,6 @@ def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0
 
     Args:
         image: (rows, columns, layers).
-        templates: (rows, columns, layers).
         least_felt: share of a template's amplitude below which a felt pattern counts as land.
     """
     from glyphs.opencv import cv2
@@ -143,17 +132,16 @@ def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0
         known = np.arange(1)
     image = np.ascontiguousarray(image[..., known])
     energy = _energy(image, *templates[0].shape[:2])
-    found = np.empty((len(templates), *energy.shape), dtype=np.float32)
-    for made, one in zip(found, templates, strict=True):
-        template = np.ascontiguousarray((one - one.mean(axis=(0, 1)))[..., known])
+    correlations = np.empty((len(templates), *energy.shape), dtype=np.float32)
+    for correlation, image_of_template in zip(correlations, templates, strict=True):
+        template = np.ascontiguousarray((image_of_template - image_of_template.mean(axis=(0, 1)))[..., known])
         size = float(np.vdot(template, template)) + 1e-9  # above 0 where a template predicts nothing
         product = cv2.matchTemplate(image, template, cv2.TM_CCORR)
-        made[:] = product / np.sqrt(size * (energy + least_felt**2 * size))
-    return found
+        correlation[:] = product / np.sqrt(size * (energy + least_felt**2 * size))
+    return correlations
 
 
 def _energy(image: Image, rows: int, columns: int) -> NDArray[np.float64]:
-    """Sum of squares about the layers' means in every window of an image."""
     from glyphs.opencv import cv2
 
     def sums(values: Image) -> NDArray[np.float64]:
@@ -188,13 +176,7 @@ def chain_of(
 
     Args:
         response: (T, columns) best correlation of every template near the line's middle.
-        glyphs: the templates.
-        font: font of the templates.
-        grammar: format of the line; None if unknown.
         chance: correlation up to which a template explains nothing, because any strokes reach it.
-        overlap_heights: overlap that is allowed between neighbours, character heights.
-        gap_heights: most land between neighbours, character heights.
-        free_gap_heights: land between neighbours that costs nothing, character heights.
         gap_cost: cost of each further character height of land; a clean character of usual width has reward 1.
     """
     pixels = glyphs.pixels
@@ -228,18 +210,15 @@ def beside(
 
     Args:
         response: (T, columns), as in `chain_of`.
-        glyphs: the templates.
-        font: font of the templates.
-        placed: characters of a format.
         surely: least correlation of a character beside those of the format.
     """
     free = np.where(response > surely, response, 0.0)
     columns = np.arange(response.shape[1])
-    for one in placed:
-        room = glyphs.half_cols + glyphs.half_cols[one.template]
-        free[np.abs(columns - one.column) < room[:, None]] = 0.0
+    for char in placed:
+        room = glyphs.half_cols + glyphs.half_cols[char.template]
+        free[np.abs(columns - char.column) < room[:, None]] = 0.0
     _, others = chain_of(free, glyphs, font, None)
-    return tuple(sorted((*placed, *others), key=lambda one: one.column))
+    return tuple(sorted((*placed, *others), key=lambda char: char.column))
 
 
 def cell_correlations(
@@ -255,24 +234,20 @@ def cell_correlations(
     """(T,) best correlation of every template with one cell of an image over small shifts.
 
     Args:
-        image: (rows, columns, layers).
-        glyphs: the templates.
         row, column: position of the character in the image.
         bounds: columns of the cell: the first one, and the one after the last.
-        shift_heights: greatest shift of a template up and down in its cell, character heights.
-        across_heights: greatest shift to the left and right, character heights.
     """
     shift = round(shift_heights * glyphs.pixels)
-    high = max(one.shape[0] // 2 for one in glyphs.images)
+    high = max(template.shape[0] // 2 for template in glyphs.images)
     low, end = bounds
     pad = high + shift + 1
     side = round(across_heights * glyphs.pixels)
     padded = np.pad(image, ((pad, pad), (side, side), (0, 0)))
     window = padded[row + pad - high - shift : row + pad + high + shift + 1, low : end + 2 * side]
     cells = np.zeros((len(glyphs.images), 2 * high + 1, end - low, image.shape[2]), dtype=np.float32)
-    for cell, one in zip(cells, glyphs.images, strict=True):
-        tall, first = one.shape[0] // 2, column - low - one.shape[1] // 2
-        seen = one[:, max(0, -first) : max(0, min(one.shape[1], end - low - first))]
+    for cell, template in zip(cells, glyphs.images, strict=True):
+        tall, first = template.shape[0] // 2, column - low - template.shape[1] // 2
+        seen = template[:, max(0, -first) : max(0, min(template.shape[1], end - low - first))]
         cell[high - tall : high + tall + 1, max(0, first) : max(0, first) + seen.shape[1]] = seen
     return np.asarray(correlate(window, list(cells)).max(axis=(1, 2)), dtype=np.float64)
 
@@ -292,10 +267,6 @@ def steps_of(
 
     Args:
         cells: (places, T) correlations of every template in every place's cell.
-        known: (T,) characters of the templates.
-        columns: (places,) columns of the places in the line's strip.
-        chars: characters to look for.
-        rare: signs that are rare on parts, if no format asks for them.
         sureness: log odds per unit of -log(1 - r^2) / 2; the most likely of values from 4 to 30, on 672 places of
             gothic, futuram, timesr, DejaVu Sans, Roboto Bold and Lato with dirt 0, 0.3 and 0.6.
         read_from: best correlation at which a place has a readable character with probability 0.5. Of the same places,
@@ -305,13 +276,13 @@ def steps_of(
     score = -0.5 * np.log(1.0 - np.clip(cells, 0.0, 0.999) ** 2)
     shares = softmax(sureness * score, axis=1)
     read = expit((cells.max(axis=1) - read_from) / read_width)
-    places, at = len(cells), slice(1, None, 2)
+    places, odd = len(cells), slice(1, None, 2)
     blank, of = np.ones(2 * places + 1), np.zeros((2 * places + 1, len(chars)))
-    blank[at] = 1.0 - read
+    blank[odd] = 1.0 - read
     for k, char in enumerate(known):
         if char in chars:
-            of[at, chars.index(char)] = read * shares[:, k]
+            of[odd, chars.index(char)] = read * shares[:, k]
     between = np.r_[columns[0] - HEIGHT_ROWS, 0.5 * (columns[:-1] + columns[1:]), columns[-1] + HEIGHT_ROWS]
     along = np.empty(2 * places + 1)
-    along[at], along[::2] = columns, between
+    along[odd], along[::2] = columns, between
     return Steps.of(blank, of, chars, along, rare=rare, expert="templates")

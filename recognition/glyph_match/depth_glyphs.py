@@ -33,10 +33,7 @@ def depth_glyph(
     """Depth of a character and its gradient (depth, to the right, downwards).
 
     Args:
-        font: font of the die.
-        char: a character of the font.
         face: face of the die; a dotted face needs a font with strokes.
-        half_wide_heights: half the width of the image, character heights.
         smooth_px: standard deviation of the smoothing, pixels; of values from 0.5 to 1.3 it is closest to felt depths.
         usual_percent: percentile of the depths in the strokes that is scaled to 1.
 
@@ -67,14 +64,7 @@ def depth_template(
     tall_heights: float = 0.62,
     beside_heights: float = 0.12,
 ) -> Image:
-    """Depth of a character at a given size, with a margin of land: (rows, columns, 1), both odd.
-
-    Args:
-        font, char, face: as in `depth_glyph`.
-        size: factor by which the character is enlarged.
-        tall_heights: half the height of the image, character heights.
-        beside_heights: width of the land beside the ink, character heights.
-    """
+    """Depth of a character at a given size, with a margin of land: (rows, columns, 1), both odd."""
     from glyphs.opencv import cv2
 
     depth = depth_glyph(font, char, face)[..., 0]

@@ -38,7 +38,6 @@ class FaceCosines:
 
     Attributes:
         names: (F,) names of the faces, those of the named fonts first.
-        named: number of named fonts.
         values: (F, places, C) greatest cosine of each character of the line's lattice; NaN of one that the face lacks
             or the format forbids.
     """
@@ -72,9 +71,6 @@ def read_faces(
     """Read a line by recogniser, faces and depths together.
 
     Args:
-        line: the line as the recogniser reads it.
-        cosines: its comparison with the faces.
-        sense: sense that reads it.
         depths: compares depths, if there are any.
     """
     network, weights = line.by_expert["network"], fitted_weights(sense)
@@ -109,11 +105,6 @@ def compare_faces(
 
     Args:
         looks: features of the line's strip in each view of the part.
-        columns: (places,) columns of the characters in the strip.
-        named: prototypes of named fonts.
-        library: prototypes of the library.
-        map: the map of all these prototypes.
-        lattice: posteriors of the recogniser.
         nearest: number of faces of the library that are compared at moved places.
     """
     places = [place_windows(features, columns, map) for features in looks]
@@ -135,13 +126,13 @@ def _under_best_light(
     Each place is compared in the view that shows it best: a glare hides it in another.
     """
     allowed = np.isfinite(lattice.log_belief)
-    own = [k for k, char in enumerate(faces.chars) if char in lattice.chars]
-    to = [lattice.chars.index(faces.chars[k]) for k in own]
+    shared = [k for k, char in enumerate(faces.chars) if char in lattice.chars]
+    to = [lattice.chars.index(faces.chars[k]) for k in shared]
     views = []
     for windows in places:
         aligned = np.full((*faces.numbers.shape[:2], *allowed.shape), np.nan)
-        has = (faces.half[:, own] > 0.0)[:, None, None]
-        aligned[..., to] = np.where(has, cosines(windows, faces, moved=moved)[..., own], np.nan)
+        has = (faces.half[:, shared] > 0.0)[:, None, None]
+        aligned[..., to] = np.where(has, cosines(windows, faces, moved=moved)[..., shared], np.nan)
         aligned[:, :, ~allowed] = np.nan
         best = _fits(aligned).argmax(axis=1)
         views.append(aligned[np.arange(len(best)), best])

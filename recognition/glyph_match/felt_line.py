@@ -38,11 +38,11 @@ from recognition.see.view import HEIGHTS, KNOWN, View
 
 BESIDE_HEIGHTS = 1.2
 """Margin of land in a strip before and after its line, character heights."""
-FOUND = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, wide=0.12, tall=0.12, deep=0.6)
+POSE_SD_AT_LINE = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, wide=0.12, tall=0.12, deep=0.6)
 """Expected spread of poses around the places of a found line."""
-SETTLED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
+POSE_SD_REFINED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
 """Expected spread about a pose known from the line or another character: blows differ."""
-USUAL = np.zeros(NUMBERS)
+ZERO_POSE = np.zeros(NUMBERS)
 """Expected pose of a character at its place."""
 LEAST_FIT = 0.45
 """Least mean correlation of a text for another height of the line, or for ridges instead of grooves."""
@@ -59,10 +59,8 @@ class DepthStrip:
     Attributes:
         depth: (rows, columns) depth below the surrounding land, in units of noise; the middle one of the odd number of
             rows is that of the line.
-        known: (rows, columns) where it was felt.
         usual: depth of the line's strokes, in units of noise.
         noise: unit of the depths, character heights.
-        columns: (places,) columns of the middles of the places.
     """
 
     depth: Floats
@@ -86,20 +84,20 @@ class DepthStrip:
         """Every second sample about a place, up to its neighbours: adjacent samples are alike.
 
         Args:
-            place: index of the place, from 0.
             tall_heights: reach above and below its middle, character heights.
         """
         left, right = self.reaches[place]
-        at = self.columns[place]
+        column = self.columns[place]
         columns = np.arange(
-            max(round(at - PIXELS * left), 0), min(round(at + PIXELS * right) + 1, self.known.shape[1])
+            max(round(column - PIXELS * left), 0),
+            min(round(column + PIXELS * right) + 1, self.known.shape[1]),
         )
         tall = round(tall_heights * PIXELS)
         rows = np.arange(-tall, tall + 1)
         cell = np.ix_(rows + self.known.shape[0] // 2, columns)
-        own = self.known[cell] & ((rows[:, None] + columns) % 2 == 0)
-        across, down = np.meshgrid((columns - at) / PIXELS, rows / PIXELS)
-        return PlaceSamples(across[own], down[own], self.depth[cell][own], self.usual)
+        used = self.known[cell] & ((rows[:, None] + columns) % 2 == 0)
+        across, down = np.meshgrid((columns - column) / PIXELS, rows / PIXELS)
+        return PlaceSamples(across[used], down[used], self.depth[cell][used], self.usual)
 
     @cached_property
     def reaches(self) -> Floats:
@@ -114,7 +112,6 @@ class LaidCharacter:
 
     Attributes:
         pose: (NUMBERS,) pose relative to the middle of the place (`recognition.glyph_match.pose`).
-        log_likelihood: log likelihood of the depths about the place.
         fit: correlation of those depths with the character's, at most 1.
     """
 
@@ -128,10 +125,7 @@ class FeltLine:
     """A felt line, on which characters are laid.
 
     Attributes:
-        view: felt view, with heights.
-        line: position of the text.
         columns: (places,) columns of the places in the line's strip.
-        raised: whether the marks are raised.
     """
 
     view: View
@@ -148,8 +142,8 @@ class FeltLine:
         zoom = PIXELS / HEIGHT_ROWS
         rows = round(2.4 * PIXELS) | 1
         strip = self.view.strip(self.line, rows=rows / zoom, margin=BESIDE_HEIGHTS, zoom=zoom)
-        at = ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN + BESIDE_HEIGHTS) * PIXELS - 0.5
-        return _depth_strip(strip[HEIGHTS] if self.raised else -strip[HEIGHTS], strip[KNOWN] > 0.5, at)
+        columns = ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN + BESIDE_HEIGHTS) * PIXELS - 0.5
+        return _depth_strip(strip[HEIGHTS] if self.raised else -strip[HEIGHTS], strip[KNOWN] > 0.5, columns)
 
     @property
     def depth_mm(self) -> float:
@@ -182,27 +176,21 @@ class FeltLine:
         spare = 0.15 * self.line.height_mm
         return [
             bool(np.all(low <= np.add(box[:2], spare)) and np.all(np.subtract(box[2:], spare) <= high))
-            for box in (astuple(one) for one in boxes_of(self.line, self.columns))
+            for box in (astuple(box) for box in boxes_of(self.line, self.columns))
         ]
 
-    def suits(self, text: Sequence[str], font: Font, face: Face = Face.FLAT) -> float:
-        """Mean correlation of a text's characters at their places; a character that the font lacks counts as 0.
-
-        Args:
-            text: one character for each place.
-            font: font of the characters.
-            face: face of its die.
-        """
-        fits = [self._start(k, c, font, face)[0] for k, c in enumerate(text) if c in font.glyphs]
+    def mean_correlation(self, text: Sequence[str], font: Font, face: Face = Face.FLAT) -> float:
+        """Mean correlation of a text's characters at their places; a character that the font lacks counts as 0."""
+        fits = [self.best_shift(k, c, font, face)[0] for k, c in enumerate(text) if c in font.glyphs]
         return sum(fits) / max(len(text), 1)
 
-    def _start(
+    def best_shift(
         self,
         place: int,
         char: str,
         font: Font,
         face: Face,
-        about: Floats = USUAL,
+        about: Floats = ZERO_POSE,
         *,
         shift_heights: float = 0.16,
         shift_cost: float = 3.0,
@@ -210,22 +198,20 @@ class FeltLine:
         """Correlation of a character about a place, and the pose in which it correlates best.
 
         Args:
-            place, char, font, face: as in `lay`.
-            about: pose at which the search starts.
             shift_heights: search radius to the right and down, character heights.
             shift_cost: loss of correlation per squared shift in character heights.
         """
         template = depth_template(font, char, face, round(math.exp(about[TALL]), 2))
         move = round(shift_heights * PIXELS)
-        at = np.array([self.strip.known.shape[0] // 2, self.strip.columns[place]])
-        middle = np.rint(at + PIXELS * about[[DOWN, RIGHT]]).astype(np.intp)
+        place_pixels = np.array([self.strip.known.shape[0] // 2, self.strip.columns[place]])
+        middle = np.rint(place_pixels + PIXELS * about[[DOWN, RIGHT]]).astype(np.intp)
         window = self.strip.window(middle, *(n // 2 + move for n in template.shape[:2]))
         around = np.arange(-move, move + 1)
         cost = shift_cost * (around / PIXELS) ** 2
         fits = correlate(window, [template])[0] - cost - cost[:, None]
         best = np.unravel_index(int(fits.argmax()), fits.shape)
         start = about.copy()
-        start[[DOWN, RIGHT]] = (middle + around[[*best]] - at) / PIXELS
+        start[[DOWN, RIGHT]] = (middle + around[[*best]] - place_pixels) / PIXELS
         return float(fits[best]), start
 
     def lay(
@@ -236,28 +222,24 @@ class FeltLine:
         face: Face = Face.FLAT,
         *,
         about: Floats | None = None,
-        spread: Floats = FOUND,
+        spread: Floats = POSE_SD_AT_LINE,
     ) -> LaidCharacter:
         """Fit the pose of a character at a place; cached unless `about` is given.
 
         Args:
-            place: index of the place, from 0.
-            char: the character.
-            font: a font that has the character.
-            face: face of its die.
-            about: the expected pose (default: `USUAL`).
+            about: the expected pose (default: `ZERO_POSE`).
             spread: standard deviations of poses about the expected one.
         """
         key = place, char, font.name, face
         if about is None and key in self._laid:
             return self._laid[key]
-        expected = USUAL if about is None else about
+        expected = ZERO_POSE if about is None else about
         samples, laid = self.strip.samples(place), LaidCharacter(expected)
         if samples.felt.size >= LEAST_SAMPLES:
             glyph = depth_glyph(font, char, face)
-            start = self._start(place, char, font, face, expected)[1]
-            likely, at = samples.fit(glyph, expected, spread, start)
-            laid = LaidCharacter(at, likely, samples.correlation(glyph, at))
+            start = self.best_shift(place, char, font, face, expected)[1]
+            log_likelihood, pose = samples.fit(glyph, expected, spread, start)
+            laid = LaidCharacter(pose, log_likelihood, samples.correlation(glyph, pose))
         if about is None:
             self._laid[key] = laid
         return laid
@@ -276,11 +258,7 @@ def _depth_strip(
     """The depths along a line, relative to its land.
 
     Args:
-        depth: (rows, columns) felt depth, character heights.
-        known: (rows, columns) where it was felt.
-        columns: (places,) columns of the middles of the places.
         land_heights: width of the window whose median is the land, character heights.
-        land_steps: distance of the samples used for the median, pixels.
         deep_percent: percentile of the line's samples that is the depth of its strokes.
         noise: least and greatest noise as shares of that depth; between them it is estimated from the samples' median
             distance from their median.
@@ -293,8 +271,8 @@ def _depth_strip(
     below = filled - cv2.resize(land, filled.shape[::-1], interpolation=cv2.INTER_LINEAR)
     middle, tall = depth.shape[0] // 2, round(0.55 * PIXELS)
     first, end = int(columns[0] - 0.4 * PIXELS), int(columns[-1] + 0.4 * PIXELS)
-    own = np.s_[middle - tall : middle + tall + 1, max(first, 0) : max(end, 0)]
-    inside = below[own][known[own]]
+    inside_line = np.s_[middle - tall : middle + tall + 1, max(first, 0) : max(end, 0)]
+    inside = below[inside_line][known[inside_line]]
     inside = inside if inside.size else np.zeros(1)
     deep = max(float(np.percentile(inside, deep_percent)), 1e-4)
     scatter = 1.4826 * float(np.median(np.abs(inside - np.median(inside))))
@@ -319,27 +297,21 @@ def felt_line(
     tried first: raised ones are rare, and text that was read badly under dirt fits neither way.
 
     Args:
-        view: felt view, with heights.
-        line: position at which the text was found.
-        columns: (places,) columns of the places in the line's strip.
-        text: one character for each place.
-        fonts: fonts to compare with.
         good_fit: mean correlation from which the line keeps the height at which it was found.
         least_gain: least gain in mean correlation for another height.
-        factors: factors of the height found that are tried instead.
     """
 
-    def suits(one: FeltLine) -> float:
-        return max((one.suits(text, font) for font in fonts), default=0.0)
+    def best_correlation(candidate: FeltLine) -> float:
+        return max((candidate.mean_correlation(text, font) for font in fonts), default=0.0)
 
     sunk, raised = (FeltLine(view, line, columns, out) for out in (False, True))
-    best, most = sunk, suits(sunk)
-    if most < good_fit and (ridges := suits(raised)) > max(most, LEAST_FIT):
+    best, most = sunk, best_correlation(sunk)
+    if most < good_fit and (ridges := best_correlation(raised)) > max(most, LEAST_FIT):
         best, most = raised, ridges
-    found, least = best, most + least_gain
+    as_found, least = best, most + least_gain
     for factor in factors if most < good_fit else ():
-        tried = found.at_height(factor * line.height_mm)
-        score = suits(tried)
+        tried = as_found.at_height(factor * line.height_mm)
+        score = best_correlation(tried)
         if score > max(most, least):
             best, most = tried, score
-    return best if most >= LEAST_FIT else found
+    return best if most >= LEAST_FIT else as_found

@@ -37,7 +37,6 @@ def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
 
     Args:
         made_of: everything they depend on besides the program: numbers, texts, arrays, dataclasses and tuples of these.
-        make: function that makes them.
     """
     folder = folder_of(kept)
     if folder is None:
@@ -46,12 +45,12 @@ def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
     with contextlib.suppress(OSError, ValueError, EOFError, BadZipFile), np.load(path) as file:
         path.touch()
         return {name: file[name] for name in file.files}
-    made: dict[str, Any] = dict(make())
+    arrays: dict[str, Any] = dict(make())
     with contextlib.suppress(OSError, FileError):
         with replacing(path) as temporary:
-            np.savez(temporary, **made)
+            np.savez(temporary, **arrays)
         _remove_oldest(folder)
-    return made
+    return arrays
 
 
 def _remove_oldest(folder: Path) -> None:
@@ -68,8 +67,8 @@ def _remove_oldest(folder: Path) -> None:
 
 def _digest(made_of: Iterable[object]) -> str:
     digest = sha256(_program())
-    for one in made_of:
-        _add(digest, one)
+    for value in made_of:
+        _add(digest, value)
     return digest.hexdigest()[:32]
 
 
@@ -83,8 +82,8 @@ def _add(digest: Any, value: object) -> None:
             _add(digest, getattr(value, field.name))
     elif isinstance(value, tuple):
         digest.update(f" {len(value)} ".encode())
-        for one in value:
-            _add(digest, one)
+        for item in value:
+            _add(digest, item)
     else:
         text = repr(value).encode()
         digest.update(f" {len(text)} ".encode() + text)

@@ -13,27 +13,21 @@ from __future__ import annotations
 import numpy as np
 
 from glyphs.fonts.glyph import Font
-from recognition.glyph_match.felt_line import LEAST_SAMPLES, SETTLED, USUAL, FeltLine
+from recognition.glyph_match.felt_line import LEAST_SAMPLES, POSE_SD_REFINED, ZERO_POSE, FeltLine
 from recognition.glyph_match.pose import DEEP, DOWN, RIGHT, TALL, TURN, WIDE, Floats
 from recognition.language.lattice import Lattice
 
 
 def depth_likelihoods(
-    together: Lattice, felt: FeltLine, font: Font, *, likely: float = 1e-3
+    together: Lattice, felt: FeltLine, font: Font, *, least_probability: float = 1e-3
 ) -> Floats | None:
     """(places, C) log likelihoods of the depths along a font's characters; None if none could be compared.
 
     Only places where several characters are likely are compared; NaN at others, and for unlikely characters.
-
-    Args:
-        together: posteriors of recogniser and faces.
-        felt: the line.
-        font: font of the characters.
-        likely: least probability of a character that is compared.
     """
     belief = np.exp(together.log_belief)
     has = np.array([char in font.glyphs for char in together.chars])
-    likely_chars = (belief >= likely) & has
+    likely_chars = (belief >= least_probability) & has
     doubtful = np.flatnonzero(likely_chars.sum(axis=1) > 1).tolist()
     places = [k for k in doubtful if felt.strip.samples(k).felt.size >= LEAST_SAMPLES]
     if not places:
@@ -41,7 +35,7 @@ def depth_likelihoods(
     about, log = _smooth_poses(felt, together, font), np.full(belief.shape, np.nan)
     for k in places:
         for i in np.flatnonzero(likely_chars[k]):
-            laid = felt.lay(k, together.chars[i], font, about=about[k], spread=SETTLED)
+            laid = felt.lay(k, together.chars[i], font, about=about[k], spread=POSE_SD_REFINED)
             log[k, i] = laid.log_likelihood
     return log
 
@@ -50,7 +44,7 @@ def _smooth_poses(felt: FeltLine, together: Lattice, font: Font) -> Floats:
     """(places, NUMBERS) expected pose at each place: the poses of the characters read, smoothed along the line."""
     has = np.array([char in font.glyphs for char in together.text])
     sure = has * np.exp(2.0 * together.log_belief.max(axis=1))
-    laid = [felt.lay(k, c, font).pose if has[k] else USUAL for k, c in enumerate(together.text)]
+    laid = [felt.lay(k, c, font).pose if has[k] else ZERO_POSE for k, c in enumerate(together.text)]
     fitted = np.stack(laid)
     along = (felt.columns - felt.columns.mean()) / max(float(np.ptp(felt.columns)), 1.0)
     about = np.zeros_like(fitted)

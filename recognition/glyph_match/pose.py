@@ -33,16 +33,15 @@ RIGHT, DOWN, TURN, WIDE, TALL, DEEP, LEVEL = range(7)
 NUMBERS = 9
 
 
-def points_at(at: Floats, points: Floats) -> Floats:
+def points_at(pose: Floats, points: Floats) -> Floats:
     """(n, 2) points of a character in a pose: distances to the right and down from the middle of a place.
 
     Args:
-        at: the pose.
         points: (n, 2) from the character's reference point to the right and down, character heights.
     """
-    cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
-    turned = points * np.exp(at[[WIDE, TALL]]) @ np.array([[cos, sin], [-sin, cos]])
-    return np.asarray(turned + at[[RIGHT, DOWN]])
+    cos, sin = math.cos(pose[TURN]), math.sin(pose[TURN])
+    turned = points * np.exp(pose[[WIDE, TALL]]) @ np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(turned + pose[[RIGHT, DOWN]])
 
 
 def spread_of_poses(
@@ -65,8 +64,6 @@ class PlaceSamples:
 
     Attributes:
         right, down: (n,) distances from the middle of the place, character heights.
-        felt: (n,) depth below the surrounding land, in units of noise.
-        usual: depth of the line's strokes in units of noise.
         missed: share of samples without information.
         span: range of the depths of those samples, in usual depths.
         alike: number of neighbouring samples that count as one, because noise and dirt are wider than a pixel.
@@ -80,42 +77,41 @@ class PlaceSamples:
     span: float = 6.0
     alike: float = 9.0
 
-    def predict(self, glyph: Glyph, at: Floats) -> Floats:
+    def predict(self, glyph: Glyph, pose: Floats) -> Floats:
         """(n, channels) values of a character in a pose at the samples."""
         from glyphs.opencv import cv2
 
         rows, columns = glyph.shape[:2]
-        along, across = self._inside(at)
+        along, across = self._inside(pose)
         x, y = along * PIXELS + columns // 2, across * PIXELS + rows // 2
         seen = cv2.remap(glyph, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
         return np.asarray(seen.reshape(self.felt.size, -1), dtype=np.float64)
 
-    def _inside(self, at: Floats) -> tuple[Floats, Floats]:
-        """Positions of the samples in the frame of a character in a pose, character heights."""
-        right, down = self.right - at[RIGHT], self.down - at[DOWN]
-        cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
+    def _inside(self, pose: Floats) -> tuple[Floats, Floats]:
+        right, down = self.right - pose[RIGHT], self.down - pose[DOWN]
+        cos, sin = math.cos(pose[TURN]), math.sin(pose[TURN])
         along, across = cos * right + sin * down, cos * down - sin * right
-        return along * math.exp(-at[WIDE]), across * math.exp(-at[TALL])
+        return along * math.exp(-pose[WIDE]), across * math.exp(-pose[TALL])
 
-    def correlation(self, glyph: Glyph, at: Floats) -> float:
+    def correlation(self, glyph: Glyph, pose: Floats) -> float:
         """Correlation of the felt depths, clipped near the usual one, with those of a character in a pose."""
-        want = self.predict(glyph[..., :1], at)[:, 0]
+        want = self.predict(glyph[..., :1], pose)[:, 0]
         felt = np.clip(self.felt / self.usual, -0.5, 1.3)
         want, felt = want - want.mean(), felt - felt.mean()
         return float(want @ felt / math.sqrt((want @ want) * (felt @ felt) + 1e-9))
 
-    def residuals(self, glyph: Glyph, at: Floats) -> Floats:
+    def residuals(self, glyph: Glyph, pose: Floats) -> Floats:
         """(n,) predicted minus felt depth, in units of noise."""
-        depth = math.exp(at[DEEP]) * self.predict(glyph[..., :1], at)[:, 0]
-        land = at[LEVEL] + at[LEVEL + 1] * self.right + at[LEVEL + 2] * self.down
+        depth = math.exp(pose[DEEP]) * self.predict(glyph[..., :1], pose)[:, 0]
+        land = pose[LEVEL] + pose[LEVEL + 1] * self.right + pose[LEVEL + 2] * self.down
         return np.asarray(self.usual * (depth + land) - self.felt)
 
-    def slopes(self, glyph: Glyph, at: Floats) -> Floats:
+    def slopes(self, glyph: Glyph, pose: Floats) -> Floats:
         """(n, NUMBERS) derivatives of the residuals."""
-        depth, on, down = self.usual * math.exp(at[DEEP]) * self.predict(glyph, at).T
-        along, across = self._inside(at)
-        cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
-        wide, tall = math.exp(-at[WIDE]), math.exp(-at[TALL])
+        depth, on, down = self.usual * math.exp(pose[DEEP]) * self.predict(glyph, pose).T
+        along, across = self._inside(pose)
+        cos, sin = math.cos(pose[TURN]), math.sin(pose[TURN])
+        wide, tall = math.exp(-pose[WIDE]), math.exp(-pose[TALL])
         land = self.usual * np.ones_like(depth)
         return np.stack(
             [
@@ -142,31 +138,23 @@ class PlaceSamples:
     def fit(
         self, glyph: Glyph, about: Floats, spread: Floats, start: Floats, *, most_steps: int = 12
     ) -> tuple[float, Floats]:
-        """Fit the most likely pose of a character; return it and its log-likelihood.
-
-        Args:
-            glyph: the character.
-            about: the expected pose.
-            spread: standard deviations of poses about it.
-            start: the pose at which the fit begins.
-            most_steps: greatest number of steps of the fit.
-        """
+        """Fit the most likely pose of a character; return it and its log-likelihood."""
         from scipy.optimize import least_squares
 
         n = self.felt.size
 
-        def residuals(at: Floats) -> Floats:
-            return np.concatenate([self.residuals(glyph, at), (at - about) / spread])
+        def residuals(pose: Floats) -> Floats:
+            return np.concatenate([self.residuals(glyph, pose), (pose - about) / spread])
 
-        def slopes(at: Floats) -> Floats:
-            return np.concatenate([self.slopes(glyph, at), np.diag(1.0 / spread)])
+        def slopes(pose: Floats) -> Floats:
+            return np.concatenate([self.slopes(glyph, pose), np.diag(1.0 / spread)])
 
         def loss(squares: Floats) -> Floats:
             expected = squares[n:]
             plain = np.stack([expected, np.ones_like(expected), np.zeros_like(expected)])
             return np.concatenate([self.loss(squares[:n]), plain], axis=1)
 
-        found = least_squares(
+        fitted = least_squares(
             residuals,
             start,
             slopes,
@@ -177,4 +165,4 @@ class PlaceSamples:
             ftol=3e-3,
             gtol=1e-3,
         )
-        return -float(found.cost), np.asarray(found.x)
+        return -float(fitted.cost), np.asarray(fitted.x)

@@ -58,12 +58,9 @@ class TemplateKey:
     """All parameters on which a template set depends, independent of scale.
 
     Attributes:
-        raised: whether the marks are raised.
         compliance: D11 divided by its yy element, row by row.
         arm: third row of T1 divided by its length.
         preload, tip_radius: both divided by the character height.
-        friction: nominal friction.
-        die: die at the canonical height.
     """
 
     raised: bool
@@ -96,11 +93,6 @@ def template_key(
     """Key of the templates for a touch and a character height; rounded, so that similar parts share a set.
 
     Args:
-        font: font of the characters.
-        touch: touch with which they are felt.
-        height_mm: height of the characters.
-        raised: whether they are raised.
-        face: face of the die.
         step: relative step of preload and depth between two sets; twice that of the tip's radius.
     """
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
@@ -128,13 +120,10 @@ class TemplateSet:
     """Felt templates of a font's characters, side by side on a plate.
 
     Attributes:
-        chars: (T,) characters.
-        view: view of the whole plate.
         middles_mm: (T, 2) x, y of the glyphs' reference points.
         patches: (T, directions, rows, cols) float32 edges, PIXELS per character height, with the glyph's reference
             point in the middle pixel; rows and cols odd.
         half_width: (T,) half the ink's width, character heights.
-        work: cache for values derived from the plate and its patches.
     """
 
     chars: tuple[str, ...]
@@ -156,7 +145,6 @@ class IdealPlate:
     """A plate with a font's characters side by side, each struck perfectly.
 
     Attributes:
-        surface: the plate.
         middles_mm: (T, 2) x, y of the glyphs' reference points.
         half_width: (T,) half the ink's width, character heights.
         shape: (rows, cols) of a character's part of the plate, PIXELS per character height, both odd.
@@ -188,10 +176,6 @@ def ideal_plate(
     """Strike the plate, at the canonical height and half the templates' pitch.
 
     Args:
-        font: font of the characters.
-        chars: characters to strike.
-        die: die that strikes them.
-        raised: whether they are raised.
         cell_margin_heights: land kept around a glyph in its cell, character heights.
         land_heights: land that the plate has above and below all glyphs, character heights.
 
@@ -205,7 +189,7 @@ def ideal_plate(
     half = 0.5 * np.array([b[2] - b[0] for b in boxes])
     tall = max(max(abs(b[1] - 0.5), abs(b[3] - 0.5)) for b in boxes)
     n_cols = math.ceil((float(half.max()) + cell_margin_heights) * PIXELS)
-    n_rows, own = (math.ceil((tall + land) * PIXELS) for land in (land_heights, cell_margin_heights))
+    n_rows, cell = (math.ceil((tall + land) * PIXELS) for land in (land_heights, cell_margin_heights))
     # cells are felt at the template's pitch; the plate is drawn at half of it
     fine = 0.5 * pitch
     rows, cols = 2 * n_rows + 1, 2 * n_cols + 1
@@ -217,7 +201,7 @@ def ideal_plate(
     middles = np.column_stack(
         [(np.arange(len(chars)) * cols + n_cols) * pitch, np.full(len(chars), n_rows * pitch)]
     )
-    surface, own_rows = HeightMap(-z if raised else z, fine), slice(n_rows - own, n_rows + own + 1)
+    surface, own_rows = HeightMap(-z if raised else z, fine), slice(n_rows - cell, n_rows + cell + 1)
     return IdealPlate(surface, middles, half, (rows, cols), own_rows)
 
 
@@ -233,9 +217,6 @@ def lit_views(
     """Photographs of an ideal plate of matt metal, one under each light.
 
     Args:
-        plate: the plate.
-        lights: the lights.
-        albedo: share of the light that the plate reflects.
         roughness: roughness of brushed metal, 0 to 1.
         reflectance: reflectance of brushed metal, 0 to 1.
         middle_grey: mean of a well exposed photograph, linear.
@@ -263,14 +244,14 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
         FontError: a character that the font lacks.
         StampError, MapError: an invalid die or scale.
     """
-    found = kept(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
-    x_mm, y_mm, pitch_mm = found["grid"].tolist()
+    arrays = kept(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
+    x_mm, y_mm, pitch_mm = arrays["grid"].tolist()
     return TemplateSet(
         chars=tuple(chars),
-        view=View(ViewKind.FELT, found["layers"], pitch_mm, (x_mm, y_mm), key.touch()),
-        middles_mm=found["middles_mm"],
-        patches=found["patches"],
-        half_width=found["half_width"],
+        view=View(ViewKind.FELT, arrays["layers"], pitch_mm, (x_mm, y_mm), key.touch()),
+        middles_mm=arrays["middles_mm"],
+        patches=arrays["patches"],
+        half_width=arrays["half_width"],
     )
 
 
@@ -307,8 +288,8 @@ def sunk_relief_mm(
     if shape.relief is not None:
         return _felt_relief(shape.relief, u, v)
     x0, _, x1, _ = (edge * CANONICAL_HEIGHT_MM for edge in shape.ink_box)
-    at = u + 0.5 * (x0 + x1), v + 0.5 * CANONICAL_HEIGHT_MM
-    return shape_relief_mm(shape, die, *at, height_mm=CANONICAL_HEIGHT_MM)
+    offsets = u + 0.5 * (x0 + x1), v + 0.5 * CANONICAL_HEIGHT_MM
+    return shape_relief_mm(shape, die, *offsets, height_mm=CANONICAL_HEIGHT_MM)
 
 
 def _felt_relief(
@@ -318,6 +299,6 @@ def _felt_relief(
     from scipy import ndimage
 
     pixel = CANONICAL_HEIGHT_MM / RELIEF_PIXELS
-    at = np.broadcast_arrays(felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel)
-    found = ndimage.map_coordinates(felt, at, order=1, mode="constant")
-    return np.asarray(found * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)
+    pixels = np.broadcast_arrays(felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel)
+    relief = ndimage.map_coordinates(felt, pixels, order=1, mode="constant")
+    return np.asarray(relief * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)

@@ -74,8 +74,6 @@ class Prototypes:
     """Characters of faces, by one touch or under each of several lights.
 
     Attributes:
-        names: (F,) names of the faces.
-        chars: (T,) characters.
         numbers: (F, lights, T, N) mapped windows, divided by their length before the map; 0 of a character that the
             face lacks.
         half: (F, T) half the width of a character's window, steps; 0 of a character that the face lacks.
@@ -125,12 +123,6 @@ def lit_prototypes(
 ) -> Prototypes:
     """Prototypes of a font by camera, under each of several lights.
 
-    Args:
-        font: the font.
-        chars: characters of the font.
-        map: map of the features of photographs.
-        lights: lights under which photographs are predicted.
-
     Raises:
         FontError: a character that the font lacks.
         StampError: an invalid die.
@@ -151,29 +143,28 @@ def _prototypes(
     """The arrays of `Prototypes` of one face, from views of its plate."""
     half, columns, line = half_steps(half_width), plate_columns(middles_mm), line_of(middles_mm)
     shown = [own_windows(features_of(view.strip(line)), columns, half, map) for view in views]
-    return {"numbers": np.stack([map.numbers(own) for own in shown])[None], "half": half[None]}
+    return {
+        "numbers": np.stack([map.numbers(plate_windows) for plate_windows in shown])[None],
+        "half": half[None],
+    }
 
 
 def own_windows(features: Features, columns: Floats, half: Features, map: FeatureMap) -> Features:
     """(T, STEPS, S) windows of a plate's characters, each within its ink and of length 1 before the map.
 
     Args:
-        features: features of the plate.
-        columns: (T,) columns of the characters.
         half: (T,) half the widths of their windows, steps.
-        map: map whose components are taken.
     """
     components, squares = map.components(features)
-    own = own_steps(half)
-    length = np.sqrt(np.einsum("ts,ts->t", windows(squares, columns), own))
-    return np.asarray(windows(components, columns) * (own / length[:, None])[..., None])
+    weights = own_steps(half)
+    length = np.sqrt(np.einsum("ts,ts->t", windows(squares, columns), weights))
+    return np.asarray(windows(components, columns) * (weights / length[:, None])[..., None])
 
 
 def half_steps(half_width: Floats, *, beside_steps: float = 2.0) -> Features:
     """Half the widths of characters' windows, steps.
 
     Args:
-        half_width: half the widths of the characters' ink, character heights.
         beside_steps: steps beside a character's ink that count as its own.
     """
     return (half_width * HEIGHT_ROWS / FEATURE_COLUMNS + beside_steps).astype(np.float32)
@@ -207,9 +198,7 @@ def place_windows(
     """Map the windows about the places of a line.
 
     Args:
-        features: features of its strip.
         columns: (places,) columns of the characters in the strip.
-        map: map of the features of the sense.
         moved_steps: greatest error of a place, steps.
     """
     components, squares = (
@@ -226,19 +215,16 @@ def cosines(
     """(F, lights, places, T) greatest cosine of every prototype with every place over small moves.
 
     Args:
-        places: windows of the line.
-        prototypes: prototypes of faces.
-        moved: whether places may be moved.
         move_cost: loss of cosine per step.
     """
     faces, lights, chars, count = prototypes.numbers.shape
     flat = prototypes.numbers.reshape(-1, count).T
-    own = own_steps(prototypes.half).reshape(-1, STEPS).T
+    weights = own_steps(prototypes.half).reshape(-1, STEPS).T
     middle = len(places.numbers) // 2
     best: Features | None = None
     for move in range(len(places.numbers)) if moved else (middle,):
         product = (places.numbers[move] @ flat).reshape(-1, faces, lights, chars)
-        length = np.sqrt(np.maximum(places.squares[move] @ own, 1e-12)).reshape(-1, faces, 1, chars)
+        length = np.sqrt(np.maximum(places.squares[move] @ weights, 1e-12)).reshape(-1, faces, 1, chars)
         cosine = product / length - np.float32(move_cost * abs(move - middle))
         best = cosine if best is None else np.maximum(best, cosine)
     assert best is not None

@@ -56,7 +56,6 @@ class Automaton:
     """Strings of one length.
 
     Attributes:
-        chars: (C,) characters.
         steps: one per place, (states before, C) int64: the state after each character, -1 where it is not allowed.
             The first has one row, or none if no string is allowed. A string may end in any state after the last place.
     """
@@ -119,7 +118,6 @@ class Automaton:
         ranked: dict[tuple[int, int], tuple[list[_Path], list[_Path]]] = {}
 
         def path(place: int, state: int, rank: int) -> _Path | None:
-            """The path of this rank from a state to the end; None if there are fewer."""
             step = self.steps[place][state]
             if (place, state) not in ranked:
                 costs = np.where(step >= 0, -log_belief[place] - after[place + 1][step], np.inf)
@@ -159,12 +157,7 @@ class Automaton:
 
 @dataclass(frozen=True, eq=False)
 class WordList:
-    """Strings of one length written out: a lexicon.
-
-    Attributes:
-        chars: (C,) characters.
-        words: distinct words.
-    """
+    """Strings of one length written out: a lexicon."""
 
     chars: tuple[str, ...]
     words: tuple[str, ...]
@@ -277,7 +270,6 @@ def _distinct(pairs: Places) -> tuple[Places, Places]:
 
 
 def _log_sum(values: Beliefs, axis: int) -> Beliefs:
-    """Logarithm of the sum of exponentials; -inf if all are -inf."""
     top = values.max(axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):

@@ -45,7 +45,6 @@ class CheckDigit:
     """A rule and the places it checks; a `recognition.language.automaton.Machine` except for stdnum.
 
     Attributes:
-        name: one of `CHECK_DIGITS`.
         first_place: first place that is checked, counted from 1.
         last_place: last place that is checked; None for the end of the text.
 
@@ -70,11 +69,7 @@ class CheckDigit:
 
     @classmethod
     def parse(cls, text: str) -> CheckDigit:
-        """Parse a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`.
-
-        Raises:
-            FormatError: as in the class.
-        """
+        """Parse a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`."""
         match = _FORM.fullmatch(text.strip())
         if match is None:
             raise FormatError(
@@ -88,7 +83,6 @@ class CheckDigit:
         return cls(name, int(match["first"] or 1), last)
 
     def __str__(self) -> str:
-        """The notation that `parse` reads."""
         if (self.first_place, self.last_place) == (1, None):
             return self.name
         return f"{self.name}@{self.first_place}-{self.last_place or ''}"
@@ -178,22 +172,18 @@ def _stdnum_module(name: str) -> ModuleType:
             f"the check digit {name} needs python-stdnum: pip install 'tactile-marks[checkdigits]'"
         ) from error
     try:
-        found = importlib.import_module(f"stdnum.{module}")
+        checker = importlib.import_module(f"stdnum.{module}")
     except ImportError as error:
         raise FormatError(
             f"python-stdnum has no {module!r}", hint="its documentation lists the modules"
         ) from error
-    if not hasattr(found, "is_valid"):
+    if not hasattr(checker, "is_valid"):
         raise FormatError(f"stdnum.{module} checks no numbers", hint="name one that has is_valid()")
-    return found
+    return checker
 
 
 def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
     """Pairs of characters that the check digit does not distinguish, with their place (counted from 1).
-
-    Args:
-        check: the rule.
-        allowed: the characters allowed at each place.
 
     Raises:
         FormatError: a rule that needs the whole text.
@@ -202,8 +192,8 @@ def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[st
     pairs = set()
     for place, here in enumerate(allowed):
         table = check.table(place, len(allowed), chars)
-        for (j, one), (k, other) in combinations(enumerate(chars), 2):
+        for (j, char), (k, other) in combinations(enumerate(chars), 2):
             same = (table[:, j] == table[:, k]).all() and (table[:, j] >= 0).all()
-            if same and one in here and other in here:
-                pairs.add((one, other, place + 1))
+            if same and char in here and other in here:
+                pairs.add((char, other, place + 1))
     return frozenset(pairs)

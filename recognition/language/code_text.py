@@ -47,16 +47,16 @@ class CodeField:
 
 def fields_of(text: str) -> tuple[CodeField, ...]:
     """Split a code's text into its fields, in order; the module docstring lists the notations."""
-    if (found := _ENVELOPE.match(text)) is not None:
-        return _envelope_fields(found["format"], found["fields"])
+    if (envelope := _ENVELOPE.match(text)) is not None:
+        return _envelope_fields(envelope["format"], envelope["fields"])
     if _AI.match(text):
         pieces = _AI.split(text)
         return tuple(CodeField(k, v) for k, v in zip(pieces[1::2], pieces[2::2], strict=True))
     if re.match(r"https?://", text, re.IGNORECASE):
         return _address_fields(text)
     elements = [_ELEMENT.fullmatch(piece) for piece in _BETWEEN_ELEMENTS.split(text) if piece]
-    if all(one is not None and one[1] in TEXT_ELEMENTS for one in elements):
-        return tuple(CodeField(one[1], one[2]) for one in elements if one is not None)
+    if all(match is not None and match[1] in TEXT_ELEMENTS for match in elements):
+        return tuple(CodeField(match[1], match[2]) for match in elements if match is not None)
     pieces = [piece.strip() for piece in _BETWEEN.split(text) if piece.strip()]
     return tuple(
         CodeField("SN", label[1]) if (label := _LABEL.fullmatch(piece)) else CodeField("", piece)
@@ -69,10 +69,6 @@ def holds(text: str, serial: str) -> bool | None:
 
     If some fields are marked as serials, only these are compared; otherwise every field is. None if all fields are
     marked as something else: such a code describes the part, but not its serial.
-
-    Args:
-        text: text of the code.
-        serial: serial as read.
     """
     if serial and _bare(text) == _bare(serial):
         return True
@@ -103,8 +99,10 @@ def _envelope_fields(format: str, fields: str) -> tuple[CodeField, ...]:
         # application identifiers without brackets; only the one of a serial matters here
         return tuple(CodeField(p[:2], p[2:]) if p[:2] == "21" else CodeField("AI", p) for p in pieces)
     pattern = _DI if format == "06" else _ELEMENT
-    found = [(piece, pattern.fullmatch(piece)) for piece in pieces]
-    return tuple(CodeField("", piece) if one is None else CodeField(one[1], one[2]) for piece, one in found)
+    matches = [(piece, pattern.fullmatch(piece)) for piece in pieces]
+    return tuple(
+        CodeField("", piece) if match is None else CodeField(match[1], match[2]) for piece, match in matches
+    )
 
 
 def _address_fields(text: str) -> tuple[CodeField, ...]:

@@ -35,10 +35,10 @@ SWAP_SETS = {
 """Characters that are easily confused, and why."""
 
 
-def swap_reason(one: str, other: str) -> str:
+def swap_reason(char: str, other: str) -> str:
     """Reason why two characters are easily confused; empty if no set has both."""
     return next(
-        (why for chars, why in SWAP_SETS.items() if one != other and one in chars and other in chars), ""
+        (why for chars, why in SWAP_SETS.items() if char != other and char in chars and other in chars), ""
     )
 
 
@@ -56,9 +56,6 @@ class PlaceState:
     """The state of one place and its characters.
 
     Attributes:
-        state: the state.
-        char: most probable character; empty if every probability is 0.
-        probability: probability of `char`.
         rival: the character that `char` is confused with (CONFUSED), or the one that was read in place of the expected
             one (MISMATCH); empty otherwise.
         expected: the character that should stand there; empty if unknown, or if none should.
@@ -113,7 +110,6 @@ def state_of(
         expected: the character that should stand there; "" if none should; None if unknown.
         read_belief, read_margin: least probability of the best character, and its least lead over the second, for a
             place to count as read. Acceptance of the reading has thresholds of its own.
-        nothing_belief: least probability of "no character" for a place to count as not read.
         share_of_first: least probability of the second character, as a share of the best one's, to be confused with it.
         mismatch_share: least probability of the expected character, as a share of the best one's; below it the place
             is a mismatch.

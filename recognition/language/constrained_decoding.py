@@ -49,11 +49,8 @@ class Choice:
     """The best text of a lattice under a grammar, and its rivals; one character per place, without blanks.
 
     Attributes:
-        text: the best allowed string; empty when there is none.
         probability: w / (Z + N), see the module. With an opaque check digit, a lower bound: strings that
             were not tested count against it.
-        rivals: the next best, best first.
-        chars: (C,) characters.
         places: (places, C) probability of each character at each place under the grammar: its share of Z, times
             a_i / (a_i + r_i). The rest of a row to 1 is "no character", or unknown.
         valid_mass: Z, the lattice's own probability of all allowed strings together (an upper bound with an
@@ -83,9 +80,6 @@ def choose(
     """Find the best strings that the grammar allows, with their probabilities; the latest results are kept.
 
     Args:
-        lattice: probabilities of the characters at each place.
-        grammar: None allows every string of the lattice's characters.
-        k: number of strings to return, including the best.
         most_tests: most strings on which an opaque check digit is tested; `Choice.exhausted` if there are more.
 
     Raises:
@@ -113,15 +107,15 @@ def _choose(lattice: Lattice, grammar: Grammar | None, k: int, most_tests: int) 
     exhausted = False
     if grammar.opaque and grammar.lexicon is None:
         tested = _test_strings(strings.best(log), log_z, log_d, grammar, lattice, most_tests)
-        found, exhausted = tested.found[:k], tested.gave_up
+        best_strings, exhausted = tested.valid[:k], tested.gave_up
         of_z = tested.good + tested.left
         log_d = float(np.logaddexp(log_z + _log(of_z), log_n))
         share = tested.by_place / max(of_z, 1e-300)
         log_z += _log(of_z)
     else:
-        found = list(islice(strings.best(log), k))
+        best_strings = list(islice(strings.best(log), k))
         share = np.exp(strings.log_marginals(log) - log_z)
-    named = [Rival(text, math.exp(min(0.0, weight - log_d))) for text, weight in found]
+    named = [Rival(text, math.exp(min(0.0, weight - log_d))) for text, weight in best_strings]
     best = named[0] if named else Rival("", 0.0)
     return Choice(
         text=best.text,
@@ -142,7 +136,7 @@ class _Tested:
     """
 
     by_place: NDArray[np.float64]
-    found: list[tuple[str, float]] = field(default_factory=list)
+    valid: list[tuple[str, float]] = field(default_factory=list)
     good: float = 0.0
     left: float = 1.0
     gave_up: bool = False
@@ -158,11 +152,7 @@ def _test_strings(
     *,
     resolved: float = 1e-4,
 ) -> _Tested:
-    """Test string by string, best first, until the rest is negligible.
-
-    Args:
-        resolved: share of probability in untested strings at which the search may end.
-    """
+    """Test string by string, best first, until the rest is negligible."""
     number = {c: i for i, c in enumerate(lattice.chars)}
     tested = _Tested(np.zeros(lattice.log_belief.shape))
     for text, weight in islice(strings, most_tests):
@@ -170,11 +160,11 @@ def _test_strings(
         # sums of shares are accurate to about 1e-12: a smaller rest is not treated as zero
         tested.left = max(tested.left - share, 1e-12)
         if all(check.holds(text) for check in grammar.opaque):
-            tested.found.append((text, weight))
+            tested.valid.append((text, weight))
             tested.good += share
             tested.by_place[np.arange(len(text)), [number[c] for c in text]] += share
         beside = tested.good + math.exp(log_d - log_z) - 1.0
-        if tested.found and tested.left <= resolved * (tested.left + beside):
+        if tested.valid and tested.left <= resolved * (tested.left + beside):
             return tested
     tested.gave_up = next(strings, None) is not None
     tested.left *= tested.gave_up
@@ -188,13 +178,11 @@ def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _log_added(log_allowed: NDArray[np.float64], nothing: NDArray[np.float64]) -> NDArray[np.float64]:
-    """log(a + r)."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.logaddexp(log_allowed, np.log(nothing)))
 
 
 def _log_with_holes(log_allowed: NDArray[np.float64], nothing: NDArray[np.float64]) -> float:
-    """Logarithm of N."""
     whole = float(log_allowed.sum())
     more = float(_log_added(log_allowed, nothing).sum()) - whole
     # log(exp(more) - 1), accurate for small and large values
@@ -206,13 +194,7 @@ def _log(value: float) -> float:
 
 
 def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = 0.01) -> dict[int, str]:
-    """Warn, by place, of each character that no check digit distinguishes from another probable one.
-
-    Args:
-        choice: the result.
-        grammar: grammar that it was chosen under; without check digits there are no warnings.
-        least: least probability of the other character for a warning.
-    """
+    """Warn, by place, of each character that no check digit distinguishes from another probable one."""
     rules = [check for check in grammar.checks if check.remainder is not None]
     if not choice.text or not rules:
         return {}

@@ -108,12 +108,11 @@ def named_fields(text: str) -> dict[str, str]:
 
 def names_before_gaps(text: str) -> frozenset[int]:
     """Places of a text without blanks at which the name of a text element ends: "MFR0AB12/SERKB74" -> 2, 11."""
-    found = [re.match(r"[A-Z]{3}(?=.)", text), *re.finditer(r"(?<=/)[A-Z]{3}(?=.)", text)]
-    return frozenset(one.end() - 1 for one in found if one is not None and one[0] in ELEMENTS)
+    names = [re.match(r"[A-Z]{3}(?=.)", text), *re.finditer(r"(?<=/)[A-Z]{3}(?=.)", text)]
+    return frozenset(name.end() - 1 for name in names if name is not None and name[0] in ELEMENTS)
 
 
 def _identifiers(text: str) -> Sequence[tuple[str, str]]:
-    """Each identifier and its mask; the mask may be empty."""
     text = text.strip()
     if text.startswith("("):
         pieces = _BRACKETED.findall(text)
@@ -129,6 +128,5 @@ def _of_mask(mask: str) -> str:
 
 
 def _fixed_length(pattern: str) -> int | None:
-    """Number of characters of a value; None if it is not fixed."""
     least, most = _parser.parse(pattern).getwidth()
     return int(least) if least == most else None

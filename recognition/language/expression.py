@@ -90,12 +90,12 @@ class ExpressionMachine:
         steps[rows, self.next_state[rows, columns]] = True
         here = np.zeros(self.final.size, dtype=bool)
         here[0] = True
-        found = set()
+        lengths = set()
         for length in range(MOST_PLACES + 1):
             if (here & self.final).any():
-                found.add(length)
+                lengths.add(length)
             here = np.asarray(steps[here].any(axis=0))
-        return frozenset(found)
+        return frozenset(lengths)
 
 
 @lru_cache(maxsize=64)
@@ -164,7 +164,6 @@ def too_many_characters(format: str) -> FormatError:
 
 
 def _parse(pattern: str) -> Any:
-    """Items of an expression from Python's parser."""
     if not pattern or len(pattern) > MOST_LENGTH:
         raise FormatError(
             f"an expression has 1 to {MOST_LENGTH} characters", hint=f"this one has {len(pattern)}"
@@ -211,7 +210,6 @@ class _Net:
         return end
 
     def _members(self, part: Any) -> Chars:
-        """Characters that one item of Python's parser matches."""
         if (name := repr(part.data)) not in self.known:
             taken = _compiler.compile(part, re.ASCII).fullmatch
             self.known[name] = frozenset(filter(taken, self.chars))

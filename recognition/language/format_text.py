@@ -35,33 +35,32 @@ def parts_of(texts: Iterable[str]) -> dict[str, Any]:
     Raises:
         FormatError: a text that cannot be understood, or two of one kind.
     """
-    given: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     checks: list[CheckDigit] = []
     exclude = ""
     for text in texts:
         body, options = _options(text)
-        kind, rest = _kind(body)
+        kind, value = _kind(body)
         if kind == "check":
-            checks.append(CheckDigit.parse(rest))
-        elif (field := _FIELDS[kind]) in given:
+            checks.append(CheckDigit.parse(value))
+        elif (field := _FIELDS[kind]) in fields:
             name = {"format": "mask", "expression": "re"}.get(field, field)
             raise FormatError(f"the format has two of {name}", hint="give each kind once")
         else:
-            given[field] = _sets(rest) if field == "sets" else rest
+            fields[field] = _sets(value) if field == "sets" else value
         if kind == "fields":
-            given["elements"] = rest
-            given["expression"], more = elements_format(rest)
+            fields["elements"] = value
+            fields["expression"], more = elements_format(value)
             checks.extend(more)
-        checks.extend(CheckDigit.parse(value) for key, value in options if key == "check")
-        exclude += "".join(value for key, value in options if key == "exclude")
-    return {**given, "checks": tuple(checks), "exclude": exclude}
+        checks.extend(CheckDigit.parse(option) for key, option in options if key == "check")
+        exclude += "".join(option for key, option in options if key == "exclude")
+    return {**fields, "checks": tuple(checks), "exclude": exclude}
 
 
 _OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", re.DOTALL)
 
 
 def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
-    """Split a format into its body and the `+check=` and `+exclude=` at its end."""
     options = []
     while (match := _OPTION.fullmatch(text)) is not None:
         text = match["body"]
@@ -70,8 +69,7 @@ def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
 
 
 def _kind(body: str) -> tuple[str, str]:
-    """Split a format into its kind and the text after the colon."""
-    kind, colon, rest = body.partition(":")
+    kind, colon, value = body.partition(":")
     if body in ("vin", "vin-na"):
         return "check", body
     if not colon or kind not in ("mask", "re", "sets", "check", "fields"):
@@ -81,9 +79,9 @@ def _kind(body: str) -> tuple[str, str]:
                 hint="write for example AA999999, or re:, sets:, fields:, vin, vin-na or check:",
             )
         return "mask", body
-    if not rest:
+    if not value:
         raise FormatError(f"nothing follows {body!r}", hint="write what the serial must be, or leave it out")
-    return kind, rest
+    return kind, value
 
 
 def _sets(text: str) -> tuple[str, ...]:

@@ -36,9 +36,6 @@ class Grammar:
     Attributes:
         format: as in `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
         expression: regular expression that the serial without blanks must match as a whole.
-        sets: characters at each place.
-        lexicon: all possible serials; blanks in them are ignored.
-        checks: check digits that must hold.
         exclude: characters that do not occur, except where the format has them literally.
         alphabet: characters allowed where no other field lists them (`.` in an expression).
         elements: text elements from which the expression was made, in the notation of `recognition.language.elements`.
@@ -93,7 +90,6 @@ class Grammar:
         return f"Grammar({text[:157] + '...' * (len(text) > 157)!r})"
 
     def __str__(self) -> str:
-        """The parts, roughly in the notation of `parse`."""
         parts = [
             f"mask:{self.format}" if self.format is not None else "",
             f"re:{self.expression}" if self.expression is not None and self.elements is None else "",
@@ -191,7 +187,6 @@ class Grammar:
         return tuple(broken)
 
     def _parts(self) -> list[Grammar]:
-        """A grammar for each part except lexicon and check digits."""
         bare = Grammar(exclude=self.exclude, alphabet="".join(self.characters))
         parts = []
         if self.format is not None:
@@ -206,7 +201,6 @@ class Grammar:
 
 
 def _core_accepts(part: Grammar, text: str) -> bool:
-    """Whether a grammar without lexicon and check digits accepts a text."""
     if not text or not set(text) <= set(part.characters):
         return False
     strings = part.strings(len(text))
@@ -216,8 +210,6 @@ def _core_accepts(part: Grammar, text: str) -> bool:
 
 @dataclass(frozen=True)
 class _SetsMachine:
-    """One state; the characters allowed at each place."""
-
     allowed: tuple[str, ...]
 
     def start(self, n_places: int) -> int:
@@ -249,8 +241,8 @@ def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings
         every = allowed_characters(grammar.format, exclude=grammar.exclude)
         machines.append(_SetsMachine(_as_long([p for p in every if p != " "], n_places)))
     elif grammar.exclude:
-        kept = "".join(c for c in chars if c not in grammar.exclude)
-        machines.append(_SetsMachine((kept,) * n_places))
+        remaining = "".join(c for c in chars if c not in grammar.exclude)
+        machines.append(_SetsMachine((remaining,) * n_places))
     if grammar.sets is not None:
         machines.append(_SetsMachine(_as_long(grammar.sets, n_places)))
     if grammar.expression is not None:

@@ -16,10 +16,8 @@ class Lattice:
     """Posteriors of the characters at each place.
 
     Attributes:
-        chars: (C,) characters, each once.
         log_belief: (places, C) natural logarithms of probabilities, -inf for 0. A row sums to at most 1; the rest is
             the probability that no readable character stands there.
-        boxes: box of each place, if known; empty or one per place.
 
     Raises:
         ValueError: shapes that do not agree, a character twice, probabilities above 1 or not numbers.

@@ -56,7 +56,6 @@ class OtherText:
     """Another text of the same marks.
 
     Attributes:
-        text: allowed by the format.
         exact: whether the characters have the same shapes, so that nothing on the part tells the two texts apart.
     """
 
@@ -90,57 +89,37 @@ _LIKELY = {
 
 
 def images_of(char: str, way: Way, *, exact: bool) -> str:
-    """Characters as which a character may be read in another orientation, sorted.
-
-    Args:
-        char: character the right way up.
-        way: orientation in which it is shown.
-        exact: only images of the same shape; otherwise also the likely ones.
-    """
-    found = _mutual(_EXACT[way]).get(char, frozenset())
-    return "".join(sorted(found if exact else found | _mutual(_LIKELY[way]).get(char, frozenset())))
+    """Characters as which a character may be read in another orientation, sorted."""
+    same = _mutual(_EXACT[way]).get(char, frozenset())
+    return "".join(sorted(same if exact else same | _mutual(_LIKELY[way]).get(char, frozenset())))
 
 
 def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None:
-    """Text of the same marks in another orientation, if the format allows one that differs.
-
-    Args:
-        text: without blanks.
-        way: the other orientation.
-        grammar: the format; None allows every text.
-    """
+    """Text of the same marks in another orientation, if the format allows one that differs."""
     for exact in (True, False):
         images = [images_of(char, way, exact=exact) for char in (text[::-1] if way.reverses else text)]
         if not text or not all(images):
             continue
-        if exact and all(char in found for char, found in zip(text, images, strict=True)):
+        if exact and all(char in same for char, same in zip(text, images, strict=True)):
             return None  # the marks read the same either way
-        found = _likeliest_allowed(images, way, grammar)
-        other = next((one for one in found if one != text), None)
+        allowed = _likeliest_allowed(images, way, grammar)
+        other = next((candidate for candidate in allowed if candidate != text), None)
         if other is not None:
             return OtherText(other, exact)
     return None
 
 
 def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = False) -> bool:
-    """Whether the marks of a text can be read in another orientation, as the same or another text.
-
-    Args:
-        text: without blanks.
-        way: the other orientation.
-        grammar: the format; None allows every text.
-        exact: whether only images of the same shape count.
-    """
+    """Whether the marks of a text can be read in another orientation, as the same or another text."""
     images = [images_of(char, way, exact=exact) for char in (text[::-1] if way.reverses else text)]
     return bool(text) and all(images) and bool(_likeliest_allowed(images, way, grammar))
 
 
 def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None) -> tuple[str, ...]:
-    """The two most likely texts of these characters that the format allows."""
     chars = tuple(sorted({*_mutual(_EXACT[way]), *_mutual(_LIKELY[way])}))
     log = np.full((len(images), len(chars)), -np.inf)
-    for place, found in enumerate(images):
-        log[place, [chars.index(char) for char in found]] = -math.log(len(found) + 1.0)
+    for place, readings in enumerate(images):
+        log[place, [chars.index(char) for char in readings]] = -math.log(len(readings) + 1.0)
     choice = choose(Lattice(chars, log), grammar, k=2)
     return tuple(text for text in (choice.text, *(rival.text for rival in choice.rivals)) if text)
 
@@ -148,9 +127,9 @@ def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None)
 @cache
 def _mutual(words: str) -> Mapping[str, frozenset[str]]:
     """Images of each character in both directions: the text that was read may be the image or its original."""
-    found: dict[str, set[str]] = {}
+    images_by_char: dict[str, set[str]] = {}
     for word in words.split():
         for image in word[1:]:
-            found.setdefault(word[0], set()).add(image)
-            found.setdefault(image, set()).add(word[0])
-    return {char: frozenset(images) for char, images in found.items()}
+            images_by_char.setdefault(word[0], set()).add(image)
+            images_by_char.setdefault(image, set()).add(word[0])
+    return {char: frozenset(images) for char, images in images_by_char.items()}

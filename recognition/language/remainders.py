@@ -37,13 +37,8 @@ class Remainder:
     """A check digit rule as a remainder.
 
     Attributes:
-        alphabet: allowed characters, including those allowed only as the check digit.
-        modulus: remainders are 0 to modulus - 1.
         step: function of a character, its place and the number of places; returns (modulus,) the next remainder for
             each remainder, or None if the character is not allowed there.
-        first: the remainder before the first character.
-        good: the remainders of a valid text.
-        least_places: length of the shortest text with a check digit.
         length: the only length of a valid text; None if any.
     """
 
@@ -62,9 +57,6 @@ def pure_system(
     """ISO 7064 pure system: r -> (r radix + value) mod M, valid if it ends at 1.
 
     Args:
-        modulus: M.
-        radix: radix of the system.
-        alphabet: characters in the order of their values.
         supplementary: character of the alphabet that is allowed only as the check character.
         check_figures: number of check digits at the end (mod 97-10); 0 for one check character of the alphabet.
     """

@@ -68,8 +68,8 @@ def _crop_again(
     wider = torch.exp(draw(0.14)) * high / WIDER
     before = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS  # columns of the margin to cut off
     after = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS
-    own = columns.reshape(n, 1, 1).float()
-    needed = ((own - before - after) / wider).clamp(min=16.0)
+    width = columns.reshape(n, 1, 1).float()
+    needed = ((width - before - after) / wider).clamp(min=16.0)
     out = int(
         math.ceil(float(needed.max()) / (3 * COLUMNS)) * 3 * COLUMNS
     )  # few different shapes: a kernel is made for each
@@ -85,7 +85,7 @@ def _crop_again(
     y = (down + shift[:, 0] + rows / 2) * 2 / rows - 1
     x = (right + shift[:, 1]) * 2 / wide - 1
     strips = f.grid_sample(tall, torch.stack([x, y], dim=-1), mode="bilinear", align_corners=False)
-    return strips * ((u < needed) & (right < own)).float().unsqueeze(1)
+    return strips * ((u < needed) & (right < width)).float().unsqueeze(1)
 
 
 def _drop_data(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
@@ -95,11 +95,11 @@ def _drop_data(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
     def happens(share: float, *shape: int) -> Tensor:
         return (torch.rand(n, *shape, 1, 1, generator=rng) < share).float()
 
-    kept = torch.ones(n, 4, 1, 1)
-    kept *= 1 - happens(0.3, 1) * happens(0.4, 4)
-    kept *= 1 - happens(0.15, 1)  # heights alone, as from an instrument
-    strips[:, EDGES:KNOWN] *= kept
-    none = (kept.amax(dim=1, keepdim=True) == 0).float()
+    felt_ways = torch.ones(n, 4, 1, 1)
+    felt_ways *= 1 - happens(0.3, 1) * happens(0.4, 4)
+    felt_ways *= 1 - happens(0.15, 1)  # heights alone, as from an instrument
+    strips[:, EDGES:KNOWN] *= felt_ways
+    none = (felt_ways.amax(dim=1, keepdim=True) == 0).float()
     strips[:, HEIGHTS : HEIGHTS + 1] *= 1 - happens(0.12, 1) * (1 - none) * felt.reshape(n, 1, 1, 1)
     missing = happens(0.1, 1) * (torch.rand(n, 1, rows, 1, generator=rng) < 0.12).float()
     spots = torch.randn(n, 1, 6, max(4, columns // 8), generator=rng)

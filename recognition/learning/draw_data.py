@@ -38,11 +38,8 @@ def draw_file(
     """Draw a file of strips, and for parts also a file of views, unless the last of them exists.
 
     Args:
-        fonts: fonts to choose from.
-        out: folder of the data.
         kind: "seen" or "held" for parts, "sketched" for lines without physics.
         seed: seed of the whole set.
-        number: number of the file.
         fonts_of_a_file: number of fonts for a file: loading the outlines of a font takes longer than drawing a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
@@ -57,12 +54,12 @@ def draw_file(
             if sketched:
                 strips += sketch_strips(few, rng)
                 continue
-            made = draw_part(few, rng)
-            own, seen = strips_of(made), training_views(made)
+            part = draw_part(few, rng)
+            strips_of_part, seen = strips_of(part), training_views(part)
         except (MarksError, ValueError) as error:  # some random draws are impossible
             _log.info("%d of %s: %s", k, name, error)
             continue
-        strips += own
+        strips += strips_of_part
         views += [seen[0], seen[1], seen[-1]][k % 2 :: 2]
     write_samples(out / "strips" / kind / name, strips)
     if views:

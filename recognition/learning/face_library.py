@@ -98,8 +98,8 @@ def face_plates(path: str, work: Path, *, chars: str, senses: bool) -> tuple[lis
     Raises:
         FontError: a font that cannot be loaded.
     """
-    kept = work / f"{Path(path).stem}-{'all' if senses else 'high'}.npz"
-    if not kept.exists():
+    stored = work / f"{Path(path).stem}-{'all' if senses else 'high'}.npz"
+    if not stored.exists():
         font = load_font(path)
         chars = "".join(char for char in chars if char in font.glyphs)
         die = default_die(CANONICAL_HEIGHT_MM, font=font)
@@ -112,10 +112,10 @@ def face_plates(path: str, work: Path, *, chars: str, senses: bool) -> tuple[lis
         line = line_of(plate.middles_mm)
         features = np.stack([features_of(view.strip(line)) for view in views]).astype(np.float16)
         np.savez(
-            kept, features=features, columns=plate_columns(plate.middles_mm),
+            stored, features=features, columns=plate_columns(plate.middles_mm),
             half=half_steps(plate.half_width), chars=np.array(list(chars)),
         )  # fmt: skip
-    with np.load(kept) as file:
+    with np.load(stored) as file:
         plates = [
             (features.astype(np.float32), file["columns"], file["half"]) for features in file["features"]
         ]

@@ -60,5 +60,5 @@ class Finder(nn.Module):
 
     def read(self, normal: Tensor) -> Tensor:
         """The same for a normalised view."""
-        found: Tensor = self.head(self.body(normal)).float()
-        return found
+        outputs: Tensor = self.head(self.body(normal)).float()
+        return outputs

@@ -37,8 +37,8 @@ class Normalise(nn.Module):
         self.coarse = max(1, height_rows // _COARSENESS)
         sigma = _BROAD * height_rows / self.coarse
         reach = math.ceil(2.5 * sigma)
-        at = torch.arange(-reach, reach + 1, dtype=torch.float32)
-        bell = torch.exp(-0.5 * (at / sigma) ** 2)
+        steps = torch.arange(-reach, reach + 1, dtype=torch.float32)
+        bell = torch.exp(-0.5 * (steps / sigma) ** 2)
         self.register_buffer("bell", (bell / bell.sum()).repeat(3, 1, 1, 1), persistent=False)
         self.reach = reach
 
@@ -117,12 +117,12 @@ class Recogniser(nn.Module):
         Args:
             early: number of early convolutions, of the 57 in the body.
         """
-        kept = [*self.first.parameters()]
+        weights_of_edges = [*self.first.parameters()]
         for name, weights in self.body.named_parameters():
             number = re.fullmatch(r"Conv/(\d+)\.weight", name)
             if (number and int(number[1]) < early) or (number is None and weights.ndim == 4):
-                kept.append(weights)
-        return kept
+                weights_of_edges.append(weights)
+        return weights_of_edges
 
     def train(self, mode: bool = True) -> Recogniser:
         """Switch the mode as torch does, but keep the statistics of normalisation learned from print."""

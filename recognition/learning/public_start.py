@@ -59,22 +59,22 @@ def load_start() -> PublicStart:
     from onnx2torch import convert
 
     spec = find_spec("rapidocr")
-    found = (
+    models = (
         sorted((Path(spec.origin).parent / "models").glob("*v6_rec_small.onnx"))
         if spec and spec.origin
         else []
     )
-    if not found:
+    if not models:
         raise MarksError(
             "the public network to start from is not installed",
             hint='install rapidocr 3.10 or later: pip install "tactile-marks[train]"',
         )
-    model = onnx.load(str(found[0]))
+    model = onnx.load(str(models[0]))
     graph = model.graph
     tail = graph.node[-len(_HEAD_NODES) :]
     if tuple(node.op_type for node in tail) != _HEAD_NODES:
-        raise MarksError(f"{found[0].name} does not end in a character head", hint="install rapidocr 3.10")
-    arrays = {one.name: onnx.numpy_helper.to_array(one) for one in graph.initializer}
+        raise MarksError(f"{models[0].name} does not end in a character head", hint="install rapidocr 3.10")
+    arrays = {array.name: onnx.numpy_helper.to_array(array) for array in graph.initializer}
     weights, bias = arrays[tail[0].input[1]], arrays[tail[1].input[1]]
     features = tail[0].input[0]
     del graph.node[-len(_HEAD_NODES) :]
@@ -91,7 +91,7 @@ def load_start() -> PublicStart:
 
 
 def _characters(model: Any) -> list[str]:
-    listed = next(one.value for one in model.metadata_props if one.key == "character")
+    listed = next(property.value for property in model.metadata_props if property.key == "character")
     return str(listed).splitlines()
 
 

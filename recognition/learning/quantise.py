@@ -29,8 +29,6 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
     Weights use only seven bits: on some processors sums of eight-bit products overflow.
 
     Args:
-        source: ONNX file of the network.
-        out: ONNX file to write.
         strips: (LAYERS, ROWS, columns) each, of all kinds of views, to determine the range of every layer.
     """
     import onnx
@@ -102,16 +100,15 @@ def show_features(path: Path) -> None:
 
 
 def _float_layers(graph: Any) -> list[str]:
-    """Names of the convolutions that stay in floating point."""
     made_by = {name: node for node in graph.node for name in node.output}
-    shapes = {one.name: one.dims for one in graph.initializer}
+    shapes = {array.name: array.dims for array in graph.initializer}
     convolutions = [node for node in graph.node if node.op_type == "Conv"]
-    kept = {node.name for node in (*convolutions[:FIRST], *convolutions[-LAST:])}
+    in_floats = {node.name for node in (*convolutions[:FIRST], *convolutions[-LAST:])}
     for node in convolutions:
         alone = node.input[1] not in shapes or shapes[node.input[1]][1] == 1
         before, steps = made_by.get(node.input[0]), 0
         while before is not None and before.op_type in ("Relu", "Add", "Conv") and steps < 4:
             before, steps = made_by.get(before.input[0]), steps + 1
         if alone or (before is not None and before.op_type == "ReduceMean"):
-            kept.add(node.name)
-    return sorted(kept)
+            in_floats.add(node.name)
+    return sorted(in_floats)

@@ -38,9 +38,6 @@ _FIRST_JOINED = 54
 def recover(source: Path = PUBLISHED) -> Recogniser:
     """Return the network whose export is an ONNX file.
 
-    Args:
-        source: file written by `recognition.learning.quantise`.
-
     Raises:
         MarksError: the public network is not installed, or the file has another structure.
     """
@@ -130,7 +127,6 @@ def main(*, out: Path, source: Path = PUBLISHED) -> None:
     """Write the torch weights of an eight-bit recogniser.
 
     Args:
-        out: file of torch weights to write.
         source: ONNX file (default: the recogniser of this program).
     """
     torch.save(recover(source).state_dict(), out)

@@ -33,8 +33,6 @@ def sketch_strips(
     """Strips of a line as felt or measured, and twice as photographed.
 
     Args:
-        fonts: font files to choose from, beside built-in and parametric ones.
-        rng: the only source of randomness.
         printed: share of the second photographs that show the line in plain print, as the public network learned it:
             so it forgets no letters.
 
@@ -59,24 +57,24 @@ def _small(field: Field) -> Field:
     return np.asarray(cv2.resize(field, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _measure(made: Sketch) -> Field:
-    layers = np.zeros((LAYERS, TALL_ROWS, made.surface.shape[1] // _FINE), dtype=np.float32)
-    layers[HEIGHTS] = _small(made.surface)
+def _measure(drawn: Sketch) -> Field:
+    layers = np.zeros((LAYERS, TALL_ROWS, drawn.surface.shape[1] // _FINE), dtype=np.float32)
+    layers[HEIGHTS] = _small(drawn.surface)
     layers[HEIGHTS] -= np.median(layers[HEIGHTS])
     layers[KNOWN] = 1.0
     return layers
 
 
-def _touch(made: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> Field:
+def _touch(drawn: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> Field:
     """Layers of the path of a ball that slides over the surface, and of its slopes along the passes.
 
     Args:
         preload: preload of the default touch, character heights: a lift as large as this doubles the moment.
     """
-    layers = _measure(made)
+    layers = _measure(drawn)
     radius = float(rng.uniform(0.03, 0.16)) * _H
     ball = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (max(1, round(0.5 * radius)) * 2 + 1,) * 2)
-    felt = _small(blur(np.asarray(cv2.dilate(made.surface, ball), dtype=np.float32), 0.3 * radius))
+    felt = _small(blur(np.asarray(cv2.dilate(drawn.surface, ball), dtype=np.float32), 0.3 * radius))
     felt -= np.median(felt)
     rows, columns = felt.shape
     lines = float(rng.uniform(10.0, 40.0)) / HEIGHT_ROWS
@@ -95,10 +93,10 @@ def _touch(made: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> F
     return layers
 
 
-def photograph(made: Sketch, rng: np.random.Generator) -> Field:
+def photograph(drawn: Sketch, rng: np.random.Generator) -> Field:
     """Photograph a sketch under a lamp from one side, as layers of a strip."""
-    shape = made.surface.shape
-    z = made.surface + 0.004 * float(rng.uniform(0, 1)) * rng.standard_normal(shape).astype(np.float32)
+    shape = drawn.surface.shape
+    z = drawn.surface + 0.004 * float(rng.uniform(0, 1)) * rng.standard_normal(shape).astype(np.float32)
     z = blur(z, float(rng.uniform(0.5, 1.5)))
     gx, gy = (np.gradient(z, axis=axis) * _H for axis in (1, 0))
     norm = np.sqrt(1.0 + gx * gx + gy * gy)
@@ -112,17 +110,17 @@ def photograph(made: Sketch, rng: np.random.Generator) -> Field:
         1.0 + 0.25 * float(rng.uniform(0, 1)) ** 2 * rough_noise(shape, _H, rng)
     )
     if rng.random() < 0.45:  # ink or filling of the marks is darker or lighter
-        share = float(rng.uniform(0.2, 1.0)) * np.clip(made.ink, 0.0, 1.0)
+        share = float(rng.uniform(0.2, 1.0)) * np.clip(drawn.ink, 0.0, 1.0)
         patchy = (
             np.clip(0.8 + 0.5 * rough_noise(shape, 0.8 * _H, rng), 0.0, 1.0) if rng.random() < 0.5 else 1.0
         )
         albedo = albedo * (1 - share * patchy) + share * patchy * float(rng.choice([0.05, 0.15, 0.9]))
-    dirty = np.clip(made.soil / 0.012, 0.0, 1.0)
+    dirty = np.clip(drawn.soil / 0.012, 0.0, 1.0)
     grime = float(rng.uniform(0.05, 0.8)) * (1.0 + 0.35 * rough_noise(shape, 0.3 * _H, rng))
     albedo = albedo * (1 - dirty) + grime * dirty
-    if made.severity and rng.random() < 0.5:  # stains without height
+    if drawn.severity and rng.random() < 0.5:  # stains without height
         stain = np.clip(
-            rough_noise(shape, float(rng.uniform(0.3, 2.0)) * _H, rng) - 1.2 + made.severity, 0.0, 1.0
+            rough_noise(shape, float(rng.uniform(0.3, 2.0)) * _H, rng) - 1.2 + drawn.severity, 0.0, 1.0
         )
         albedo = albedo * (1 - stain * float(rng.uniform(0.1, 0.8)))
     ambient = float(rng.uniform(0.1, 0.6))

@@ -33,7 +33,6 @@ def vary_surroundings(
 
     Args:
         strips: strips to learn from; those without places keep their surroundings.
-        rng: the only source of randomness.
         longer: share of the ends of lines where land is added.
         edge: share of the ends of lines where the part ends.
         turned: share of strips shown upside down or mirrored.
@@ -49,7 +48,7 @@ def _change_ends(
         return strip
     layers, places = strip.layers, np.array(strip.places)
     free = places[:, 0].min(), layers.shape[2] - places[:, 1].max()
-    margins = [int(max(one - gap_columns, 0.0)) for one in free]
+    margins = [int(max(columns - gap_columns, 0.0)) for columns in free]
     more = [int(rng.uniform(0.0, 2.5) * HEIGHT_ROWS) * (rng.random() < longer and m > 3) for m in margins]
     # land is added by mirroring the margin
     left, inner, right = np.split(layers, [margins[0], layers.shape[2] - margins[1]], axis=2)
@@ -64,8 +63,8 @@ def _change_ends(
 
 def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) -> None:
     """End the part left of its characters: beyond, a photograph shows a background or nothing, a scan nothing."""
-    at = rng.uniform(0.1, 1.0) * room + rng.uniform(-0.15, 0.15) * (np.arange(TALL_ROWS) - TALL_ROWS / 2)
-    beyond = np.arange(layers.shape[2]) < np.minimum(at, room)[:, None]
+    edge = rng.uniform(0.1, 1.0) * room + rng.uniform(-0.15, 0.15) * (np.arange(TALL_ROWS) - TALL_ROWS / 2)
+    beyond = np.arange(layers.shape[2]) < np.minimum(edge, room)[:, None]
     shade = layers[GREY].any() and rng.random() < 0.7
     grey = rng.random() + 0.05 * rng.random() * rng.standard_normal(beyond.shape)
     layers[:, beyond] = 0

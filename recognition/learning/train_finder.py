@@ -60,8 +60,6 @@ def draw_window(
     """Draw a window of a view at a random scale and rotation, with its truth.
 
     Args:
-        view: view with its lines.
-        rng: source of scale, rotation and position.
         window: rows and columns; a window smaller than `WINDOW` lies at a line.
         plain: show the middle of the view at its true scale instead.
 
@@ -92,8 +90,8 @@ def draw_window(
 def _truth(
     view: TrainingView, cells: NDArray[np.float64], octaves: float, turn: float
 ) -> NDArray[np.float32]:
-    found = np.zeros((2 + FINDINGS, *cells.shape[1:]), dtype=np.float32)
-    found[0] = 1.0
+    truth = np.zeros((2 + FINDINGS, *cells.shape[1:]), dtype=np.float32)
+    truth[0] = 1.0
     nearest = np.full(cells.shape[1:], np.inf)
     for line in view.lines:
         points = _dense(line)
@@ -101,30 +99,29 @@ def _truth(
         along /= np.linalg.norm(along, axis=1, keepdims=True)
         away = cells[:, None] - points.T[:, :, None, None]
         k = (away**2).sum(axis=0).argmin(axis=0)
-        own = np.take_along_axis(away, k[None, None], axis=1)[:, 0]
+        offset = np.take_along_axis(away, k[None, None], axis=1)[:, 0]
         right, down = along[k, 0], along[k, 1]
-        beyond = np.abs(own[0] * right + own[1] * down) / VIEW_ROWS
-        off = -(-own[0] * down + own[1] * right) / VIEW_ROWS  # from the cell down to the middle
+        beyond = np.abs(offset[0] * right + offset[1] * down) / VIEW_ROWS
+        off = -(-offset[0] * down + offset[1] * right) / VIEW_ROWS  # from the cell down to the middle
         far = np.maximum(np.abs(off), np.where(beyond > 0.15, 9.0, 0.0))
         mine = far < nearest
         nearest = np.where(mine, far, nearest)
         angle = (np.arctan2(down, right) - turn + np.pi) % (2 * np.pi) - np.pi
-        found[3:] = np.where(mine, np.stack([np.full_like(off, octaves), angle, off]), found[3:])
+        truth[3:] = np.where(mine, np.stack([np.full_like(off, octaves), angle, off]), truth[3:])
         # cells next to the ends of a line are ignored
-        found[0] = np.where((np.abs(off) < _BESIDE) & (beyond > 0.1) & (beyond < 0.4), 0.0, found[0])
+        truth[0] = np.where((np.abs(off) < _BESIDE) & (beyond > 0.1) & (beyond < 0.4), 0.0, truth[0])
     near = nearest < _MIDDLE
-    found[2] = near
-    found[0] = np.where((nearest >= _MIDDLE) & (nearest < _BESIDE), 0.0, found[0])
+    truth[2] = near
+    truth[0] = np.where((nearest >= _MIDDLE) & (nearest < _BESIDE), 0.0, truth[0])
     if abs(octaves) > _MAY_FIND:
-        found[2] = 0.0
+        truth[2] = 0.0
     elif abs(octaves) > _MUST_FIND:
-        found[0] = np.where(nearest < _BESIDE, 0.0, found[0])
-    found[1] = near & (abs(octaves) <= _MAY_FIND)
-    return found
+        truth[0] = np.where(nearest < _BESIDE, 0.0, truth[0])
+    truth[1] = near & (abs(octaves) <= _MAY_FIND)
+    return truth
 
 
 def _dense(line: Places) -> NDArray[np.float64]:
-    """(n, 2) points along a line, some three pixels apart."""
     curve = TextLine(np.array(line), VIEW_ROWS)
     return points_along(curve, np.linspace(0.0, 1.0, max(8, int(curve.length_mm / 3))))
 
@@ -156,11 +153,6 @@ class Windows(IterableDataset[tuple[Tensor, Tensor]]):
         self.folders, self.size, self.seed = tuple(folders), size, seed
 
     def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield batches.
-
-        Raises:
-            ValueError: there are no views.
-        """
         worker = get_worker_info()
         rng = np.random.default_rng(self.seed if worker is None else self.seed + 1000 * (worker.id + 1))
         for views in rounds(TrainingView, self.folders, rng, files=_FILES):
@@ -168,15 +160,15 @@ class Windows(IterableDataset[tuple[Tensor, Tensor]]):
                 yield _batch([views[i] for i in rng.integers(len(views), size=self.size)], rng)
 
 
-def loss_of(found: Tensor, truth: Tensor) -> Tensor:
+def loss_of(outputs: Tensor, truth: Tensor) -> Tensor:
     """Loss of the middle on all judged cells, and of the other findings on the lines."""
     judged, on = truth[:, 0], truth[:, 1]
     middle = (
-        f.binary_cross_entropy_with_logits(found[:, 0], truth[:, 2], weight=judged, reduction="sum")
+        f.binary_cross_entropy_with_logits(outputs[:, 0], truth[:, 2], weight=judged, reduction="sum")
         / judged.sum()
     )
-    counts = torch.tensor([1.0, 2.0, 1.5], device=found.device).reshape(1, 3, 1, 1)
-    off = ((found[:, 1:] - truth[:, 3:]).abs() * counts).sum(dim=1)
+    counts = torch.tensor([1.0, 2.0, 1.5], device=outputs.device).reshape(1, 3, 1, 1)
+    off = ((outputs[:, 1:] - truth[:, 3:]).abs() * counts).sum(dim=1)
     return 4 * middle + (off * on).sum() / on.sum().clamp(min=1.0)
 
 
@@ -185,29 +177,23 @@ def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[floa
     """Return the loss on plain views, and recall and precision of the cells with mean errors on the lines."""
     network.eval()
     rng, device = np.random.default_rng(0), network.head.weight.device
-    made = (_batch([one], rng, plain=True) for one in views)
-    found, truth = zip(*((network(x.to(device)).cpu(), truth) for x, truth in made), strict=True)
-    said, true = torch.cat(found), torch.cat(truth)
+    batches = (_batch([view], rng, plain=True) for view in views)
+    by_view, truth = zip(*((network(x.to(device)).cpu(), truth) for x, truth in batches), strict=True)
+    outputs, true = torch.cat(by_view), torch.cat(truth)
     network.train()
-    judged, line, middle = true[:, 0] > 0, true[:, 2] > 0, said[:, 0] > 0
+    judged, line, middle = true[:, 0] > 0, true[:, 2] > 0, outputs[:, 0] > 0
     hits = (middle & line & judged).sum()
-    off = ((said[:, 1:] - true[:, 3:]).abs() * true[:, 1:2]).sum(dim=(0, 2, 3)) / true[:, 1].sum()
+    off = ((outputs[:, 1:] - true[:, 3:]).abs() * true[:, 1:2]).sum(dim=(0, 2, 3)) / true[:, 1].sum()
     words = {
         "found": float(hits / (line & judged).sum()),
         "right": float(hits / (middle & judged).sum().clamp(min=1)),
         **dict(zip(("octaves", "radians", "down"), off.tolist(), strict=True)),
     }
-    return float(loss_of(said, true)), words
+    return float(loss_of(outputs, true)), words
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
-    """The finder and its training data (default: a rate of 2e-3).
-
-    Args:
-        folders: folders of views to learn from.
-        held_out: folder of views to measure on.
-        how: options.
-    """
+    """The finder and its training data (default: a rate of 2e-3)."""
     network = Finder()
     if how.start is not None:
         network.load_state_dict(torch.load(how.start, weights_only=True))
@@ -221,7 +207,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         optimiser,
         lambda step: load_batches(Windows(folders, size=how.batch, seed=how.seed + step), how),
         lambda batch, draw: _loss(network, batch, draw),
-        lambda one: measure_finder(one, held),
+        lambda trained: measure_finder(trained, held),
         lambda out: export(
             network, torch.zeros(1, LAYERS, 64, 160), out, names=("view", "found"), axes=(axes, axes)
         ),
@@ -235,5 +221,5 @@ def _loss(network: Finder, batch: tuple[Tensor, Tensor], draw: torch.Generator) 
             memory_format=torch.channels_last
         )
     with torch.autocast(device.type, torch.bfloat16):
-        found = network.read(normal)
-    return loss_of(found, truth.to(device))
+        outputs = network.read(normal)
+    return loss_of(outputs, truth.to(device))

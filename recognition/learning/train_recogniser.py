@@ -56,11 +56,6 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     convolutions include their normalisation, so their weights differ in size a hundredfold. A single rate of 1.5e-4
     destroyed what the public network had learned.
 
-    Args:
-        folders: folders of strips to learn from.
-        held_out: folder of strips to measure on.
-        how: options.
-
     Raises:
         MarksError: the public network to start from is not installed.
     """
@@ -78,10 +73,10 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     )
     held = read_samples(TrainingStrip, files_in([held_out]))
 
-    def judge(one: Recogniser) -> tuple[float, dict[str, Any]]:
-        found = measure(one, held)
-        words = {key: f"{100 * (1 - wrong / n):.2f} % of {n}" for key, (n, wrong, _) in found.items()}
-        return found["all"][1], words
+    def judge(trained: Recogniser) -> tuple[float, dict[str, Any]]:
+        counts = measure(trained, held)
+        words = {key: f"{100 * (1 - wrong / n):.2f} % of {n}" for key, (n, wrong, _) in counts.items()}
+        return counts["all"][1], words
 
     def write(out: Path) -> None:
         """Write ONNX for any number of strips of any length, in floating point and in eight bits."""
@@ -89,7 +84,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         export_float(network, whole)
         # a hundred strips give the ranges of the eight-bit layers
         seen = next(rounds(TrainingStrip, folders, np.random.default_rng(how.seed), files=_FILES))
-        quantise(whole, out, [as_read(one) for one in seen[:100]])
+        quantise(whole, out, [as_read(strip) for strip in seen[:100]])
 
     def batches_from(step: int) -> Iterator[Batch]:
         return load_batches(Batches(folders, size=how.batch, covers=how.covers, seed=how.seed + step), how)
@@ -113,7 +108,6 @@ def export_float(network: Recogniser, out: Path) -> None:
 
 
 def _size(weights: Tensor) -> float:
-    """Root mean square of weights, within bounds."""
     return float(weights.detach().square().mean().sqrt().clamp(*_SIZES))
 
 
@@ -155,26 +149,26 @@ def as_read(strip: TrainingStrip) -> NDArray[np.float32]:
 def decode(posteriors: NDArray[np.float32]) -> str:
     """Decode the best class of every step, (steps, classes), without repeats and blanks."""
     best = posteriors.argmax(axis=1)
-    kept = [k for k, before in zip(best, [0, *best[:-1]], strict=True) if k and k != before]
-    return "".join(CHARACTERS[k - 1] for k in kept).strip()
+    characters = [k for k, before in zip(best, [0, *best[:-1]], strict=True) if k and k != before]
+    return "".join(CHARACTERS[k - 1] for k in characters).strip()
 
 
 @torch.no_grad()
 def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, tuple[int, int, int]]:
     """Count characters, errors and lines by source and severity; spaces are ignored."""
     network.eval()
-    found: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
+    counts: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for strip in strips:
         fed = torch.from_numpy(as_read(strip))[None].to(network.normalise.bell.device)
-        said = decode(network(fed)[0].cpu().numpy()).replace(" ", "")
+        read = decode(network(fed)[0].cpu().numpy()).replace(" ", "")
         text = strip.text.replace(" ", "")
         level = min(0.9, 0.3 * round(strip.severity / 0.3 + 0.001))
         dirt = "clean" if strip.severity == 0 else f"{level:.1f}"
-        counted = (len(text), Levenshtein.distance(text, said), 1)
+        counted = (len(text), Levenshtein.distance(text, read), 1)
         for key in (f"{strip.source} {dirt}", strip.source, "all"):
-            found[key] = [a + b for a, b in zip(found[key], counted, strict=True)]
+            counts[key] = [a + b for a, b in zip(counts[key], counted, strict=True)]
     network.train()
-    return {key: (n, wrong, lines) for key, (n, wrong, lines) in sorted(found.items())}
+    return {key: (n, wrong, lines) for key, (n, wrong, lines) in sorted(counts.items())}
 
 
 def choose_strips(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
@@ -222,9 +216,6 @@ class Batch:
 
     Attributes:
         tall: (n, LAYERS, TALL_ROWS, columns) float16, each filled from the left.
-        columns: (n,) number of columns of each strip.
-        classes: classes of all texts, one after the other.
-        lengths: (n,) lengths of the texts.
     """
 
     tall: Tensor
@@ -234,24 +225,12 @@ class Batch:
 
 
 class Batches(IterableDataset[Batch]):
-    """Endless batches; each worker process draws its own.
-
-    Args:
-        folders: folders of files of strips.
-        size: strips per batch.
-        covers: cover strokes that distinguish characters, and photographs.
-        seed: seed of order, surroundings and covers.
-    """
+    """Endless batches; each worker process draws its own."""
 
     def __init__(self, folders: Sequence[Path], *, size: int, covers: bool, seed: int) -> None:
         self.folders, self.size, self.covers, self.seed = tuple(folders), size, covers, seed
 
     def __iter__(self) -> Iterator[Batch]:
-        """Yield batches.
-
-        Raises:
-            ValueError: there are fewer strips than a batch needs.
-        """
         worker = get_worker_info()
         seed = self.seed if worker is None else self.seed + 1000 * (worker.id + 1)
         rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)

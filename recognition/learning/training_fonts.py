@@ -54,12 +54,7 @@ _FONTSOURCE = re.compile(r"(?P<family>.+)-latin-\d+-(normal|italic)")
 
 @dataclass(frozen=True)
 class TrainingFonts:
-    """Fonts, divided by family.
-
-    Attributes:
-        seen: fonts to learn from.
-        held_out: fonts to measure on.
-    """
+    """Fonts, divided by family."""
 
     seen: tuple[Path, ...]
     held_out: tuple[Path, ...]
@@ -93,7 +88,7 @@ def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> Train
     Raises:
         MarksError: there are no such fonts.
     """
-    found: dict[str, list[Path]] = {}
+    by_family: dict[str, list[Path]] = {}
     names: set[str] = set()
     files = {f for folder in folders for kind in ("ttf", "otf", "woff") for f in folder.rglob(f"*.{kind}")}
     for path in sorted(files, key=lambda p: (p.stem.lower(), str(p))):
@@ -101,17 +96,19 @@ def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> Train
             continue
         if _has_serials(path):
             names.add(path.stem.lower())
-            found.setdefault(family(path), []).append(path)
-    if not found:
+            by_family.setdefault(family(path), []).append(path)
+    if not by_family:
         raise MarksError(
             "there are no fonts to learn from", hint="name folders of TrueType or OpenType files"
         )
-    kept = {name: files[:: max(1, -(-len(files) // MOST_OF_A_FAMILY))] for name, files in found.items()}
+    families = {
+        name: files[:: max(1, -(-len(files) // MOST_OF_A_FAMILY))] for name, files in by_family.items()
+    }
     # divide families by their first four letters: eurof55 and eurof56 are one design
-    held = {name for name in kept if crc32(name[:4].encode()) % 1000 < 1000 * held_out_share}
+    held = {name for name in families if crc32(name[:4].encode()) % 1000 < 1000 * held_out_share}
     return TrainingFonts(
-        tuple(f for name, files in kept.items() if name not in held for f in files),
-        tuple(f for name, files in kept.items() if name in held for f in files),
+        tuple(f for name, files in families.items() if name not in held for f in files),
+        tuple(f for name, files in families.items() if name in held for f in files),
     )
 
 

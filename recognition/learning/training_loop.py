@@ -32,13 +32,10 @@ class Training:
     Attributes:
         samples: number of samples to learn from; the learning rate falls to zero over it.
         seed: seed of weights, batches and augmentation.
-        batch: samples per step.
         rate: peak of the learning rate (default: the network's own).
         frozen_share: share of the samples, at the start, for which early layers are frozen; a step then takes two
             thirds of the time.
-        start: file of weights to start from.
         noise: whether to start the recogniser from random instead of public weights.
-        covers: whether to cover strokes that distinguish characters.
         workers: processes that prepare batches.
         times: number of times that a batch is used, augmented anew each time.
     """
@@ -60,9 +57,7 @@ class Task:
     """A network and its training data.
 
     Attributes:
-        network: network to be trained.
         optimiser: optimiser of its weights; the learning rate of each group is its peak.
-        batches: endless batches to learn from, from a step on.
         loss: loss of a batch; the generator, on the network's device, is the only source of randomness.
         measure: returns a figure on held-out samples (lower is better), and the result in words.
         write: writes the network to an ONNX file.
@@ -100,8 +95,6 @@ def fit(
     """Train on all samples, and write the better of the last weights and their running mean.
 
     Args:
-        task: task of the network.
-        how: settings.
         out: ONNX file; the torch weights are written beside it, and until the end the state of the run.
         log: file to which each report adds a line of JSON.
         average_steps, average_share: steps between two updates of the running mean, and the weight of an update.
@@ -163,7 +156,6 @@ def fit(
 
 
 def _save(path: Path, task: Task, average: AveragedModel, step: int) -> None:
-    """Save the state of a run; the file of before stays whole until the new one is."""
     state = {
         "network": task.network.state_dict(), "average": average.state_dict(),
         "optimiser": task.optimiser.state_dict(), "step": step,
@@ -198,10 +190,7 @@ def export(
     """Write a network to an ONNX file.
 
     Args:
-        network: network to be written.
         example: example of its input.
-        out: file.
-        names: names of input and output.
         axes: for input and output, the axes of variable length.
     """
     network.eval().to("cpu", memory_format=torch.contiguous_format)

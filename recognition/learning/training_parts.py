@@ -47,8 +47,6 @@ class TrainingPart:
     """A part with its scan and photographs.
 
     Attributes:
-        part: stamped part with its soil.
-        layout: layout of its lines.
         scan: scan by a random plan, which assumes a character height that may be wrong.
         photos: photographs, each with a random light and camera.
     """
@@ -68,8 +66,8 @@ def draw_text(font: Font, rng: np.random.Generator) -> str:
     chars = [str(c) for c in rng.choice(list(pool), length)]
     if rng.random() < 0.35:
         for _ in range(int(rng.integers(1, 4))):
-            at = int(rng.integers(1, len(chars)))
-            chars.insert(at, str(rng.choice(list(_SIGNS + "   "))))
+            place = int(rng.integers(1, len(chars)))
+            chars.insert(place, str(rng.choice(list(_SIGNS + "   "))))
     text = " ".join("".join(c for c in chars if c == " " or c in font.glyphs).split())
     if not any(c in _CAPITALS + _FIGURES for c in text):
         text += str(rng.choice(list(_CAPITALS)))
@@ -82,8 +80,6 @@ def draw_font(
     """Draw a built-in font, a parametric face, or the font of a file.
 
     Args:
-        fonts: font files to choose from.
-        rng: the only source of randomness.
         builtin: share of built-in fonts.
         parametric: share of parametric faces among the others.
 
@@ -147,7 +143,6 @@ def draw_part(
 
 
 def _widen(font: Font, text: str, x_scale: float) -> Font:
-    """Make the characters of a text wider or narrower."""
     have = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in set(text)}
     return replace(font, glyphs={**font.glyphs, **have})
 
@@ -195,8 +190,6 @@ def draw_touch(height_mm: float, rng: np.random.Generator, *, usual: float = 0.4
     """Draw a whisker and its preload for characters of a height.
 
     Args:
-        height_mm: character height.
-        rng: the only source of randomness.
         usual: share of touches with the default whisker; the others range from nearly straight ones to feet of a
             third of the beam, with sensors from the clamp down to the foot, at preloads of half to one and a half of
             the default.

@@ -50,9 +50,7 @@ class TrainingStrip:
 
     Attributes:
         layers: (LAYERS, TALL_ROWS, columns) float16, as in `recognition.see.view`.
-        text: text on the strip.
         source: "felt", "photo" or "heights".
-        severity: severity of the soil.
         places: first and last column of each character of the text; empty if unknown.
     """
 
@@ -79,16 +77,16 @@ class TrainingView:
 Sample = TypeVar("Sample", TrainingStrip, TrainingView)
 
 
-def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
+def lines_of(drawn: TrainingPart) -> list[tuple[TextLine, str, Places]]:
     """Return the lines of a part with text and columns, from the boxes of the characters; the serial comes first."""
-    stamped = made.part.stamped
+    stamped = drawn.part.stamped
     lines = [(stamped.text, stamped.boxes_mm), (stamped.other_text, stamped.other_boxes_mm)]
-    return [_line(text, np.array(boxes), made) for text, boxes in lines if text.strip()]
+    return [_line(text, np.array(boxes), drawn) for text, boxes in lines if text.strip()]
 
 
-def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple[TextLine, str, Places]:
+def _line(text: str, boxes_mm: NDArray[np.float64], drawn: TrainingPart) -> tuple[TextLine, str, Places]:
     """A line, its text, and the first and last column of each character in its strip; no columns on an arc."""
-    height_mm, layout = made.part.height_mm, made.layout
+    height_mm, layout = drawn.part.height_mm, drawn.layout
     middles, half = 0.5 * (boxes_mm[:, :2] + boxes_mm[:, 2:]), 0.5 * (boxes_mm[:, 2] - boxes_mm[:, 0])
     inked = np.array([c != " " for c in text])
     # only the middle of a full-height character is on the middle of the line
@@ -100,8 +98,8 @@ def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple
         along, down = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
         reach = middles[ends] @ along + half[ends] * (-1.0, 1.0)
         line = TextLine(reach[:, None] * along + np.median(middles[full] @ down) * down, height_mm)
-        at = middles @ along - reach[0] + WIDE_MARGIN * height_mm
-        columns = np.stack([at - half, at + half], axis=1) * (HEIGHT_ROWS / height_mm)
+        along_mm = middles @ along - reach[0] + WIDE_MARGIN * height_mm
+        columns = np.stack([along_mm - half, along_mm + half], axis=1) * (HEIGHT_ROWS / height_mm)
         return line, text, _as_tuples(np.round(columns, 1).tolist())
     spare = np.linalg.norm(middles[full][[0, -1]] - middles[ends], axis=1)
     before, after = (float(far) for far in half[ends] + spare)
@@ -111,48 +109,48 @@ def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple
     return TextLine(curve, height_mm), text, ()
 
 
-def views_of(made: TrainingPart) -> list[View]:
+def views_of(drawn: TrainingPart) -> list[View]:
     """Return the views of a part: felt, photographed and measured.
 
     Raises:
         MapError: nothing was felt.
     """
-    edges = edge_map(made.scan)
-    views = [felt_view(edges, relief_of(made.scan, edges))]
-    width, height = made.part.height_map.size_mm
+    edges = edge_map(drawn.scan)
+    views = [felt_view(edges, relief_of(drawn.scan, edges))]
+    width, height = drawn.part.height_map.size_mm
     views += [
         photo_view(replace(photo, centre_mm=photo.centre_mm or (width / 2, height / 2)))
-        for photo in made.photos
+        for photo in drawn.photos
     ]
-    return [*views, heights_view(made.part.height_map)]
+    return [*views, heights_view(drawn.part.height_map)]
 
 
-def strips_of(made: TrainingPart) -> list[TrainingStrip]:
+def strips_of(drawn: TrainingPart) -> list[TrainingStrip]:
     """Strips of the lines of a part: felt, photographed and measured.
 
     Raises:
         MapError: nothing was felt.
     """
-    lines, severity = lines_of(made), made.part.soiling.severity
+    lines, severity = lines_of(drawn), drawn.part.soiling.severity
     strips = []
-    for view in views_of(made):
+    for view in views_of(drawn):
         for line, text, places in lines:
             layers = view.strip(line, rows=TALL_ROWS, margin=WIDE_MARGIN).astype(np.float16)
             strips.append(TrainingStrip(layers, text, str(view.kind), severity, places))
     return strips
 
 
-def training_views(made: TrainingPart) -> list[TrainingView]:
+def training_views(drawn: TrainingPart) -> list[TrainingView]:
     """Views of a part: felt, photographed and measured.
 
     Raises:
         MapError: nothing was felt.
     """
-    lines = [line.centre_mm for line, _, _ in lines_of(made)]
-    views, scale = [], VIEW_ROWS / made.part.height_mm
-    for view in views_of(made):
+    lines = [line.centre_mm for line, _, _ in lines_of(drawn)]
+    views, scale = [], VIEW_ROWS / drawn.part.height_mm
+    for view in views_of(drawn):
         layers = resample(view, 1.0 / scale)
-        layers[HEIGHTS] /= made.part.height_mm
+        layers[HEIGHTS] /= drawn.part.height_mm
         pixels = [np.round((line - view.origin_mm) * scale, 3).tolist() for line in lines]
         views.append(TrainingView(layers.astype(np.float16), _as_tuples(pixels)))
     return views
@@ -162,13 +160,16 @@ def write_samples(path: Path, samples: Sequence[Sample]) -> None:
     """Write samples of one kind into one .npz, without empty layers."""
     held = [np.flatnonzero(sample.layers.any(axis=(1, 2))) for sample in samples]
     truth = [
-        {f.name: own.tolist() if f.name == "layers" else getattr(sample, f.name) for f in fields(sample)}
-        for sample, own in zip(samples, held, strict=True)
+        {
+            f.name: held_layers.tolist() if f.name == "layers" else getattr(sample, f.name)
+            for f in fields(sample)
+        }
+        for sample, held_layers in zip(samples, held, strict=True)
     ]
-    kept = (sample.layers[own] for sample, own in zip(samples, held, strict=True))
+    filled = (sample.layers[held_layers] for sample, held_layers in zip(samples, held, strict=True))
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as file:
-        np.savez(file, *kept, truth=np.array(json.dumps(truth)))
+        np.savez(file, *filled, truth=np.array(json.dumps(truth)))
 
 
 def files_in(folders: Iterable[Path]) -> list[Path]:
@@ -188,11 +189,13 @@ def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
     samples = []
     for path in paths:
         with np.load(path) as file:
-            for k, one in enumerate(json.loads(str(file["truth"]))):
-                kept: NDArray[np.float16] = file[f"arr_{k}"]
-                layers = np.zeros((LAYERS, *kept.shape[1:]), dtype=np.float16)
-                layers[one.pop("layers")] = kept
-                samples.append(kind(layers, **{name: _as_tuples(value) for name, value in one.items()}))
+            for k, fields_of_sample in enumerate(json.loads(str(file["truth"]))):
+                filled: NDArray[np.float16] = file[f"arr_{k}"]
+                layers = np.zeros((LAYERS, *filled.shape[1:]), dtype=np.float16)
+                layers[fields_of_sample.pop("layers")] = filled
+                samples.append(
+                    kind(layers, **{name: _as_tuples(value) for name, value in fields_of_sample.items()})
+                )
     return samples
 
 
@@ -214,5 +217,4 @@ def rounds(
 
 
 def _as_tuples(value: Any) -> Any:
-    """Convert nested lists to tuples."""
     return tuple(map(_as_tuples, value)) if isinstance(value, list) else value

@@ -26,7 +26,6 @@ class CentreLine:
         points: (n, 2) offsets (u to the right, v down) from the reference point, the middle of the ink's width
             at half the height; character heights.
         normals: (n, 2) unit vectors across the stroke.
-        half_width: half width of the strokes, character heights.
     """
 
     points: NDArray[np.float64]
@@ -50,11 +49,8 @@ def centre_line(
     size would put the ends beside the groove.
 
     Args:
-        font: the font.
-        char: the character.
         face: face of the die; the points of a dotted one are its dots.
         step_heights: distance of points along a stroke, character heights: that of the samples, 40 to the height.
-        ridge_pitch_heights: distance of points along the skeleton of an outline, character heights.
         ridge_share: minimum half width of an outline's limbs, as a share of the median: thinner ones are corners, and
             serifs too thin for a tip.
 
@@ -85,13 +81,15 @@ def _points_along(stroke: Points, *, trim: float, step: float) -> tuple[Points, 
     if not length.size:
         return stroke[:1], np.array([[1.0, 0.0]])
     corner = np.concatenate([stroke[:1], stroke[0] + np.cumsum(run, axis=0)])
-    at = np.append(0.0, np.cumsum(length))
+    distance = np.append(0.0, np.cumsum(length))
     closed = bool(np.hypot(*(stroke[-1] - stroke[0])) < 1e-6)
-    cut = 0.0 if closed else min(trim, 0.5 * float(at[-1]))
-    count = max(1, round((float(at[-1]) - 2.0 * cut) / step) + 1)
-    where = np.linspace(cut, float(at[-1]) - cut, count)
-    piece = np.clip(np.searchsorted(at, where, side="right") - 1, 0, length.size - 1)
-    points = np.column_stack([np.interp(where, at, corner[:, 0]), np.interp(where, at, corner[:, 1])])
+    cut = 0.0 if closed else min(trim, 0.5 * float(distance[-1]))
+    count = max(1, round((float(distance[-1]) - 2.0 * cut) / step) + 1)
+    where = np.linspace(cut, float(distance[-1]) - cut, count)
+    piece = np.clip(np.searchsorted(distance, where, side="right") - 1, 0, length.size - 1)
+    points = np.column_stack(
+        [np.interp(where, distance, corner[:, 0]), np.interp(where, distance, corner[:, 1])]
+    )
     ahead = run[piece] / length[piece, None]
     return points, np.column_stack([-ahead[:, 1], ahead[:, 0]])
 

@@ -70,7 +70,6 @@ class MarkDepth:
     other side of the land, such as over a filled stroke.
 
     Attributes:
-        mean_mm: mean over the centre line.
         min_mm: 10th percentile over the centre line.
         max_mm: 90th percentile over the centre line.
         burr_mm: height of the rim beside the strokes above the land ("high metal"), 90th percentile; for a raised mark
@@ -93,22 +92,20 @@ def mark_depths(
     """Depth of each character of a line; None if too little of it or of the land beside it was felt.
 
     Args:
-        relief: the surface as felt.
-        laid: the line's text.
         places: places to measure, from 0; the others are None (default: all).
     """
     felt = relief.height_mm if laid.felt.raised else -relief.height_mm
     # a margin of unknown samples
     depth = np.pad(felt.astype(np.float64), 1, constant_values=np.nan)
     height = laid.height_mm / relief.pitch_mm
-    marks = [None if one is None else _mark(relief, laid, k) for k, one in enumerate(laid.laid)]
+    marks = [None if character is None else _mark(relief, laid, k) for k, character in enumerate(laid.laid)]
     land = _land([mark for mark in marks if mark is not None], depth, height)
-    found = (
+    depths = (
         None if mark is None or not (places is None or k in places) else _depth(mark, depth, land, height)
         for k, mark in enumerate(marks)
     )
     bias_mm = depth_bias_mm(laid.face, laid.height_mm)
-    return tuple(None if mark is None else replace(mark, bias_mm=bias_mm) for mark in found)
+    return tuple(None if mark is None else replace(mark, bias_mm=bias_mm) for mark in depths)
 
 
 def depth_bias_mm(face: Face, height_mm: float) -> float:
@@ -133,8 +130,6 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
 
     Args:
         relief: the surface as felt; the points allow for a margin of one sample around it.
-        laid: the text.
-        place: place of the character.
         ahead_heights: distance along a normal at which its direction is determined, character heights.
     """
     line = centre_line(laid.font, laid.text[place], face=laid.face)
@@ -170,23 +165,17 @@ def _depth(
     """Depth of one character; None if too little of it or of the land beside it was felt.
 
     Args:
-        mark: centre line of the character.
-        depth: depth of the field.
-        land: which samples are land.
-        height: height of the characters, samples.
         shallow_percent: percentile of the depths along the centre line that counts as the minimum. A shallow leg is a
             quarter of the line or more, so it shows in full. A crossing, the end of a stroke or a bad sample is a tenth
             at most, so it does not.
-        sideways_heights: search radius across a stroke for its middle, character heights.
-        least_sd_mm: standard deviation of a clean mark's depth.
         sd_of_scatter: factor of the scatter of the land, which is added in quadrature: dirt that makes the land uneven
             fills strokes, too. Of 1,251 characters, 3.2 to 7 mm high, under eight soils, 76 % lie within one standard
             deviation and 90 % within two. On worn plates it is 41 % and 55 %, because wear leaves the land even.
     """
-    found = _plane(mark, depth, land, height) if len(mark.points) else None
-    if found is None:
+    land_plane = _plane(mark, depth, land, height) if len(mark.points) else None
+    if land_plane is None:
         return None
-    plane, scatter_mm = found
+    plane, scatter_mm = land_plane
     aside = sideways_heights * height * np.linspace(-1.0, 1.0, 13)
     below = across(depth, mark.points, mark.normals, aside, plane)
     known = np.isfinite(below).all(axis=0)
@@ -211,15 +200,15 @@ def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float 
 
 def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane: Floats) -> Floats:
     """(aside, n) depth below a plane across a stroke at each of (n, 2) points; bilinear, NaN outside the felt area."""
-    at = points.T[:, None] + aside[:, None] * normals.T[:, None]
-    felt = ndimage.map_coordinates(depth, at, order=1, mode="nearest")
-    return np.asarray(felt - plane[0] - (at[0] * plane[1] + at[1] * plane[2]))
+    places = points.T[:, None] + aside[:, None] * normals.T[:, None]
+    felt = ndimage.map_coordinates(depth, places, order=1, mode="nearest")
+    return np.asarray(felt - plane[0] - (places[0] * plane[1] + places[1] * plane[2]))
 
 
 def deepest(depth: Floats) -> Floats:
     """(n,) depth at the middle of the stroke, where the sum over neighbouring points is deepest."""
-    at = np.argmax(_sum_neighbours(depth), axis=0)
-    return np.asarray(np.take_along_axis(depth, at[None], axis=0)[0])
+    row = np.argmax(_sum_neighbours(depth), axis=0)
+    return np.asarray(np.take_along_axis(depth, row[None], axis=0)[0])
 
 
 def crest(rise: Floats) -> Floats:
@@ -228,7 +217,6 @@ def crest(rise: Floats) -> Floats:
 
 
 def _sum_neighbours(values: Floats) -> Floats:
-    """Sums of (aside, n) values over neighbouring points; beyond the ends values count as 0."""
     window = np.ones(min(SMOOTH_POINTS, values.shape[1]))
     return np.asarray(ndimage.correlate1d(values, window, axis=1, mode="constant") if window.size else values)
 
@@ -248,21 +236,15 @@ def _plane(
     None if there is too little land.
 
     Args:
-        mark: centre line of the character.
-        depth: depth of the field.
-        land: which samples are land.
-        height: height of the characters, samples.
         reach_heights: search radius for land about the character, character heights.
-        most_samples: maximum number of samples of land to fit.
-        least_samples: minimum number of samples of land.
     """
     reach = reach_heights * height
     low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
     high = np.maximum(np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1, 0)
-    at = np.argwhere(land[low[0] : high[0], low[1] : high[1]]) + low
-    if len(at) < least_samples:
+    samples = np.argwhere(land[low[0] : high[0], low[1] : high[1]]) + low
+    if len(samples) < least_samples:
         return None
-    row, col = at[:: -(-len(at) // most_samples)].T
+    row, col = samples[:: -(-len(samples) // most_samples)].T
     middle = mark.points.mean(axis=0)
     level, down, right = robust_plane(depth[row, col], row - middle[0], col - middle[1])
     plane = np.array([level - down * middle[0] - right * middle[1], down, right])

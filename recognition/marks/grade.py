@@ -67,12 +67,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class MarkGrade:
-    """The grade of one character.
-
-    Attributes:
-        parameters: contrast, completeness and contamination.
-        action: action to take.
-    """
+    """The grade of one character."""
 
     parameters: tuple[Parameter, ...]
     action: Action
@@ -110,39 +105,41 @@ def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.
     """Felt and predicted edges at each place of a text; None if either is missing.
 
     Args:
-        laid: the text.
-        templates: templates of its font, predicted for the touch of the part.
         tall_heights: distance up and down from the middle of a character within which edges are compared, character
             heights.
     """
     glyphs, tall = glyph_images(templates, pixels=PIXELS), round(tall_heights * PIXELS)
     images = dict(zip(glyphs.chars, glyphs.images, strict=True))
-    found: list[Edges | None] = []
+    edges: list[Edges | None] = []
     for k, char in enumerate(laid.text):
-        one = images.get(char)
-        template = None if one is None else one[max(len(one) // 2 - tall, 0) : len(one) // 2 + tall + 1]
+        image = images.get(char)
+        template = (
+            None if image is None else image[max(len(image) // 2 - tall, 0) : len(image) // 2 + tall + 1]
+        )
         felt = None if template is None else _felt_edges(laid, k, template.shape)
-        found.append((felt, template) if felt is not None and template is not None and felt.any() else None)
-    return found
+        edges.append((felt, template) if felt is not None and template is not None and felt.any() else None)
+    return edges
 
 
 def edge_fit(edges: Sequence[Edges | None]) -> float:
     """Mean correlation of felt with predicted edges; 0 if either is missing."""
-    return float(np.mean([correlate(one[0], [one[1]])[0, 0, 0] if one is not None else 0.0 for one in edges]))
+    return float(
+        np.mean([correlate(pair[0], [pair[1]])[0, 0, 0] if pair is not None else 0.0 for pair in edges])
+    )
 
 
 def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tuple[MarkGrade | None, ...]:
     """The grade of every character of a text; None if its edges are unknown.
 
     Args:
-        edges: edges of the text.
         least_felt: a direction counts as felt if its strongest edge reaches this share of the strongest of all.
     """
-    known = [np.abs(one[0]).max(axis=(0, 1)) for one in edges if one is not None]
+    known = [np.abs(pair[0]).max(axis=(0, 1)) for pair in edges if pair is not None]
     peaks = np.max(known, axis=0) if known else np.zeros(0)
     felt = peaks >= least_felt * peaks.max(initial=0.0)
     return tuple(
-        None if one is None else grade_character(_steps(one[0], felt), _steps(one[1], felt)) for one in edges
+        None if pair is None else grade_character(_steps(pair[0], felt), _steps(pair[1], felt))
+        for pair in edges
     )
 
 
@@ -214,7 +211,7 @@ def grade_character(
 
 def grade_value(name: str, value: float) -> int:
     """The grade, 4 to 0, of a parameter's value."""
-    return sum(value <= one if name == "contamination" else value >= one for one in LIMITS[name])
+    return sum(value <= limit if name == "contamination" else value >= limit for limit in LIMITS[name])
 
 
 def _action(*, contrast: int, completeness: int, contamination: int) -> Action:

@@ -24,14 +24,7 @@ clean parts and 0.88 at dirt 0.3; at 0.6 half of the lines have less."""
 
 @dataclass(frozen=True, eq=False)
 class LaidText:
-    """A text laid on its line with the templates of a font.
-
-    Attributes:
-        felt: the felt line.
-        text: one character per place.
-        font: font of the templates.
-        face: face of the die.
-    """
+    """A text laid on its line with the templates of a font."""
 
     felt: FeltLine
     text: tuple[str, ...]
@@ -68,14 +61,16 @@ class LaidText:
     @cached_property
     def height_mm(self) -> float:
         """Median height of the characters."""
-        tall = [one.pose[TALL] for one in self.laid if one is not None]
+        tall = [character.pose[TALL] for character in self.laid if character is not None]
         return self.felt.line.height_mm * float(np.exp(np.median(tall)))
 
     @property
     def rotation_deg(self) -> float:
         """Rotation of the line through the middles of the characters."""
         middles = [
-            self.points_mm(k, np.zeros((1, 2)))[0] for k, one in enumerate(self.laid) if one is not None
+            self.points_mm(k, np.zeros((1, 2)))[0]
+            for k, character in enumerate(self.laid)
+            if character is not None
         ]
         if len(middles) < 2:
             return self.felt.line.turned_deg
@@ -85,12 +80,11 @@ class LaidText:
         """(n, 2) x, y of points of the character at a place.
 
         Args:
-            place: place of a character that the font has.
             points: (n, 2) from its reference point to the right and down, character heights.
         """
-        one = self.laid[place]
-        assert one is not None
-        return self.felt.places_mm(place, points_at(one.pose, points))
+        character = self.laid[place]
+        assert character is not None
+        return self.felt.places_mm(place, points_at(character.pose, points))
 
 
 def can_be_laid(felt: FeltLine, text: Sequence[str], fonts: Iterable[Font]) -> bool:
@@ -111,9 +105,6 @@ def laid_text(
     None if no font has any of its characters, or if the line has another number of places.
 
     Args:
-        felt: the line.
-        text: one character per place.
-        fonts: fonts to choose from.
         stand_ins: further fonts; one of them is used if it fits clearly better.
         clearly: mean correlation by which it must fit better. Of 24 lines of the exam whose true font was named, 19 fit
             it best, 3 fit another one better by less than this, and 2 by 0.08.
@@ -124,15 +115,15 @@ def laid_text(
 
     def fits(*faces: Face) -> list[tuple[float, LaidText]]:
         return [
-            (felt.suits(text, font, face) - less, LaidText(felt, tuple(text), font, face))
+            (felt.mean_correlation(text, font, face) - less, LaidText(felt, tuple(text), font, face))
             for font, less in least.items()
             for face in faces
             # strokes of an outline font have their own width: only a flat die is tried
             if set(text) & set(font.glyphs) and (face is Face.FLAT or font.stroke_ratio > 0.0)
         ]
 
-    found = fits(Face.FLAT, Face.SHARP)
-    suit, laid = max(found, key=lambda one: one[0], default=(0.0, None))
+    fits_by_face = fits(Face.FLAT, Face.SHARP)
+    suit, laid = max(fits_by_face, key=lambda pair: pair[0], default=(0.0, None))
     if laid is None or suit < STRUCK_FIT or laid.face is Face.SHARP:
-        _, laid = max([*found, *fits(Face.DOTTED)], key=lambda one: one[0], default=(0.0, None))
+        _, laid = max([*fits_by_face, *fits(Face.DOTTED)], key=lambda pair: pair[0], default=(0.0, None))
     return laid

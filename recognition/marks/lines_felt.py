@@ -28,7 +28,6 @@ class LackingLines:
     """A place with too few scan lines to exclude its rivals.
 
     Attributes:
-        place: index of the place, from 0.
         along_x: whether lines along x are missing, or else along y.
     """
 
@@ -52,10 +51,7 @@ def places_lacking_lines(
     """Find places with rivals over which lines of an axis are missing.
 
     Args:
-        scan: all passes.
-        boxes: position of each character.
         strokes: strokes of its rivals; if they are unknown, every place counts as having rivals.
-        height_mm: height of the characters.
         widest_gap_heights: widest gap allowed between lines of an axis over a character, character heights: a little
             more than the quarter at which active touch lays them. Of 180 dirty parts, two wrong serials were accepted
             from lines of one axis alone; neither was with a gap of 0.26 or 0.13.
@@ -80,9 +76,8 @@ def _gap_mm(scan: Scan, box: Box, *, along_x: bool) -> float:
 
 
 def _usable_lines(sweep: Sweep, along_mm: tuple[float, float]) -> NDArray[np.float64]:
-    """Positions of the lines that were felt over most of a stretch."""
-    at = sweep.plan.position_mm()
-    within = (at >= along_mm[0]) & (at <= along_mm[1])
+    position_mm = sweep.plan.position_mm()
+    within = (position_mm >= along_mm[0]) & (position_mm <= along_mm[1])
     if not within.any():
         return np.zeros(0)
     usable = ((sweep.flags[:, :, within] & UNUSABLE) == 0).mean(axis=2) > 0.5

@@ -40,8 +40,6 @@ class MarkFonts:
     Attributes:
         fonts: the named fonts; if none is named, stand-ins.
         stand_ins: further fonts, whose strokes are compared with the part's.
-        named: whether `fonts` were named.
-        predict: predicts the templates of a font.
     """
 
     fonts: tuple[Font, ...]
@@ -60,11 +58,7 @@ class Marks:
     """The felt marks of a line.
 
     Attributes:
-        felt: the line with its depths and poses.
-        relief: the surface.
-        fonts: fonts along whose strokes the marks are measured.
         clipped_mm: (n, 2) x, y of clipped samples: characters there have no depth.
-        samples: number of samples of the surface.
     """
 
     felt: FeltLine
@@ -77,12 +71,7 @@ class Marks:
     __repr__ = one_line
 
     def of_text(self, text: Sequence[str], boxes: Sequence[Box]) -> TextMarks:
-        """The marks of a text; the same is measured once.
-
-        Args:
-            text: one character per place.
-            boxes: position of each character.
-        """
+        """The marks of a text; the same is measured once."""
         chars = tuple(text)
         if chars not in self._known:
             self._known[chars] = TextMarks(self, chars, tuple(boxes))
@@ -96,13 +85,7 @@ class Marks:
 
 @dataclass(frozen=True, eq=False)
 class TextMarks:
-    """The marks of a text; each of them is measured when it is first needed.
-
-    Attributes:
-        marks: marks of the line.
-        text: one character per place.
-        boxes: position of each character.
-    """
+    """The marks of a text; each of them is measured when it is first needed."""
 
     marks: Marks
     text: tuple[str, ...]
@@ -198,7 +181,6 @@ class TextMarks:
         """Felt strokes, place by place, of the text and its rivals; empty if unknown.
 
         Args:
-            lattice: posteriors of all characters that may stand at each place.
             slope: calibration slope of the posteriors, in log odds (`recognition.decide.score`).
         """
         key = lattice, slope
@@ -223,14 +205,7 @@ class TextMarks:
 def measure(
     view: View, line: ReadLine, fonts: MarkFonts, *, clipped_mm: Floats | None = None
 ) -> Marks | None:
-    """Find side, height and pose of the marks along a line; None without heights.
-
-    Args:
-        view: view that was felt.
-        line: line that was read.
-        fonts: fonts along whose strokes the marks are measured.
-        clipped_mm: (n, 2) x, y of clipped samples.
-    """
+    """Find side, height and pose of the marks along a line; None without heights."""
     if view.relief is None or view.edges is None:
         return None
     felt = felt_line(view, line.line, line.columns, line.lattice.text, fonts.every)
@@ -244,8 +219,6 @@ def _clipped_places(
     """Places with clipped samples; all of them if the land is clipped as well.
 
     Args:
-        marks: with the clipped samples.
-        boxes: position of each character.
         few: number of clipped samples from which the depth of a character is not trusted.
         land_share: clipped samples outside of the characters, as a share of all samples, from which the level of the
             land, and so every depth, is not trusted.

@@ -29,7 +29,7 @@ from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
 from recognition.find.part_lines import PartLines
-from recognition.glyph_match.felt_line import SETTLED, DepthStrip, FeltLine
+from recognition.glyph_match.felt_line import POSE_SD_REFINED, DepthStrip, FeltLine
 from recognition.glyph_match.pose import DEEP, PIXELS, Floats, points_at
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
@@ -51,7 +51,6 @@ class RivalStrokes:
     """Evidence from strokes against a rival at a place.
 
     Attributes:
-        char: the rival character.
         belief: probability of the rival without the evidence of strokes.
         margin: evidence of the strokes for the character that was read, nats; negative if it supports the rival.
         apart_heights: length of the strokes that only one of the two has, character heights.
@@ -95,8 +94,6 @@ class _Strokes:
 
     Attributes:
         points: (n, 2) to the right and down from the middle of the place, character heights, `STEP_HEIGHTS` apart.
-        felt: (n,) whether the stroke was felt there.
-        open: (n,) whether a stroke could be felt there.
         within: (n,) whether the point is in the place, not in its neighbours.
     """
 
@@ -106,7 +103,6 @@ class _Strokes:
     within: Bools
 
     def share_felt(self) -> float:
-        """Share of the strokes that was felt, of those that could be; 0 if none could."""
         return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
 
 
@@ -124,7 +120,6 @@ class StrokeSurface:
         """Smooth the depths.
 
         Args:
-            strip: depths along the line.
             near_heights: search radius for the groove about a point of a stroke, character heights.
             beside_heights: radius over which dirt is averaged, character heights.
             heap_share: height above the land from which dirt hides what is below, as a share of the line's depth.
@@ -165,7 +160,7 @@ class StrokeSurface:
         place: int,
         char: str,
         font: Font,
-        at: Floats,
+        pose: Floats,
         *,
         felt_share: float = 0.4,
         felt_noise: float = 3.0,
@@ -174,19 +169,17 @@ class StrokeSurface:
         """The strokes of a character in a pose.
 
         Args:
-            place, char, font: place, character and font.
-            at: its pose.
             felt_share: share of the character's usual depth from which a stroke counts as felt.
             felt_noise: multiple of the land's spread that a felt stroke must reach as well.
             least_deep: minimum depth of a character, as a share of the line's depth.
         """
-        points = points_at(at, _pieces(font, char))
+        points = points_at(pose, _pieces(font, char))
         middle = np.array([self.strip.columns[place], self.strip.known.shape[0] // 2])
         column, row = np.rint(middle + points * PIXELS).astype(np.intp).T
         shape = np.array(self.strip.known.shape)
         inside = (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
-        row, column = (np.clip(one, 0, n - 1) for one, n in zip((row, column), shape, strict=True))
-        usual = max(math.exp(at[DEEP]), least_deep) * self.strip.usual
+        row, column = (np.clip(index, 0, n - 1) for index, n in zip((row, column), shape, strict=True))
+        usual = max(math.exp(pose[DEEP]), least_deep) * self.strip.usual
         felt = self.deepest[row, column] > max(felt_share * usual, felt_noise * self.noise)
         left, right = self.strip.reaches[place]
         within = (points[:, 0] > -left) & (points[:, 0] < right)
@@ -206,13 +199,10 @@ def strokes_of(
     """Compute the felt strokes of the characters of a text and of their rivals.
 
     Args:
-        laid: the text.
         lattice: probabilities of all characters that may stand at each place.
         slope: calibration slope of the probabilities, in log odds (`recognition.decide.score`).
-        surface: the depths along the line, if they are prepared already.
         filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
         filled_of_missing: increase of that probability with the missing share of the line's strokes.
-        most_filled: greatest such probability.
 
     Returns:
         One value for each place; empty if text and lattice differ in their number of places.
@@ -222,23 +212,23 @@ def strokes_of(
         return ()
     surface = StrokeSurface(felt.strip) if surface is None else surface
     read = [
-        None if one is None else surface.strokes(k, char, font, one.pose)
-        for k, (char, one) in enumerate(zip(laid.text, laid.laid, strict=True))
+        None if character is None else surface.strokes(k, char, font, character.pose)
+        for k, (char, character) in enumerate(zip(laid.text, laid.laid, strict=True))
     ]
-    missing = [1.0 - one.share_felt() for one in read if one is not None]
+    missing = [1.0 - character.share_felt() for character in read if character is not None]
     filled = min(filled + filled_of_missing * float(np.mean(missing or [0.0])), most_filled)
-    made = []
-    for k, (char, one, own) in enumerate(zip(laid.text, laid.laid, read, strict=True)):
-        if one is None or own is None:
-            made.append(PlaceStrokes(None, whole=felt.whole[k]))
+    strokes = []
+    for k, (char, character, of_char) in enumerate(zip(laid.text, laid.laid, read, strict=True)):
+        if character is None or of_char is None:
+            strokes.append(PlaceStrokes(None, whole=felt.whole[k]))
             continue
         rivals = []
         for rival, belief in _rivals(char, lattice.chars, lattice.log_belief[k], slope):
             if rival in font.glyphs:
-                at = felt.lay(k, rival, font, laid.face, about=one.pose, spread=SETTLED).pose
-                rivals.append(_compare(own, surface.strokes(k, rival, font, at), rival, belief, filled))
-        made.append(PlaceStrokes(own.share_felt(), one.fit, tuple(rivals), felt.whole[k]))
-    return tuple(made)
+                pose = felt.lay(k, rival, font, laid.face, about=character.pose, spread=POSE_SD_REFINED).pose
+                rivals.append(_compare(of_char, surface.strokes(k, rival, font, pose), rival, belief, filled))
+        strokes.append(PlaceStrokes(of_char.share_felt(), character.fit, tuple(rivals), felt.whole[k]))
+    return tuple(strokes)
 
 
 @lru_cache(maxsize=1024)
@@ -276,34 +266,29 @@ def _compare(
     """Weigh the strokes of the character that was read against a rival's.
 
     Args:
-        read: strokes of the character that was read, laid over its place.
-        rival: strokes of the rival, laid over the same place.
-        char: the rival.
-        belief: probability of the rival.
-        filled: probability that a piece of a stroke is filled.
         alike_heights: distance below which strokes of both count as the same, character heights.
         piece_heights: length of the pieces of a stroke that are felt or filled independently, character heights.
         falsely_felt: probability that a piece seems to be felt where there is none: a scratch, or other strokes in the
             part's font.
     """
     far = np.linalg.norm(read.points[:, None] - rival.points, axis=2)
-    own, theirs = (
-        one.within & (far.min(axis=axis, initial=np.inf) > alike_heights)
-        for axis, one in ((1, read), (0, rival))
+    only_read, theirs = (
+        strokes.within & (far.min(axis=axis, initial=np.inf) > alike_heights)
+        for axis, strokes in ((1, read), (0, rival))
     )
     felt, absent = -math.log(falsely_felt), -math.log(filled)
 
     def pieces(laid: _Strokes, only: Bools, *, felt: bool) -> float:
         return STEP_HEIGHTS / piece_heights * float((only & laid.open & (laid.felt == felt)).sum())
 
-    margin = felt * (pieces(read, own, felt=True) - pieces(rival, theirs, felt=True))
+    margin = felt * (pieces(read, only_read, felt=True) - pieces(rival, theirs, felt=True))
     margin += min(absent * pieces(rival, theirs, felt=False), MOST_ABSENT)
-    margin -= min(absent * pieces(read, own, felt=False), MOST_ABSENT)
+    margin -= min(absent * pieces(read, only_read, felt=False), MOST_ABSENT)
     return RivalStrokes(
         char=char,
         belief=belief,
         margin=margin,
-        apart_heights=float(own.sum() + theirs.sum()) * STEP_HEIGHTS,
+        apart_heights=float(only_read.sum() + theirs.sum()) * STEP_HEIGHTS,
         more_heights=float(theirs.sum()) * STEP_HEIGHTS,
         hidden=float((theirs & ~rival.open).sum() / max(theirs.sum(), 1)),
     )
@@ -322,17 +307,14 @@ def reject_false_lines(
     A line of text is about as deep as the serial, and the surface is deep where its characters have strokes.
 
     Args:
-        part: lines of the part.
-        main: felt line of the serial.
-        fonts: fonts in which the text of a line is laid.
         least_depth: minimum depth, as a share of the serial's. Of 36 second lines of the exam, at any dirt, the
             shallowest had 0.46.
         least_felt: minimum share of the strokes that was felt, mean of the characters: those lines had at least 0.8.
     """
 
-    def is_felt(one: ReadLine) -> bool:
-        lattice, columns = one.open_places
-        line = replace(main, line=one.line, columns=columns)
+    def is_felt(read: ReadLine) -> bool:
+        lattice, columns = read.open_places
+        line = replace(main, line=read.line, columns=columns)
         if line.depth_mm < least_depth * main.depth_mm:
             return False
         laid = laid_text(line, lattice.text, fonts)

@@ -32,13 +32,10 @@ class LineDepths:
     """Depths of a line's characters along the strokes of a named font, or of the font that fits each of them.
 
     Attributes:
-        relief: the surface as felt.
         laid: the line's text, laid in the font that fits it best, of the named ones if any is named.
         others: the text laid in other fonts.
         named: whether a font is named. It is wrong if another one fits better by `clear_gain`, and well: dots, sharp
             grooves and dirt give the right font 0.2 to 0.85, and others then fit no better, or badly as well.
-        clear_gain: gain of the mean correlation by which another font must fit better.
-        least_fit: least mean correlation of that other font.
     """
 
     relief: Relief
@@ -106,9 +103,6 @@ def strokes_fit(
     out as well.
 
     Args:
-        depth: depth along the strokes.
-        fit: correlation of the depths about the place with the character's.
-        least_fit: least such correlation.
         shallower, deeper: greatest difference of the least and the greatest depth from the mean, as a share of it.
         most_sd_mm: greatest `MarkDepth.sd_mm`: dirt on the land hides its level.
     """
@@ -118,12 +112,7 @@ def strokes_fit(
 
 
 def fitting_depths(relief: Relief, texts: Sequence[LaidText]) -> tuple[MarkDepth | NoDepth, ...]:
-    """Depth of each character of a line of unknown font, along the strokes of the font that fits it best.
-
-    Args:
-        relief: the surface as felt.
-        texts: the line's text, laid in each font that may be the part's.
-    """
+    """Depth of each character of a line of unknown font, along the strokes of the font that fits it best."""
     fits = np.array([laid.fits for laid in texts])
     best = fits.argmax(axis=0)
     measured = [
@@ -148,15 +137,7 @@ def foreign_places(
     *,
     least_gain: float = 0.05,
 ) -> set[int]:
-    """Places, from 0, where the strokes of a named font do not fit and those of another one do.
-
-    Args:
-        relief: the surface as felt.
-        laid: the line's text, laid in the named font.
-        depths: depths along its strokes.
-        others: the text laid in other fonts.
-        least_gain: least gain of correlation in another font.
-    """
+    """Places, from 0, where the strokes of a named font do not fit and those of another one do."""
     fits, foreign = laid.fits, set[int]()
     doubtful = {k for k, d in enumerate(depths) if d is not None and not strokes_fit(d, fits[k])}
     for other in others if doubtful else ():

@@ -30,7 +30,6 @@ class PlaceBelief:
         log_belief: (places, C) natural logarithms; each row sums to 1 in probability.
         log_evidence: log probability of all texts allowed together.
         frame: (places,) position of each place in frames, mean of its posterior.
-        spread: (places,) standard deviation of the position, frames.
     """
 
     log_belief: NDArray[np.float64]
@@ -41,7 +40,6 @@ class PlaceBelief:
 
 @kernel()
 def _add(a: float, b: float) -> float:
-    """Log of the sum of two numbers given by their logs."""
     high, low = (a, b) if a > b else (b, a)
     if low == -np.inf:
         return high
@@ -79,22 +77,22 @@ def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
     at_blank = np.full((frames, places + 1), -np.inf)
     scale = np.full((frames, places), -np.inf)
     at_place, enter = np.zeros((frames, places, count)), np.zeros((frames, places, count))
-    rest, total = np.zeros((places + 1, count)), np.full(places + 1, -np.inf)
+    others_sum, total = np.zeros((places + 1, count)), np.full(places + 1, -np.inf)
     at_blank[0, 0] = blank[0]
     for t in range(frames):
         for k in range(places):
-            came, own = (0.0 if k == 0 else -np.inf), -np.inf
+            came, same = (0.0 if k == 0 else -np.inf), -np.inf
             if t > 0:
-                came, own = at_blank[t - 1, k], scale[t - 1, k]
+                came, same = at_blank[t - 1, k], scale[t - 1, k]
             other = scale[t - 1, k - 1] if t > 0 and k > 0 else -np.inf
-            top = max(came, own, other)
+            top = max(came, same, other)
             if top == -np.inf:
                 continue
-            by_blank, stay, by_other = _part(came, top), _part(own, top), _part(other, top)
+            by_blank, stay, by_other = _part(came, top), _part(same, top), _part(other, top)
             most = 0.0
             for c in range(count):
                 if allowed[k, c]:
-                    enter[t, k, c] = (by_blank + by_other * rest[k, c]) * shares[t, c]
+                    enter[t, k, c] = (by_blank + by_other * others_sum[k, c]) * shares[t, c]
                     at_place[t, k, c] = enter[t, k, c]
                     if t > 0:
                         at_place[t, k, c] += stay * at_place[t - 1, k, c] * shares[t, c]
@@ -108,7 +106,7 @@ def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
             if t > 0:
                 at_blank[t, k] = _add(at_blank[t - 1, k], total[k]) + blank[t]
         for k in range(1, places + 1):
-            of_all = _all_and_others(at_place[t, k - 1], rest[k])
+            of_all = _all_and_others(at_place[t, k - 1], others_sum[k])
             total[k] = scale[t, k - 1] + math.log(of_all) if of_all > 0.0 else -np.inf
     return at_blank, at_place, enter, scale, total
 
@@ -119,9 +117,7 @@ def place_belief(
     """Posteriors of every place over all texts with a given number of places.
 
     Args:
-        log_blank: (frames,) log probability of the blank.
         log_chars: (frames, C) log probability of each character; other characters may be left out.
-        allowed: (places, C) whether a character is allowed at a place; at least one place.
 
     Returns:
         The posteriors; None where no text of the format is possible at all (fewer frames than places).
@@ -151,12 +147,7 @@ def place_belief(
 def count_belief(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64], *, most: int = 32
 ) -> NDArray[np.float64]:
-    """(most + 1,) log posterior of the number of characters, any of them allowed anywhere.
-
-    Args:
-        log_blank, log_chars: as in `place_belief`.
-        most: greatest number of places if the format is unknown.
-    """
+    """(most + 1,) log posterior of the number of characters, any of them allowed anywhere."""
     most = min(most, log_blank.size)
     table = np.ones((most, log_chars.shape[1]), dtype=np.bool_)
     at_blank, *_, total = _forward(*_as_inputs(log_blank, log_chars), table)
@@ -168,5 +159,4 @@ def count_belief(
 def _as_inputs(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Convert to the inputs of the sums: log probabilities of the blank, probabilities of characters."""
     return np.ascontiguousarray(log_blank, dtype=np.float64), np.exp(log_chars, dtype=np.float64, order="C")

@@ -8,11 +8,7 @@ from typing import Any
 
 
 def open_network(path: Path, *, threads: int = 1) -> Any:
-    """Open a session of an ONNX file on the CPU.
-
-    Args:
-        threads: threads per network; one is enough, as a reader's processes run side by side.
-    """
+    """Open a session of an ONNX file on the CPU."""
     # set before the import: from 1.29 on the library otherwise sends telemetry and stores a device number
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     import onnxruntime

@@ -45,13 +45,10 @@ class ReadLine:
     """A line and its posteriors.
 
     Attributes:
-        line: the line in its view.
         lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
         columns: (places,) of the lattice, where each stands on the strip.
         evidence: log probability of all that the format allows together; 0 where nothing is known.
-        likely: probability that there are so many places; 1 where a format says so.
-        by_expert: lattices of each by itself.
-        looks: output of the recogniser along the line, for every look at it.
+        count_probability: probability that there are so many places; 1 where a format says so.
         other_ways: the line as one look reads it in other orientations in which its text may be read; None where it
             reads nothing.
         faces: probability of each face that the line may be in, and of none; empty if it was not compared with faces.
@@ -61,7 +58,7 @@ class ReadLine:
     lattice: Lattice
     columns: Floats
     evidence: float
-    likely: float
+    count_probability: float
     by_expert: Mapping[str, Lattice]
     looks: Sequence[Steps]
     other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))
@@ -87,16 +84,15 @@ class ReadLine:
         fixed = None if grammar is None else grammar.spaces(text)
         return word_gaps(self.columns, self.looks) if fixed is None else fixed
 
-    def with_faces(self, faces: Mapping[str, float], own: Lattice, together: Lattice) -> ReadLine:
+    def with_faces(self, faces: Mapping[str, float], by_faces: Lattice, together: Lattice) -> ReadLine:
         """The same line with the posteriors of faces by themselves, and those of all experts together."""
-        by_expert = MappingProxyType({**self.by_expert, "templates": own})
+        by_expert = MappingProxyType({**self.by_expert, "templates": by_faces})
         return replace(self, lattice=together, by_expert=by_expert, faces=MappingProxyType(dict(faces)))
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
 
         Args:
-            grammar: the format.
             alike: groups of characters that may stand for each other.
         """
         return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
@@ -141,16 +137,10 @@ class ReadLine:
 
 
 def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | None) -> ReadLine | None:
-    """Combine the recogniser's looks at a line; None where no text fits.
-
-    Args:
-        line: the line.
-        looks: at the line, all over the same characters.
-        grammar: format of the line.
-    """
-    likely, evidence = 1.0, 0.0
+    """Combine the recogniser's looks at a line; None where no text fits."""
+    count_probability, evidence = 1.0, 0.0
     if grammar is None:
-        many, likely = count_places(looks)
+        many, count_probability = count_places(looks)
         posteriors = _posteriors(looks, (looks[0].chars,) * many)
     else:
         posteriors = _best_length(looks, grammar)
@@ -160,14 +150,13 @@ def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | Non
         return None
     lattice, columns = averaged
     by_expert = MappingProxyType({looks[0].expert: lattice})
-    return ReadLine(line, with_slip(lattice), columns, evidence, likely, by_expert, tuple(looks))
+    return ReadLine(line, with_slip(lattice), columns, evidence, count_probability, by_expert, tuple(looks))
 
 
 Posteriors = Sequence[PlaceBelief | None]
 
 
 def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
-    """Return the posteriors of each look for these places."""
     return [steps.places(allowed) for steps in looks]
 
 
@@ -180,11 +169,7 @@ def _evidence(posteriors: Posteriors) -> float:
 def _best_length(
     looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = (), *, most_lengths: int = 6
 ) -> Posteriors:
-    """Return the posteriors for the length of the format with the most evidence.
-
-    Args:
-        most_lengths: lengths of a format that are tried: those nearest to the number counted.
-    """
+    """Return the posteriors for the length of the format with the most evidence."""
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > most_lengths:
         usual, _ = count_places(looks)
@@ -199,11 +184,7 @@ def _best_length(
 
 
 def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
-    """The likeliest number of characters, and its probability.
-
-    Args:
-        most_counts: looks by which characters are counted.
-    """
+    """The likeliest number of characters, and its probability."""
     logs = [np.maximum(steps.count(), -50.0) for steps in looks[:most_counts]]
     most = max(log.size for log in logs)
     total = np.mean([np.pad(log, (0, most - log.size), constant_values=-50.0) for log in logs], axis=0)
@@ -215,7 +196,6 @@ def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:
     """Leave some probability to every allowed character of a place.
 
     Args:
-        lattice: posteriors.
         slip: share of the probability that all allowed characters have alike, whatever the experts say.
     """
     log, allowed = lattice.log_belief, np.isfinite(lattice.log_belief)
@@ -267,8 +247,6 @@ def word_gaps(
     """Find the places after which there is a space: a probable one, or a wide step with a less probable one.
 
     Args:
-        columns: (places,) column of each place.
-        looks: the recogniser's outputs along the line.
         least_gap: probability of a word gap between two places from which there is one.
         least_wide_gap: the same if the step is wider than a narrow sign can explain.
         wide_heights: a wide step exceeds the usual step by more than this many character heights.

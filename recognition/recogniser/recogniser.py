@@ -57,9 +57,7 @@ def wider_for(advance: float, *, usual: float = 1.05, least: float = 0.8, most: 
         above 1.2 (61)      99.2   (98.0)      83.0   (79.9)
 
     Args:
-        advance: mean distance from one character to the next, character heights.
         usual: advance of widened characters; 1.0 to 1.2 read as much.
-        least, most: limits of the factor.
     """
     return min(max(usual / advance, least), most)
 
@@ -104,20 +102,16 @@ def steps_of(
     characters that are not in `chars` are left out; a space counts as blank.
 
     Args:
-        log_posteriors: as `posteriors` gives them.
-        chars: characters to look for.
-        rare: characters that are rare on parts.
         skip_columns: columns skipped at the start of the strip, so that the steps of a second look can fall between
             those of the first.
-        wider: factor by which the strip was widened.
     """
     power = np.exp(log_posteriors.astype(np.float64))
     of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])
     for k, char in enumerate(chars):
-        for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
-            if own in _CODES:
-                of[:, k] += power[:, _CODES[own]]
-                small += power[:, _CODES[own]] * (own != char)
+        for case in {char, *([char.lower()] if char.lower() not in chars else [])}:
+            if case in _CODES:
+                of[:, k] += power[:, _CODES[case]]
+                small += power[:, _CODES[case]] * (case != char)
     gap = power[:, _CODES[" "]]
     blank = power[:, 0] + (gap if " " not in chars else 0.0)
     columns = (np.arange(len(power), dtype=np.float64) + 0.5) * _step_columns(wider) - 0.5 + LAG_COLUMNS

@@ -34,12 +34,9 @@ class Steps:
     Attributes:
         log_blank: (steps,) log posterior of no new character.
         log_chars: (steps, C) log posterior of each of `chars`.
-        chars: the C characters.
         columns: (steps,) column of the strip at the middle of each step.
         gap: (steps,) probability of a word gap, which `log_blank` includes; None if not computed.
         small: (steps,) posterior of small letters, which `log_chars` counts as capitals; or None.
-        view: number of the view, if the part has several.
-        expert: one of `EXPERTS`.
     """
 
     log_blank: Floats
@@ -66,13 +63,7 @@ class Steps:
         rare: str = "",
         expert: str = "network",
     ) -> Steps:
-        """Make steps from probabilities, (steps,) and (steps, C).
-
-        Args:
-            blank, shares, chars, columns, gap, small: as the attributes, but not yet logarithms.
-            rare: signs that are rare on parts, if no format asks for them.
-            expert: one of `EXPERTS`.
-        """
+        """Make steps from probabilities, (steps,) and (steps, C)."""
         prior = np.array([RARE if char in rare else 1.0 for char in chars])
         log_chars = np.log(shares * prior + FLOOR)
         return cls(np.log(blank + FLOOR), log_chars, chars, columns, gap, small, expert=expert)

@@ -13,7 +13,7 @@ from glyphs import stamp
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from recognition.glyph_match.depth_glyphs import depth_glyph
-from recognition.glyph_match.felt_line import SETTLED, USUAL, FeltLine
+from recognition.glyph_match.felt_line import POSE_SD_REFINED, ZERO_POSE, FeltLine
 from recognition.glyph_match.laid_line import depth_likelihoods
 from recognition.glyph_match.pose import DEEP, DOWN, PIXELS, RIGHT, TALL, TURN, WIDE, Glyph, PlaceSamples
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, predict_templates, template_key
@@ -55,7 +55,7 @@ def test_depths_of_a_die_are_those_that_a_whisker_feels(name: str, touch: Touch)
 
 def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> np.ndarray:
     """A pose of usual depth on level land."""
-    made = USUAL.copy()
+    made = ZERO_POSE.copy()
     made[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
     return made
 
@@ -79,16 +79,16 @@ def test_a_pose_is_found_again_and_other_characters_fit_worse(
     place = samples_of(glyphs["R"], struck, noise=1.0, seed=seed)
     # correlation finds a character's place to a pixel, and the fit begins there
     start = pose(right=right + 0.02, down=down - 0.02)
-    likely, found = place.fit(glyphs["R"], USUAL, SETTLED, start)
+    likely, found = place.fit(glyphs["R"], ZERO_POSE, POSE_SD_REFINED, start)
     np.testing.assert_allclose(found[[RIGHT, 1, TURN, WIDE, TALL, DEEP]], struck[: DEEP + 1], atol=0.05)
-    assert all(place.fit(glyphs[other], USUAL, SETTLED, start)[0] < likely for other in "PBK")
+    assert all(place.fit(glyphs[other], ZERO_POSE, POSE_SD_REFINED, start)[0] < likely for other in "PBK")
 
 
 @given(right=SHORT, size=SHORT, turn=SHORT, number=st.integers(0, 8))
 def test_slopes_are_those_of_the_residuals(
     glyph: Glyph, right: float, size: float, turn: float, number: int
 ) -> None:
-    place, at, step = samples_of(glyph, USUAL), pose(right=right, size=size), 0.01
+    place, at, step = samples_of(glyph, ZERO_POSE), pose(right=right, size=size), 0.01
     at[TURN] = turn
     move = step * (np.arange(at.size) == number)
     differences = (place.residuals(glyph, at + move) - place.residuals(glyph, at - move)) / (2.0 * step)
@@ -99,7 +99,7 @@ def test_slopes_are_those_of_the_residuals(
 
 
 def test_what_lies_far_off_costs_only_so_much(glyph: Glyph) -> None:
-    place = samples_of(glyph, USUAL)
+    place = samples_of(glyph, ZERO_POSE)
     cost, share, bend = place.loss(np.array([0.0, 4.0, 1e4, 1e6]))
     assert cost[0] < cost[1] < cost[2] == cost[3]
     assert share[0] * place.alike > 0.9

@@ -257,7 +257,7 @@ def test_strokes_of_another_font_are_not_missing() -> None:
 
 def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:
     line = felt(part, relief_of(part))
-    scores = {name: line.suits(TEXT, load_font(name)) for name in ("timesr", "gothic", "futural")}
+    scores = {name: line.mean_correlation(TEXT, load_font(name)) for name in ("timesr", "gothic", "futural")}
     assert max(scores, key=scores.__getitem__) == part.font_name == "gothic"
     assert scores["gothic"] > 0.85
 
