@@ -162,8 +162,8 @@ class Repertoire:
         for font in self.named:
             lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:
-                known = settings.format if isinstance(settings.format, str) else str(settings.grammar)
-                raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {known!r} needs")
+                format = settings.format if isinstance(settings.format, str) else str(settings.grammar)
+                raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {format!r} needs")
 
     @cached_property
     def request(self) -> LineRequest:
