@@ -19,13 +19,7 @@ from whisker_array.scan.session import StageSession
 
 
 def read_and_log(reader: TactileReader, session: StageSession, *, budget_s: float) -> ActiveReading:
-    """Feel and read a part, and log its passes in the scan. The session stays open.
-
-    Args:
-        reader: reader by touch.
-        session: stage session with the part mounted.
-        budget_s: maximum stage time, s.
-    """
+    """Feel and read a part, and log its passes in the scan. The session stays open."""
     reading = ActiveReader(reader, ActiveSettings(budget_s=budget_s)).read(session)
     if reading.scan is None:
         return reading
@@ -45,12 +39,7 @@ def read_and_log(reader: TactileReader, session: StageSession, *, budget_s: floa
 
 
 def logged_evidence(reader: TactileReader, scan: Scan) -> SenseEvidence:
-    """Evidence of a recording with a log of passes; a stage that failed sends the part to review again.
-
-    Args:
-        reader: reader by touch.
-        scan: scan with a log of passes.
-    """
+    """Evidence of a recording with a log of passes; a stage that failed sends the part to review again."""
     evidence = reader.of_recording(scan).logged(chosen_passes=True)
     if scan.log is None or not scan.log.problem:
         return evidence
