@@ -65,11 +65,7 @@ class Gain:
 
 
 def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
-    """Compute s, which the module docstring defines.
-
-    Args:
-        recent: number of last looks, of which the best confidence counts.
-    """
+    """Compute s, which the module docstring defines."""
     best = max(confidences[-recent:])
     return 1.0 + math.log10(max(best, _LEAST)) / 4.0
 

@@ -94,7 +94,6 @@ def next_step(
 
     Args:
         lines: lines per half character height that this direction has already.
-        joins: whether another direction was felt before.
     """
     if lines >= MOST:
         return None

@@ -27,8 +27,6 @@ class Progress:
     """Steps and confidences so far.
 
     Attributes:
-        lines: lines per half character height of each way that was felt.
-        confidence: confidence of the last look; 0 without one.
         steady: number of consecutive looks just before the last that had its text and a confidence above 0.5.
         steps: way of each step, and lines of that way after it.
     """
@@ -137,7 +135,6 @@ class Greedy:
     The gain is the chance that the serial is sure within the next `LOOKS_AHEAD` looks (`recognition.active.gain`).
 
     Attributes:
-        gain: predicted gain of the steps.
         worth_s: stage time that one more accepted serial is worth, s.
 
     Raises:

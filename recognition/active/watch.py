@@ -47,11 +47,7 @@ class Look:
 
 
 class LineWatch:
-    """Tracker of one line while it is felt.
-
-    Attributes:
-        is_sure: whether to follow the line instead of searching for one.
-    """
+    """Tracker of one line while it is felt."""
 
     def __init__(self, request: LineRequest, *, line: TextLine | None = None) -> None:
         self.request, self.line = request, line
@@ -68,11 +64,7 @@ class LineWatch:
             self.line, self.is_sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:
-        """Return the best line and text so far; None if there is no text.
-
-        Args:
-            most_found: maximum number of found lines to read, while none is followed.
-        """
+        """Return the best line and text so far; None if there is no text."""
         search = search_of(view, self.request)
         known = [] if self.line is None else [self.line]
         if self.is_sure:

@@ -23,15 +23,7 @@ def build_reading(
     verification: Verification | None,
     seconds: Mapping[str, float],
 ) -> Reading:
-    """Build the reading of a part, with all that it rests on.
-
-    Args:
-        evidence: evidence that it rests on.
-        choice: its text.
-        findings: what speaks against it, and notes.
-        verification: verification of the expected text, if there is one.
-        seconds: seconds of each step.
-    """
+    """Build the reading of a part, with all that it rests on."""
     sense, vision = choice.sense, evidence.vision
     notes = (finding.text for finding in findings if not finding.flag)
     return Reading(

@@ -37,9 +37,6 @@ class Choice:
         senses: senses that it rests on; the first one gives its places.
         alone: readings of each sense alone, if both have looked.
         lattice: posteriors of the places under the format; None if no line was found.
-        open_lattice: posteriors without the format.
-        marks: marks of the text; None without heights.
-        spaces_after: places that a word gap follows.
         odds: log odds of the text by its posteriors.
     """
 

@@ -76,9 +76,7 @@ class Log:
     """Notes, seconds and faults of a sense, beside what it read.
 
     Attributes:
-        findings: faults of scan, bench and stage.
         rows_known: whether the order of the map's rows is known; of a photograph it is.
-        chosen_passes: whether the passes of the scan were chosen one after the other.
         photo: photograph, with others of the same part; of one with a region only the area around it.
         whole_photo: the photograph that it was cropped from, if it was.
         other_texts: texts of other looks that were more likely right than wrong; the surest look was chosen.
@@ -108,7 +106,6 @@ class SenseEvidence:
 
     Attributes:
         views: what was looked at, the one that counts first; empty if there was nothing to see.
-        marks: the felt marks; None where they cannot be measured.
     """
 
     source: Source

@@ -74,11 +74,7 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | N
 
 
 def contradict(touch: Lattice, camera: Lattice, *, sure: float = 0.97) -> bool:
-    """Whether both senses are sure of different characters at a place.
-
-    Args:
-        sure: belief from which a sense counts as sure.
-    """
+    """Whether both senses are sure of different characters at a place."""
     bests = (np.exp(lattice.log_belief).max(axis=1, initial=0.0) >= sure for lattice in (touch, camera))
     return any(a != b for a, b, *both in zip(touch.text, camera.text, *bests, strict=True) if all(both))
 

@@ -57,12 +57,7 @@ def judge(
     without: ReadingFlag = ReadingFlag.NONE,
     certify: bool = True,
 ) -> tuple[list[Finding], bool]:
-    """Findings of all rules, and whether the text is accepted.
-
-    Args:
-        without: flags that do not count.
-        certify: whether the certificate of the settings must cover the text.
-    """
+    """Findings of all rules, and whether the text is accepted."""
     states = [place.state for place in choice.characters]
 
     def is_accepted(flags: ReadingFlag) -> bool:

@@ -50,11 +50,7 @@ def measure_text(
     *,
     without: frozenset[Measure] = frozenset(),
 ) -> Choice:
-    """Measure the marks of a text, and score it; a text that is dirt is dropped.
-
-    Args:
-        without: measures that the score treats as unknown, to see what each is worth.
-    """
+    """Measure the marks of a text, and score it; a text that is dirt is dropped."""
     choice = _with_marks(choice)
     if is_dirt(choice):
         choice = replace(choice, characters=(), spaces_after=frozenset())
@@ -199,7 +195,6 @@ def text_measures(
     """Return the measures of a text that a score needs.
 
     Args:
-        odds: log odds of the text and its number of places.
         same_text: whether each of both senses reads this text by itself; None for one sense.
         most_odds: limit of the log odds, so that certainty is not a missing value.
     """
@@ -295,10 +290,6 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
 
 
 def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
-    """Brightness divided by its median, so that exposure does not matter.
-
-    Args:
-        darkest: median brightness of a photograph that shows nothing.
-    """
+    """Brightness divided by its median, so that exposure does not matter."""
     grey = np.asarray(photo.grey(), dtype=np.float64)
     return grey / max(float(np.median(grey)), darkest)

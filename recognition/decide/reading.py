@@ -117,7 +117,6 @@ class ReadingTrace:
         open_lattice: posteriors without the format; None where they were not computed.
         odds: log odds of the text by recogniser, templates and format; None where no text was read.
         evidence: log probability of all texts that the format allows; None where it was not computed.
-        relief: heights and slopes by touch.
         faces: probability of each face of the library, and of each named font, that the text is in it; under the empty
             name that it is in none. Empty without such a comparison.
         laid: text of touch, fitted to the line in a font; None without heights, or if no font fits.
@@ -158,18 +157,15 @@ class Reading:
 
     Attributes:
         confidence: probability that the whole text is right, 0 to 1 (`recognition.decide.score`).
-        findings: what speaks against it, with places and numbers, and notes.
         font: font along whose strokes the marks are graded, or else the most probable face of the library
             (`ReadingTrace.faces`); empty if none fits.
         height_mm: character height found, in `unit`.
-        raised: whether the marks are raised, not sunk.
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         spaces_after: places, from 0, that a word gap follows.
         notes: further notes, such as "read by touch alone".
         unit: unit of height and boxes: "mm", or "px" (pixels of the original photograph) if the scale is unknown.
         photos: number of photographs that were read; 0 for touch alone.
-        codes: Data Matrix and QR codes in them.
         accept_risk: greatest share of wrong readings among those accepted; None if it is not known.
         threshold: least confidence for acceptance, which keeps that risk; None if none is required.
         evidence: what it was decided on; None for a reading of another program.

@@ -24,11 +24,7 @@ ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.EXPLANATION)
 
 
 def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...]:
-    """Return the reasons of a reading, then other findings, then notes.
-
-    Args:
-        most_reasons: most flags about the serial that are named.
-    """
+    """Return the reasons of a reading, then other findings, then notes."""
     about = ABOUT_SERIAL
     if reading.flags & ReadingFlag.FORMAT_NOT_MET:
         # what is read is clear: doubts under a format that does not fit it are no doubts about the part

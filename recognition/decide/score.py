@@ -89,7 +89,6 @@ class RiskThreshold:
 
     Attributes:
         accepted: number of readings with at least this score that broke no contract.
-        wrong: number of these that were wrong.
         bound: upper bound of the share of wrong ones, one-sided, 95 %.
     """
 

@@ -7,11 +7,7 @@ from itertools import groupby
 
 
 def places_text(text: Sequence[str], places: Sequence[int], *, most_named: int = 3) -> str:
-    """Characters and their places: "I at place 1, 7 at place 4"; if there are many, only places.
-
-    Args:
-        most_named: most characters that are named one by one.
-    """
+    """Characters and their places: "I at place 1, 7 at place 4"; if there are many, only places."""
     if len(places) > most_named:
         return ranges_text(places)
     return ", ".join(f"{text[k - 1]} at place {k}" for k in places)

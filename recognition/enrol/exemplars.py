@@ -55,7 +55,6 @@ class Cut:
         relief: (rows, cols) float32 height over the land in character heights; marks are negative, whether sunk or
             raised; NaN where unknown or where a neighbour stands.
         score: geometric mean posterior per character.
-        place: place of the character in the text, from 1.
     """
 
     char: str
@@ -76,9 +75,6 @@ def cut_height_map(
     good_score: float = 0.7,
 ) -> tuple[Cut, ...]:
     """Cut out the characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
-
-    Args:
-        good_score: mean posterior per character above which no other scale is tried.
 
     Raises:
         ExemplarError: as in `cut_scan`, or no characters to be seen.
@@ -251,9 +247,6 @@ def _over_land(
     """Heights over a bowl fitted to the land: the plate's waves may be as deep as a worn mark.
 
     A bold character covers more of its cell than it leaves, which a fit by Tukey's weights does not survive.
-
-    Args:
-        land_share: share of a mark's depth down to which a sample is land.
     """
     known = np.isfinite(felt)
     if known.sum() < least_land:
@@ -272,11 +265,7 @@ def _over_land(
 
 
 def _ink_box(felt: Floats, bounds: Floats, height_mm: float, *, ink_share: float = 0.5) -> Floats:
-    """Box (u0, v0, u1, v1) of a mark at the land, mm from the cell's middle; NaN without ink.
-
-    Args:
-        ink_share: share of a character's depth from which a sample is ink.
-    """
+    """Box (u0, v0, u1, v1) of a mark at the land, mm from the cell's middle; NaN without ink."""
     u, v = ACROSS * height_mm, DOWN * height_mm
     depth = np.where((u > -bounds[0]) & (u < bounds[1]), -np.nan_to_num(felt), 0.0)
     deep = float(np.percentile(depth[np.abs(DOWN) < 0.5], DEEP_PERCENT))

@@ -53,9 +53,7 @@ class Hand:
     """A known font with changes that a die may have.
 
     Attributes:
-        grow: its outlines are moved outwards by this, character heights.
         soften: standard deviation of the Gaussian that rounds it, character heights.
-        depth: depth of its marks, character heights.
         likeness: median correlation with the characters that were felt: some of them are broken or badly struck;
             one that the font lacks counts as 0.
         gain: factor of its relief, so that softening does not make it shallower than the felt one.
@@ -276,11 +274,7 @@ def depth_of(patch: Patch) -> float:
 
 
 def nearest_hand(shapes: Mapping[str, Patch], fonts: Sequence[Font], *, compared: int = 10) -> Hand:
-    """Find the font, with its changes, that is nearest to the felt characters.
-
-    Args:
-        compared: characters, at most, by which font and width are found.
-    """
+    """Find the font, with its changes, that is nearest to the felt characters."""
     depth = float(np.median([depth_of(p) for p in shapes.values()]))
     few = {c: shapes[c] for c in sorted(shapes)[:: -(-len(shapes) // compared)]}
     hands = [

@@ -126,7 +126,6 @@ def best_chain(
 
     Args:
         reward: (T, cols) reward of each template at each column.
-        half_cols: (T,) half width of each template's ink, pixels.
         allowed: (places, T) whether a template is allowed at a place; None for any number of any of them.
         gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
 
@@ -181,8 +180,6 @@ def usual_spacing(
 
     Args:
         full: (T,) reward of each template on its own clean character.
-        step_cost: cost of a distance that is off by a character height, in units of `full`.
-        stands_out: least reward of both neighbours, as a share of `full`.
     """
     glyphs = [font.glyph(c) for c in chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])

@@ -57,11 +57,7 @@ class GlyphImages:
 
 
 def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: int) -> Image:
-    """(rows, columns, layers) image of the edges felt along a line, straightened.
-
-    Args:
-        rows: number of rows; HEIGHT_ROWS are a character height.
-    """
+    """(rows, columns, layers) image of the edges felt along a line, straightened."""
     from glyphs.opencv import cv2
 
     strip = view.strip(line, rows=rows, margin=margin, zoom=pixels / HEIGHT_ROWS)
@@ -101,11 +97,7 @@ def _glyph_images(templates: TemplateSet, pixels: int, margin_heights: float) ->
 
 
 def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
-    """(T, rows, columns) correlation of every template centred at every pixel of some rows of an image.
-
-    Args:
-        image: (rows, columns, layers); outside it is land, which is 0.
-    """
+    """(T, rows, columns) correlation of every template centred at every pixel of some rows of an image."""
     up, side = (max(template.shape[k] // 2 for template in glyphs.images) for k in (0, 1))
     padded = np.pad(image, ((up, up), (side, side), (0, 0)))[rows.start : rows.stop + 2 * up]
     correlations = np.empty((len(glyphs.images), rows.stop - rows.start, image.shape[1]), dtype=np.float32)
@@ -122,7 +114,6 @@ def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0
     Layers that are zero everywhere, such as directions that were not felt, are left out of both.
 
     Args:
-        image: (rows, columns, layers).
         least_felt: share of a template's amplitude below which a felt pattern counts as land.
     """
     from glyphs.opencv import cv2
@@ -175,7 +166,6 @@ def chain_of(
     If the format fixes the number of characters, it is searched again with the spacing of the most certain ones.
 
     Args:
-        response: (T, columns) best correlation of every template near the line's middle.
         chance: correlation up to which a template explains nothing, because any strokes reach it.
         gap_cost: cost of each further character height of land; a clean character of usual width has reward 1.
     """
@@ -206,12 +196,7 @@ def chain_of(
 def beside(
     response: Image, glyphs: GlyphImages, font: Font, placed: Sequence[Placed], *, surely: float = 0.65
 ) -> tuple[Placed, ...]:
-    """The characters of a chain, and certain ones in line beside them, left to right.
-
-    Args:
-        response: (T, columns), as in `chain_of`.
-        surely: least correlation of a character beside those of the format.
-    """
+    """The characters of a chain, and certain ones in line beside them, left to right."""
     free = np.where(response > surely, response, 0.0)
     columns = np.arange(response.shape[1])
     for char in placed:
@@ -231,12 +216,7 @@ def cell_correlations(
     shift_heights: float = 0.1,
     across_heights: float = 0.2,
 ) -> NDArray[np.float64]:
-    """(T,) best correlation of every template with one cell of an image over small shifts.
-
-    Args:
-        row, column: position of the character in the image.
-        bounds: columns of the cell: the first one, and the one after the last.
-    """
+    """(T,) best correlation of every template with one cell of an image over small shifts."""
     shift = round(shift_heights * glyphs.pixels)
     high = max(template.shape[0] // 2 for template in glyphs.images)
     low, end = bounds
@@ -266,12 +246,10 @@ def steps_of(
     """Posteriors along a line: a step at every place, and a blank one before, between and after.
 
     Args:
-        cells: (places, T) correlations of every template in every place's cell.
         sureness: log odds per unit of -log(1 - r^2) / 2; the most likely of values from 4 to 30, on 672 places of
             gothic, futuram, timesr, DejaVu Sans, Roboto Bold and Lato with dirt 0, 0.3 and 0.6.
         read_from: best correlation at which a place has a readable character with probability 0.5. Of the same places,
             655 of 656 with at least 0.5 are right, and 12 of 15 with 0.3 to 0.5.
-        read_width: scale of the correlation over which that probability rises.
     """
     score = -0.5 * np.log(1.0 - np.clip(cells, 0.0, 0.999) ** 2)
     shares = softmax(sureness * score, axis=1)

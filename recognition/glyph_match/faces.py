@@ -68,11 +68,7 @@ Depths = Callable[[Lattice, int], Floats | None]
 def read_faces(
     line: ReadLine, cosines: FaceCosines, sense: Sense, *, depths: Depths | None = None
 ) -> ReadLine:
-    """Read a line by recogniser, faces and depths together.
-
-    Args:
-        depths: compares depths, if there are any.
-    """
+    """Read a line by recogniser, faces and depths together."""
     network, weights = line.by_expert["network"], fitted_weights(sense)
     experts = cosines.experts(network)
     belief = believe_faces(experts, weights)
@@ -101,12 +97,7 @@ def compare_faces(
     *,
     nearest: int = 8,
 ) -> FaceCosines:
-    """Compare a line with all faces, and with the nearest ones of the library once more, at moved places.
-
-    Args:
-        looks: features of the line's strip in each view of the part.
-        nearest: number of faces of the library that are compared at moved places.
-    """
+    """Compare a line with all faces, and with the nearest ones of the library once more, at moved places."""
     places = [place_windows(features, columns, map) for features in looks]
     coarse = _fits(_under_best_light(places, library, lattice, moved=False))
     chosen = [*named, library.of(np.argsort(-coarse)[:nearest])]

@@ -81,11 +81,7 @@ class DepthStrip:
         return self._image[row - up : row + up + 1, column - side : column + side + 1]
 
     def samples(self, place: int, *, tall_heights: float = 0.72) -> PlaceSamples:
-        """Every second sample about a place, up to its neighbours: adjacent samples are alike.
-
-        Args:
-            tall_heights: reach above and below its middle, character heights.
-        """
+        """Every second sample about a place, up to its neighbours: adjacent samples are alike."""
         left, right = self.reaches[place]
         column = self.columns[place]
         columns = np.arange(
@@ -195,12 +191,7 @@ class FeltLine:
         shift_heights: float = 0.16,
         shift_cost: float = 3.0,
     ) -> tuple[float, Floats]:
-        """Correlation of a character about a place, and the pose in which it correlates best.
-
-        Args:
-            shift_heights: search radius to the right and down, character heights.
-            shift_cost: loss of correlation per squared shift in character heights.
-        """
+        """Correlation of a character about a place, and the pose in which it correlates best."""
         template = depth_template(font, char, face, round(math.exp(about[TALL]), 2))
         move = round(shift_heights * PIXELS)
         place_pixels = np.array([self.strip.known.shape[0] // 2, self.strip.columns[place]])
@@ -224,12 +215,7 @@ class FeltLine:
         about: Floats | None = None,
         spread: Floats = POSE_SD_AT_LINE,
     ) -> LaidCharacter:
-        """Fit the pose of a character at a place; cached unless `about` is given.
-
-        Args:
-            about: the expected pose (default: `ZERO_POSE`).
-            spread: standard deviations of poses about the expected one.
-        """
+        """Fit the pose of a character at a place; cached unless `about` is given."""
         key = place, char, font.name, face
         if about is None and key in self._laid:
             return self._laid[key]
@@ -258,7 +244,6 @@ def _depth_strip(
     """The depths along a line, relative to its land.
 
     Args:
-        land_heights: width of the window whose median is the land, character heights.
         deep_percent: percentile of the line's samples that is the depth of its strokes.
         noise: least and greatest noise as shares of that depth; between them it is estimated from the samples' median
             distance from their median.
@@ -298,7 +283,6 @@ def felt_line(
 
     Args:
         good_fit: mean correlation from which the line keeps the height at which it was found.
-        least_gain: least gain in mean correlation for another height.
     """
 
     def best_correlation(candidate: FeltLine) -> float:

@@ -175,10 +175,6 @@ def ideal_plate(
 ) -> IdealPlate:
     """Strike the plate, at the canonical height and half the templates' pitch.
 
-    Args:
-        cell_margin_heights: land kept around a glyph in its cell, character heights.
-        land_heights: land that the plate has above and below all glyphs, character heights.
-
     Raises:
         FontError: a character that the font lacks.
         StampError, MapError: an invalid die or scale.
@@ -214,13 +210,7 @@ def lit_views(
     reflectance: float = 0.3,
     middle_grey: float = 0.2,
 ) -> tuple[View, ...]:
-    """Photographs of an ideal plate of matt metal, one under each light.
-
-    Args:
-        roughness: roughness of brushed metal, 0 to 1.
-        reflectance: reflectance of brushed metal, 0 to 1.
-        middle_grey: mean of a well exposed photograph, linear.
-    """
+    """Photographs of an ideal plate of matt metal, one under each light."""
     shape = plate.surface.shape
     look = Look(
         np.full((*shape, 3), albedo, dtype=np.float32),

@@ -97,7 +97,6 @@ class PlaceWindows:
 
     Attributes:
         numbers: (moves, places, N) mapped windows.
-        squares: (moves, places, STEPS) squared length of each step.
     """
 
     numbers: Features
@@ -150,11 +149,7 @@ def _prototypes(
 
 
 def own_windows(features: Features, columns: Floats, half: Features, map: FeatureMap) -> Features:
-    """(T, STEPS, S) windows of a plate's characters, each within its ink and of length 1 before the map.
-
-    Args:
-        half: (T,) half the widths of their windows, steps.
-    """
+    """(T, STEPS, S) windows of a plate's characters, each within its ink and of length 1 before the map."""
     components, squares = map.components(features)
     weights = own_steps(half)
     length = np.sqrt(np.einsum("ts,ts->t", windows(squares, columns), weights))
@@ -162,11 +157,7 @@ def own_windows(features: Features, columns: Floats, half: Features, map: Featur
 
 
 def half_steps(half_width: Floats, *, beside_steps: float = 2.0) -> Features:
-    """Half the widths of characters' windows, steps.
-
-    Args:
-        beside_steps: steps beside a character's ink that count as its own.
-    """
+    """Half the widths of characters' windows, steps."""
     return (half_width * HEIGHT_ROWS / FEATURE_COLUMNS + beside_steps).astype(np.float32)
 
 
@@ -195,12 +186,7 @@ def windows(values: Features, columns: Floats, half: int = HALF_STEPS) -> Featur
 def place_windows(
     features: Features, columns: Floats, map: FeatureMap, *, moved_steps: int = 3
 ) -> PlaceWindows:
-    """Map the windows about the places of a line.
-
-    Args:
-        columns: (places,) columns of the characters in the strip.
-        moved_steps: greatest error of a place, steps.
-    """
+    """Map the windows about the places of a line."""
     components, squares = (
         windows(values, columns, HALF_STEPS + moved_steps) for values in map.components(features)
     )
@@ -212,11 +198,7 @@ def place_windows(
 def cosines(
     places: PlaceWindows, prototypes: Prototypes, *, moved: bool = True, move_cost: float = 0.007
 ) -> Features:
-    """(F, lights, places, T) greatest cosine of every prototype with every place over small moves.
-
-    Args:
-        move_cost: loss of cosine per step.
-    """
+    """(F, lights, places, T) greatest cosine of every prototype with every place over small moves."""
     faces, lights, chars, count = prototypes.numbers.shape
     flat = prototypes.numbers.reshape(-1, count).T
     weights = own_steps(prototypes.half).reshape(-1, STEPS).T

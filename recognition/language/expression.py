@@ -65,7 +65,6 @@ class ExpressionMachine:
 
     Attributes:
         next_state: (states, C) int64, -1 where the character may not follow.
-        final: (states,) bool, whether the text may end in this state.
     """
 
     next_state: NDArray[np.int64]
@@ -104,7 +103,6 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
 
     Args:
         pattern: must match the whole text; `^` in front and `$` at the end change nothing.
-        chars: characters that may occur, without blanks.
 
     Raises:
         FormatError: not a regular expression, one with look-ahead, references or options, or one whose machine would

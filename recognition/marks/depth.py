@@ -89,11 +89,7 @@ class MarkDepth:
 def mark_depths(
     relief: Relief, laid: LaidText, *, places: Collection[int] | None = None
 ) -> tuple[MarkDepth | None, ...]:
-    """Depth of each character of a line; None if too little of it or of the land beside it was felt.
-
-    Args:
-        places: places to measure, from 0; the others are None (default: all).
-    """
+    """Depth of each character of a line; None if too little of it or of the land beside it was felt."""
     felt = relief.height_mm if laid.felt.raised else -relief.height_mm
     # a margin of unknown samples
     depth = np.pad(felt.astype(np.float64), 1, constant_values=np.nan)
@@ -234,9 +230,6 @@ def _plane(
     """Level and slopes (per sample, along rows and columns) of the land about a character, and its scatter.
 
     None if there is too little land.
-
-    Args:
-        reach_heights: search radius for land about the character, character heights.
     """
     reach = reach_heights * height
     low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)

@@ -177,9 +177,6 @@ def grade_character(
 
     Args:
         felt: (channels, rows, cols) edge map of its cell; equals the template's where the mark is as it should be.
-        predicted: (channels, rows, cols) edge map of the template.
-        tolerance_px: greatest distance of an edge from its predicted position.
-        stroke_share: share of the strongest predicted edge that counts as a stroke's edge.
         felt_share: share of the contrast from which an edge counts as felt.
         least_felt: share of the predicted edge that it must reach as well.
         foreign_share: an edge where none is predicted is foreign from this share of the strongest predicted edge times

@@ -38,7 +38,6 @@ class MarkFonts:
     """Fonts along whose strokes marks are measured.
 
     Attributes:
-        fonts: the named fonts; if none is named, stand-ins.
         stand_ins: further fonts, whose strokes are compared with the part's.
     """
 

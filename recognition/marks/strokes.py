@@ -51,9 +51,7 @@ class RivalStrokes:
     """Evidence from strokes against a rival at a place.
 
     Attributes:
-        belief: probability of the rival without the evidence of strokes.
         margin: evidence of the strokes for the character that was read, nats; negative if it supports the rival.
-        apart_heights: length of the strokes that only one of the two has, character heights.
         more_heights: length of the strokes that only the rival has, character heights.
         hidden: share of `more_heights` where nothing could be felt.
     """
@@ -79,7 +77,6 @@ class PlaceStrokes:
         felt: share of its strokes that was felt, in the best-fitting font; None if no font has the character.
         score: correlation of the depths about the place with those of the character, at most 1.
         rivals: characters that the format allows and that are probable, or easily confused with this one.
-        whole: whether the surface was felt from edge to edge of the character.
     """
 
     felt: float | None
@@ -120,8 +117,6 @@ class StrokeSurface:
         """Smooth the depths.
 
         Args:
-            near_heights: search radius for the groove about a point of a stroke, character heights.
-            beside_heights: radius over which dirt is averaged, character heights.
             heap_share: height above the land from which dirt hides what is below, as a share of the line's depth.
         """
         self.strip = strip
@@ -169,9 +164,7 @@ class StrokeSurface:
         """The strokes of a character in a pose.
 
         Args:
-            felt_share: share of the character's usual depth from which a stroke counts as felt.
             felt_noise: multiple of the land's spread that a felt stroke must reach as well.
-            least_deep: minimum depth of a character, as a share of the line's depth.
         """
         points = points_at(pose, _pieces(font, char))
         middle = np.array([self.strip.columns[place], self.strip.known.shape[0] // 2])
@@ -199,7 +192,6 @@ def strokes_of(
     """Compute the felt strokes of the characters of a text and of their rivals.
 
     Args:
-        lattice: probabilities of all characters that may stand at each place.
         slope: calibration slope of the probabilities, in log odds (`recognition.decide.score`).
         filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
         filled_of_missing: increase of that probability with the missing share of the line's strokes.

@@ -28,7 +28,6 @@ class PlaceBelief:
 
     Attributes:
         log_belief: (places, C) natural logarithms; each row sums to 1 in probability.
-        log_evidence: log probability of all texts allowed together.
         frame: (places,) position of each place in frames, mean of its posterior.
     """
 

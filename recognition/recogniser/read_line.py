@@ -90,11 +90,7 @@ class ReadLine:
         return replace(self, lattice=together, by_expert=by_expert, faces=MappingProxyType(dict(faces)))
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
-        """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room.
-
-        Args:
-            alike: groups of characters that may stand for each other.
-        """
+        """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room."""
         return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
 
     def least_read(self) -> int:
