@@ -43,7 +43,7 @@ def make_part(gothic: Font) -> Callable[..., StampedPart]:
 
     @cache
     def made(text: str, height_mm: float, seed: int, calm: bool, face: str, options: tuple) -> StampedPart:
-        given = {"pitch_mm": height_mm / 60, **dict(options)}
+        spec = {"pitch_mm": height_mm / 60, **dict(options)}
         die = default_die(height_mm, font=gothic, **({"face": face} if face else {}))
         return stamp_line(
             text,
@@ -52,7 +52,7 @@ def make_part(gothic: Font) -> Callable[..., StampedPart]:
             height_mm=height_mm,
             variation=StampingVariation.none() if calm else None,
             rng=np.random.default_rng(seed),
-            **given,
+            **spec,
         )
 
     def make(

@@ -28,6 +28,6 @@ def read(strip: Path) -> tuple[Reading, str]:
     ids=lambda strip: strip.stem,
 )
 def test_a_coin_is_read_without_any_setting(strip: Path) -> None:
-    found, text = read(strip)
-    assert (found.text, found.raised) == (text, True)
-    assert found.decision is not Decision.REJECT
+    reading, text = read(strip)
+    assert (reading.text, reading.raised) == (text, True)
+    assert reading.decision is not Decision.REJECT

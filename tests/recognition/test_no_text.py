@@ -87,7 +87,7 @@ def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters
     reader: Readers, text: str, accepted: bool
 ) -> None:
     part = stamp(text, fonts=DEJAVU, height_mm=HEIGHT_MM, seed=3)
-    found = reader(format="AA99", height_mm=HEIGHT_MM).read(part.height_map)
-    assert (found.decision is Decision.ACCEPT) == accepted
+    reading = reader(format="AA99", height_mm=HEIGHT_MM).read(part.height_map)
+    assert (reading.decision is Decision.ACCEPT) == accepted
     place = 1 + next((k for k, char in enumerate(text) if not char.isalnum()), -1)
-    assert accepted or any(f"place {place}" in message for message in found.messages())
+    assert accepted or any(f"place {place}" in message for message in reading.messages())

@@ -64,28 +64,28 @@ def plain(make_part: Make, reader: Readers) -> tuple[StampedPart, Reading]:
 
 
 def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
-    part, found = plain
-    check(found, part)
-    assert (found.font, found.source, found.raised, found.flags) == (
+    part, reading = plain
+    check(reading, part)
+    assert (reading.font, reading.source, reading.raised, reading.flags) == (
         "gothic",
         "tactile",
         False,
         ReadingFlag.NONE,
     )
-    assert found.rotation_deg == pytest.approx(0.0, abs=1.5)
+    assert reading.rotation_deg == pytest.approx(0.0, abs=1.5)
     steps = "mount, first pass, scan, see, find, measure, decide"
-    assert set(found.seconds) == set(steps.split(", "))
-    assert all(t >= 0.0 for t in found.seconds.values())
-    boxes = [c.box for c in found.characters]
+    assert set(reading.seconds) == set(steps.split(", "))
+    assert all(t >= 0.0 for t in reading.seconds.values())
+    boxes = [c.box for c in reading.characters]
     assert all(a.x0_mm < b.x0_mm and a.x1_mm < b.x1_mm for a, b in pairwise(boxes))
-    assert set(found.trace.by_expert) >= {"network", "templates"}
-    assert found.trace.scan is not None
-    assert found.trace.scan.fidelity == Fidelity.CONTACT.value
-    assert found.trace.line is not None
+    assert set(reading.trace.by_expert) >= {"network", "templates"}
+    assert reading.trace.scan is not None
+    assert reading.trace.scan.fidelity == Fidelity.CONTACT.value
+    assert reading.trace.line is not None
     # templates settle the height of the line that was found by at most a twentieth
-    assert found.height_mm == pytest.approx(found.trace.line.height_mm, rel=0.06)
-    assert found.trace.edge_map is not None
-    assert found.trace.height_map is not None
+    assert reading.height_mm == pytest.approx(reading.trace.line.height_mm, rel=0.06)
+    assert reading.trace.edge_map is not None
+    assert reading.trace.height_map is not None
 
 
 @pytest.mark.parametrize(
@@ -105,9 +105,9 @@ def test_parts_of_all_kinds_are_accepted(
     made: dict[str, Any], known: dict[str, Any], make_part: Make, reader: Readers
 ) -> None:
     part = make_part(**made)
-    found = reader(**known).read(part.height_map)
-    check(found, part)
-    assert found.font == "gothic"
+    reading = reader(**known).read(part.height_map)
+    check(reading, part)
+    assert reading.font == "gothic"
 
 
 @pytest.mark.parametrize("face", ["sharp", "dotted"])
@@ -241,20 +241,20 @@ def test_maps_too_small_for_characters_are_rejected(
 
 
 def test_every_character_has_a_depth(plain: tuple[StampedPart, Reading]) -> None:
-    part, found = plain
-    assert found.trace.relief is not None
-    assert found.trace.edge_map is not None
-    assert found.trace.height_map is not None
-    assert found.trace.relief.height_mm.shape == found.trace.edge_map.shape
-    z, pitch = found.trace.height_map.z_mm, found.trace.height_map.pitch_mm
-    for character, (x0, y0, x1, y1) in zip(found.characters, part.boxes_mm, strict=True):
+    part, reading = plain
+    assert reading.trace.relief is not None
+    assert reading.trace.edge_map is not None
+    assert reading.trace.height_map is not None
+    assert reading.trace.relief.height_mm.shape == reading.trace.edge_map.shape
+    z, pitch = reading.trace.height_map.z_mm, reading.trace.height_map.pitch_mm
+    for character, (x0, y0, x1, y1) in zip(reading.characters, part.boxes_mm, strict=True):
         assert character.depth is not None
         deepest = -z[int(y0 / pitch) : int(y1 / pitch) + 1, int(x0 / pitch) : int(x1 / pitch) + 1].min()
         # a plate waves by 10 micrometres, and a blow that leans is not as deep everywhere
         assert character.depth.max_mm == pytest.approx(deepest, abs=0.03)
-    known = [c.depth for c in found.characters if c.depth is not None]
-    assert found.depth_min_mm == min(d.min_mm for d in known)
-    assert found.depth_mean_mm == pytest.approx(np.mean([d.mean_mm for d in known]))
+    known = [c.depth for c in reading.characters if c.depth is not None]
+    assert reading.depth_min_mm == min(d.min_mm for d in known)
+    assert reading.depth_mean_mm == pytest.approx(np.mean([d.mean_mm for d in known]))
 
 
 def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(

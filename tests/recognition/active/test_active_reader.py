@@ -56,48 +56,48 @@ def read() -> ActiveReading:
 
 
 def test_a_clean_part_is_sure_in_a_tenth_of_the_plans_time() -> None:
-    found = read()
-    assert (found.reading.text, found.stop, found.passes[-1].text) == (TEXT, StopReason.SURE, TEXT)
-    assert found.reading.decision is Decision.ACCEPT
+    active = read()
+    assert (active.reading.text, active.stop, active.passes[-1].text) == (TEXT, StopReason.SURE, TEXT)
+    assert active.reading.decision is Decision.ACCEPT
     whole = default_plan((0.0, 0.0, *part().size_mm), character_height_mm=HEIGHT_MM)
-    assert found.stage_s < 0.1 * whole.scan_time_s
-    assert found.stage_s == pytest.approx(sum(p.order.stage_s for p in found.passes))
-    assert found.scan is not None
-    assert sum(s.plan.line_mm.shape[0] for s in found.scan.sweeps) == len(found.passes)
+    assert active.stage_s < 0.1 * whole.scan_time_s
+    assert active.stage_s == pytest.approx(sum(p.order.stage_s for p in active.passes))
+    assert active.scan is not None
+    assert sum(s.plan.line_mm.shape[0] for s in active.scan.sweeps) == len(active.passes)
 
 
 def test_the_budget_ends_it() -> None:
-    found = ActiveReader(reader(), ActiveSettings(budget_s=0.5)).read(mounted(part()))
+    active = ActiveReader(reader(), ActiveSettings(budget_s=0.5)).read(mounted(part()))
     # the first step is always felt: nothing is known without
-    assert found.stage_s > 0.5
+    assert active.stage_s > 0.5
     ladder = Ladder(((Way.ALONG, 16), (Way.BACK, 16)))
     settings = ActiveSettings(budget_s=9.0, policy=ladder, until_sure=False)
-    found = ActiveReader(reader(), settings).read(mounted(part()))
-    assert found.stop is StopReason.BUDGET
-    assert found.stage_s <= 9.0
+    active = ActiveReader(reader(), settings).read(mounted(part()))
+    assert active.stop is StopReason.BUDGET
+    assert active.stage_s <= 9.0
 
 
 @pytest.mark.parametrize("at", [0, 6])
 def test_what_was_felt_before_the_stage_failed_is_kept(at: int) -> None:
     settings = ActiveSettings(policy=Ladder(((Way.ALONG, 16),)), until_sure=False)
-    found = ActiveReader(reader(), settings).read(Jamming(mounted(part()), at))
-    assert found.stop is StopReason.STAGE_FAILED
-    assert len(found.passes) == at
-    assert "the array has jammed" in found.problem
-    assert found.reading.decision is not Decision.ACCEPT
-    assert (found.scan is None) == (at == 0)
+    active = ActiveReader(reader(), settings).read(Jamming(mounted(part()), at))
+    assert active.stop is StopReason.STAGE_FAILED
+    assert len(active.passes) == at
+    assert "the array has jammed" in active.problem
+    assert active.reading.decision is not Decision.ACCEPT
+    assert (active.scan is None) == (at == 0)
     if at == 6:
-        assert found.reading.text == TEXT
-        assert any("the stage failed" in message for message in found.reading.messages())
+        assert active.reading.text == TEXT
+        assert any("the stage failed" in message for message in active.reading.messages())
 
 
 def test_land_is_given_up_soon() -> None:
     rng = np.random.default_rng(1)
     land = HeightMap((0.002 * rng.standard_normal((200, 500))).astype(np.float32), 0.1)
-    found = ActiveReader(reader()).read(mounted(land))
-    assert found.stop in (StopReason.NO_GAIN, StopReason.NOTHING_FOUND)
-    assert found.reading.decision is not Decision.ACCEPT
-    assert found.stage_s < 15.0  # nine passes of some 1.5 s
+    active = ActiveReader(reader()).read(mounted(land))
+    assert active.stop in (StopReason.NO_GAIN, StopReason.NOTHING_FOUND)
+    assert active.reading.decision is not Decision.ACCEPT
+    assert active.stage_s < 15.0  # nine passes of some 1.5 s
 
 
 def test_a_line_that_runs_down_has_the_land_of_a_level_one() -> None:
@@ -116,18 +116,18 @@ def test_a_known_line_is_felt_and_nothing_else() -> None:
     assert (x0, x1) == pytest.approx((2.0, 30.0))
     assert (y0, y1) == pytest.approx((3.0, 13.0))
     assert region_around(line, (5.0, 4.0, 20.0, 12.0)) == (5.0, 4.0, 20.0, 12.0)
-    found = ActiveReader(reader()).read(mounted(part()), region_mm=(4.0, 2.0, 20.0, 12.0))
-    for one in found.passes:
-        first, last = (4.0, 20.0) if one.order.direction.along_x else (2.0, 12.0)
-        assert one.order.along_mm[0] >= first - 0.1
-        assert one.order.along_mm[1] <= last + 0.1
+    active = ActiveReader(reader()).read(mounted(part()), region_mm=(4.0, 2.0, 20.0, 12.0))
+    for felt in active.passes:
+        first, last = (4.0, 20.0) if felt.order.direction.along_x else (2.0, 12.0)
+        assert felt.order.along_mm[0] >= first - 0.1
+        assert felt.order.along_mm[1] <= last + 0.1
 
 
 def test_what_no_look_sees_is_read_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(LineWatch, "look", lambda *_: None)
-    found = ActiveReader(reader()).read(mounted(part()))
-    assert (found.reading.text, found.stop) == (TEXT, StopReason.SURE)
-    assert found.reading.decision is Decision.ACCEPT
+    active = ActiveReader(reader()).read(mounted(part()))
+    assert (active.reading.text, active.stop) == (TEXT, StopReason.SURE)
+    assert active.reading.decision is Decision.ACCEPT
 
 
 class WithDeadWhisker(SimulatedSession):
@@ -142,7 +142,7 @@ class WithDeadWhisker(SimulatedSession):
 
 def test_a_whisker_that_is_dead_is_named() -> None:
     # with it the text is not sure within the budget, and every pass of it is felt
-    found = ActiveReader(reader(), ActiveSettings(budget_s=5.0)).read(mounted(part(), WithDeadWhisker))
-    assert ReadingFlag.WHISKER_FAULTY in found.reading.flags
-    assert any("whisker 2, dead whisker" in message for message in found.reading.messages())
-    assert found.reading.text == TEXT or found.reading.decision is not Decision.ACCEPT
+    active = ActiveReader(reader(), ActiveSettings(budget_s=5.0)).read(mounted(part(), WithDeadWhisker))
+    assert ReadingFlag.WHISKER_FAULTY in active.reading.flags
+    assert any("whisker 2, dead whisker" in message for message in active.reading.messages())
+    assert active.reading.text == TEXT or active.reading.decision is not Decision.ACCEPT

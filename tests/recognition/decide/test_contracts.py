@@ -112,29 +112,29 @@ def test_the_same_serial_is_noted_and_changes_nothing_else(reader: Reader, photo
 
 
 def test_another_serial_is_a_review_with_both_shown(reader: Reader, photo: Photo) -> None:
-    found = reader.read(with_code(photo, "SER KB740216", contrast=0.3))
-    assert (found.text, found.decision) == (TEXT, Decision.REVIEW)
-    assert found.flags & ReadingFlag.CODE_DISAGREES
-    assert found.messages() == (
+    reading = reader.read(with_code(photo, "SER KB740216", contrast=0.3))
+    assert (reading.text, reading.decision) == (TEXT, Decision.REVIEW)
+    assert reading.flags & ReadingFlag.CODE_DISAGREES
+    assert reading.messages() == (
         "the Data Matrix holds “SER KB740216”, the marks read “KB740215” (look at the part)",
     )
 
 
 def test_one_code_of_several_is_enough() -> None:
-    other, own = code("(01)09501101530003"), code("SER KB740215")
-    assert beside(other, own).decision is Decision.ACCEPT
-    assert beside(code("4711"), own).decision is Decision.ACCEPT
+    other, matching = code("(01)09501101530003"), code("SER KB740215")
+    assert beside(other, matching).decision is Decision.ACCEPT
+    assert beside(code("4711"), matching).decision is Decision.ACCEPT
     assert beside(code("4711"), other).decision is Decision.REVIEW
 
 
 def test_a_code_that_speaks_of_no_serial_is_kept_and_says_nothing() -> None:
-    found = beside(code("MFR 0AB12/PNR 7"))
-    assert (found.decision, found.messages(), len(found.codes)) == (Decision.ACCEPT, (), 1)
+    reading = beside(code("MFR 0AB12/PNR 7"))
+    assert (reading.decision, reading.messages(), len(reading.codes)) == (Decision.ACCEPT, (), 1)
 
 
 def test_nothing_read_is_compared_with_nothing() -> None:
-    found = beside(code("SER KB740216"), read=None)
-    assert (found.decision, found.flags, found.codes[0].text) == (
+    reading = beside(code("SER KB740216"), read=None)
+    assert (reading.decision, reading.flags, reading.codes[0].text) == (
         Decision.REJECT,
         ReadingFlag.NO_CHARACTERS,
         "SER KB740216",

@@ -50,9 +50,9 @@ def line_of(
         where[2 * k + 1] = columns[k]
         where[2 * k] = columns[k] - 5.0
     where[-1] = columns[-1] + 5.0
-    made = combine_looks(at, [Steps.of(blank, shares, CHARS, where)], grammar)
-    assert made is not None
-    return made
+    line = combine_looks(at, [Steps.of(blank, shares, CHARS, where)], grammar)
+    assert line is not None
+    return line
 
 
 def read(
@@ -68,16 +68,16 @@ def read(
 
 
 def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
-    found = read(line_of("AB812"))
-    assert (found.text, found.decision, found.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
-    assert found.confidence > 0.9
-    assert found.height_mm == 5.0
-    assert found.rotation_deg == pytest.approx(2.0)
-    assert found.box == hull([c.box for c in found.characters])
-    assert found.trace.line is LINE
-    assert [*found.trace.by_expert] == ["network"]
-    assert found.trace.open_lattice is not None
-    for character in found.characters:
+    reading = read(line_of("AB812"))
+    assert (reading.text, reading.decision, reading.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
+    assert reading.confidence > 0.9
+    assert reading.height_mm == 5.0
+    assert reading.rotation_deg == pytest.approx(2.0)
+    assert reading.box == hull([c.box for c in reading.characters])
+    assert reading.trace.line is LINE
+    assert [*reading.trace.by_expert] == ["network"]
+    assert reading.trace.open_lattice is not None
+    for character in reading.characters:
         shares = [c.probability for c in character.candidates]
         assert shares == sorted(shares, reverse=True)
         assert sum(shares) <= 1.0 + 1e-9
@@ -98,20 +98,20 @@ def test_no_place_is_less_sure_than_the_whole_text(text: str, sure: float, sourc
 
 def test_another_line_that_nobody_asked_for_sends_the_part_to_review() -> None:
     other = line_of("B21", at=TextLine.straight(3.0, 20.0, length_mm=12.0, height_mm=5.0))
-    found = read(line_of("AB812"), other)
-    assert found.text == "AB812"
-    assert found.decision is Decision.REVIEW
-    assert ReadingFlag.UNREAD_MARKS in found.flags
-    assert any("B21" in finding.text for finding in found.findings)
+    reading = read(line_of("AB812"), other)
+    assert reading.text == "AB812"
+    assert reading.decision is Decision.REVIEW
+    assert ReadingFlag.UNREAD_MARKS in reading.flags
+    assert any("B21" in finding.text for finding in reading.findings)
 
 
 def test_another_line_that_the_serials_format_does_not_allow_is_named_and_holds_nothing_up() -> None:
     other = line_of("B21", at=TextLine.straight(3.0, 20.0, length_mm=12.0, height_mm=5.0))
     grammar = Grammar(format="AA999")
-    found = read(line_of("AB812", grammar=grammar), other, grammar=grammar)
-    assert (found.text, found.decision, found.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
-    assert [(line.text, line.may_be_serial) for line in found.others] == [("B21", False)]
-    assert found.messages() == ("another line reads “B21”, which does not fit the serial's format",)
+    reading = read(line_of("AB812", grammar=grammar), other, grammar=grammar)
+    assert (reading.text, reading.decision, reading.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
+    assert [(line.text, line.may_be_serial) for line in reading.others] == [("B21", False)]
+    assert reading.messages() == ("another line reads “B21”, which does not fit the serial's format",)
     # as many characters, of other kinds
     kinds = read(line_of("AB812", grammar=grammar), line_of("12812", at=other.line), grammar=grammar)
     assert kinds.decision is Decision.ACCEPT
@@ -163,9 +163,9 @@ def test_a_sign_that_is_none_of_the_formats_is_not_taken_for_its_character() -> 
     shares[5], blank[5] = 0.1 * shares[5], 1e-4
     line = combine_looks(LINE, [Steps.of(blank, shares, CHARS, steps.columns)], grammar)
     assert line is not None
-    found = read(line, grammar=grammar)
-    assert (found.text, found.decision) == ("AB2", Decision.REVIEW)
-    assert found.messages() == ("2 at place 3 may be a sign outside the format (compare it with the part)",)
+    reading = read(line, grammar=grammar)
+    assert (reading.text, reading.decision) == ("AB2", Decision.REVIEW)
+    assert reading.messages() == ("2 at place 3 may be a sign outside the format (compare it with the part)",)
     assert read(sure, grammar=grammar).decision is Decision.ACCEPT
 
 
@@ -181,25 +181,25 @@ def test_a_twin_is_what_the_format_makes_of_it() -> None:
 def test_a_wide_step_is_a_space_unless_the_format_says_where_they_are() -> None:
     assert read(line_of("AB 812")).text == "AB 812"
     grammar = Grammar(format="A A999")
-    found = read(line_of("AB 812", grammar=grammar), grammar=grammar)
-    assert found.text == "A B812"
+    reading = read(line_of("AB 812", grammar=grammar), grammar=grammar)
+    assert reading.text == "A B812"
 
 
 def test_word_gaps_stand_out_in_themselves_and_beside_the_others() -> None:
-    at = np.array([0.0, 0.8, 1.6, 3.2, 4.0]) * HEIGHT_ROWS
-    assert word_gaps(at) == {2}
+    columns = np.array([0.0, 0.8, 1.6, 3.2, 4.0]) * HEIGHT_ROWS
+    assert word_gaps(columns) == {2}
     # far apart, but alike; and a step that is hardly wider
     assert word_gaps(np.arange(5.0) * 2.0 * HEIGHT_ROWS) == frozenset()
     assert word_gaps(np.array([0.0, 0.8, 1.6, 2.7, 3.5]) * HEIGHT_ROWS) == frozenset()
-    assert word_gaps(at[:2]) == word_gaps(np.zeros(0)) == frozenset()
+    assert word_gaps(columns[:2]) == word_gaps(np.zeros(0)) == frozenset()
 
 
 def test_no_line_and_a_line_that_says_nothing_are_no_characters() -> None:
     blind = line_of("A8B", sure=1e-4, grammar=Grammar(sets=(CHARS,) * 3))
-    for found in (read(None, flags=ReadingFlag.DROPOUTS), read(blind, flags=ReadingFlag.DROPOUTS)):
-        assert (found.text, found.decision, found.confidence) == ("", Decision.REJECT, 0.0)
+    for reading in (read(None, flags=ReadingFlag.DROPOUTS), read(blind, flags=ReadingFlag.DROPOUTS)):
+        assert (reading.text, reading.decision, reading.confidence) == ("", Decision.REJECT, 0.0)
         # what was known of the scan is still said
-        assert found.flags == ReadingFlag.NO_CHARACTERS | ReadingFlag.DROPOUTS
+        assert reading.flags == ReadingFlag.NO_CHARACTERS | ReadingFlag.DROPOUTS
 
 
 def test_nothing_that_can_be_read_where_a_line_was_asked_for_is_no_line() -> None:
@@ -209,10 +209,10 @@ def test_nothing_that_can_be_read_where_a_line_was_asked_for_is_no_line() -> Non
     for sure, lines in ((1e-4, []), (0.9, ["A8B"])):
         part = PartLines(line_of("AB812"), {"lot": line_of("A8B", sure=sure, grammar=grammar)})
         evidence = Evidence.of(SenseEvidence("tactile", lines=part))
-        found = decide(evidence, rules(lines={"lot": lot}))
-        assert [line.text for line in found.others] == lines
+        reading = decide(evidence, rules(lines={"lot": lot}))
+        assert [line.text for line in reading.others] == lines
         words = () if lines else ("no text was read for the line lot",)
-        assert found.messages()[: len(words)] == words
+        assert reading.messages()[: len(words)] == words
 
 
 def test_a_hull_holds_its_boxes() -> None:
@@ -225,20 +225,20 @@ def _steps(columns: np.ndarray, **beliefs: np.ndarray) -> Steps:
 
 
 def test_word_gaps_need_to_be_heard_where_somebody_listens() -> None:
-    at = np.array([0.0, 0.8, 1.6, 3.2, 4.0]) * HEIGHT_ROWS
+    columns = np.array([0.0, 0.8, 1.6, 3.2, 4.0]) * HEIGHT_ROWS
     where = np.arange(0.0, 4.0, 0.1) * HEIGHT_ROWS
     deaf = _steps(where, gap=np.zeros(where.size))
     hears = _steps(where, gap=np.where(np.abs(where - 0.4 * HEIGHT_ROWS) < 3.0, 0.9, 0.0))
-    assert word_gaps(at, [_steps(where)]) == word_gaps(at) == {2}
-    assert word_gaps(at, [deaf]) == frozenset()
-    assert word_gaps(at, [hears]) == {0}
+    assert word_gaps(columns, [_steps(where)]) == word_gaps(columns) == {2}
+    assert word_gaps(columns, [deaf]) == frozenset()
+    assert word_gaps(columns, [hears]) == {0}
 
 
 def test_small_letters_that_nobody_asked_for_go_to_a_person() -> None:
-    at = np.array([0.0, 1.0, 2.0]) * HEIGHT_ROWS
+    columns = np.array([0.0, 1.0, 2.0]) * HEIGHT_ROWS
     where = np.arange(0.0, 2.1, 0.1) * HEIGHT_ROWS
-    seen = _steps(where, small=np.where(np.abs(where - at[1]) < 3.0, 0.9, 0.0))
-    (finding,) = small_letters([seen], at, "ABC")
+    seen = _steps(where, small=np.where(np.abs(where - columns[1]) < 3.0, 0.9, 0.0))
+    (finding,) = small_letters([seen], columns, "ABC")
     assert finding.flag is ReadingFlag.CASE_UNKNOWN
     assert "B at place 2" in finding.text
-    assert small_letters([_steps(where)], at, "ABC") == ()
+    assert small_letters([_steps(where)], columns, "ABC") == ()

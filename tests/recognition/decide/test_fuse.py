@@ -243,9 +243,11 @@ def test_touch_that_felt_another_text_than_the_format_allows_is_not_passed_over(
 def test_what_was_not_read_is_no_lead(read: float) -> None:
     seen = of_text("A", 0.9)
     lead = lead_nats(replace(seen, log_belief=seen.log_belief + np.log(read)), "A", "B")
-    rest = (1.0 - read) / len(LETTERS)
+    unread = (1.0 - read) / len(LETTERS)
     share = (1.0 - 0.9) / len(LETTERS)
-    np.testing.assert_allclose(lead, np.log((read * (0.9 + share) + rest) / (read * share + rest)), rtol=1e-6)
+    np.testing.assert_allclose(
+        lead, np.log((read * (0.9 + share) + unread) / (read * share + unread)), rtol=1e-6
+    )
     assert lead_nats(seen, "A", "ß") == lead_nats(seen, "A", "AB") == np.inf
 
 
@@ -370,15 +372,15 @@ def test_a_code_is_compared_with_what_both_read() -> None:
     # the camera alone reads B for 8's twin and is held up by the code; touch knows better
     seen = vision(of_text("AB1284", 0.6, rival="AB1234"), codes=(code,))
     assert alone(seen).flags & ReadingFlag.CODE_DISAGREES
-    made = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS)
-    assert (made.text, made.codes) == ("AB1234", (code,))
-    assert not made.flags & ReadingFlag.CODE_DISAGREES
-    assert made.messages()[-1] == "the QR Code holds the same serial"
+    reading = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS)
+    assert (reading.text, reading.codes) == ("AB1234", (code,))
+    assert not reading.flags & ReadingFlag.CODE_DISAGREES
+    assert reading.messages()[-1] == "the QR Code holds the same serial"
     # and where both read another than the code holds, a person looks
     sure = vision(of_text("AB1234", 0.999), codes=(replace(code, text="SER AB1235"),))
-    made = fuse(touch(of_text("AB1234", 0.999)), sure, SETTINGS)
-    assert (made.text, made.decision) == ("AB1234", Decision.REVIEW)
-    assert made.flags & ReadingFlag.CODE_DISAGREES
+    reading = fuse(touch(of_text("AB1234", 0.999)), sure, SETTINGS)
+    assert (reading.text, reading.decision) == ("AB1234", Decision.REVIEW)
+    assert reading.flags & ReadingFlag.CODE_DISAGREES
     # by the camera alone, too
     assert fuse(touch(None), sure, SETTINGS).flags & ReadingFlag.CODE_DISAGREES
 
@@ -386,5 +388,5 @@ def test_a_code_is_compared_with_what_both_read() -> None:
 def test_a_code_in_a_photograph_without_a_scale_has_no_place_on_the_plate() -> None:
     code = Code("QR Code", "SER AB1234", ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)))
     seen = vision(of_text("AB1234", 0.99), codes=(code,), photo=Photo(np.zeros((20, 30), dtype=np.uint8)))
-    (kept,) = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS).codes
-    assert (kept.text, kept.box) == ("SER AB1234", None)
+    (code_read,) = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS).codes
+    assert (code_read.text, code_read.box) == ("SER AB1234", None)

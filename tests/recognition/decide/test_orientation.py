@@ -61,9 +61,9 @@ def test_what_is_known_removes_ways(
 def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of these marks a look tells the way; the test has it tell too little."""
     monkeypatch.setattr(line_judges, "LEAST_LEAD_NATS", math.inf)
-    found = reading_of(*read(view_of("822800"), "999999", rows_known=False))
-    assert (found.text, found.decision) == ("822800", Decision.REVIEW)
-    assert any("also readable with its rows in the other order: " in m for m in found.messages())
+    reading = reading_of(*read(view_of("822800"), "999999", rows_known=False))
+    assert (reading.text, reading.decision) == ("822800", Decision.REVIEW)
+    assert any("also readable with its rows in the other order: " in m for m in reading.messages())
 
 
 def test_what_a_look_settles_is_no_doubt() -> None:
@@ -110,9 +110,9 @@ def test_another_line_that_reads_one_way_settles_it(
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
     place = place.reversed if reverse else place
     line = read_ways(search_of(both, request).under(None), replace(line, line=place), text, [Way.UPSIDE_DOWN])
-    found = reading_of(replace(part, others=(line,)), request)
-    assert found.others[0].text == text
-    assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
+    reading = reading_of(replace(part, others=(line,)), request)
+    assert reading.others[0].text == text
+    assert bool(reading.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted
 
 
 def stacked(upper: View, lower: View) -> np.ndarray:

@@ -63,17 +63,17 @@ def test_low_confidence_names_the_places_worst_first() -> None:
 
 
 def test_a_confidence_below_the_threshold_is_told_in_numbers() -> None:
-    made = review(SURE, CLOSE, flags=UNSURE, confidence=0.965)
-    assert made.messages() == (
+    reading = review(SURE, CLOSE, flags=UNSURE, confidence=0.965)
+    assert reading.messages() == (
         "confidence 0.965 is below the threshold 0.98 for 1 in 100: 1 or I at place 2?",
     )
     # the confidence of now counts, and it never looks like the threshold
-    made = review(SURE, flags=UNSURE, confidence=0.97996)
-    assert made.messages() == ("confidence 0.97996 is below the threshold 0.98 for 1 in 100",)
+    reading = review(SURE, flags=UNSURE, confidence=0.97996)
+    assert reading.messages() == ("confidence 0.97996 is below the threshold 0.98 for 1 in 100",)
 
 
 def test_findings_of_one_kind_are_one_reason() -> None:
-    made = review(
+    reading = review(
         SURE,
         CLOSE,
         flags=ReadingFlag.NONE,
@@ -83,12 +83,12 @@ def test_findings_of_one_kind_are_one_reason() -> None:
             Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
         ),
     )
-    assert made.messages() == ("K or X at place 1, 1 or I at place 2: not felt (clean it)",)
+    assert reading.messages() == ("K or X at place 1, 1 or I at place 2: not felt (clean it)",)
 
 
 def test_a_place_that_cannot_be_read_is_not_guessed_at() -> None:
-    made = review(SURE, CLOSE, UNREAD, UNREAD, flags=UNSURE)
-    assert made.messages() == (
+    reading = review(SURE, CLOSE, UNREAD, UNREAD, flags=UNSURE)
+    assert reading.messages() == (
         f"{LOW}: 1 or I at place 2?",
         "no character can be made out: places 3 and 4 (look at the part)",
     )
@@ -105,13 +105,13 @@ def test_a_place_that_cannot_be_read_is_not_guessed_at() -> None:
     ],
 )
 def test_where_no_place_has_a_rival_the_doubt_is_named_all_the_same(likely: float, words: str) -> None:
-    made = review(SURE, place(("7", 0.995)), flags=UNSURE, confidence=0.96, likely=likely)
-    assert made.messages() == (words,)
+    reading = review(SURE, place(("7", 0.995)), flags=UNSURE, confidence=0.96, likely=likely)
+    assert reading.messages() == (words,)
 
 
 def test_at_most_two_reasons_in_order_of_importance() -> None:
     flags = UNSURE | ReadingFlag.DROPOUTS
-    made = review(
+    reading = review(
         SURE,
         CLOSE,
         flags=flags,
@@ -120,7 +120,7 @@ def test_at_most_two_reasons_in_order_of_importance() -> None:
             Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
         ),
     )
-    assert made.messages() == (
+    assert reading.messages() == (
         f"{LOW}: 1 or I at place 2?",
         "another line reads “SN8”",
         ReadingFlag.DROPOUTS.text,
@@ -128,7 +128,7 @@ def test_at_most_two_reasons_in_order_of_importance() -> None:
 
 
 def test_every_rule_that_is_broken_is_named() -> None:
-    made = review(
+    reading = review(
         SURE,
         CLOSE,
         flags=UNSURE,
@@ -138,26 +138,26 @@ def test_every_rule_that_is_broken_is_named() -> None:
             Finding(ReadingFlag.TOO_SHALLOW, "too shallow for another"),
         ),
     )
-    assert made.messages()[2:] == ("too shallow for one", "too shallow for another")
+    assert reading.messages()[2:] == ("too shallow for one", "too shallow for another")
 
 
 def test_doubt_of_another_line_is_not_one_of_the_serial() -> None:
     lot = Finding(ReadingFlag.LINE_MISSING, "low confidence: lot LOT77?")
-    made = review(SURE, SURE, flags=ReadingFlag.NONE, confidence=0.98, findings=(lot,))
-    assert made.messages() == (lot.text,)
+    reading = review(SURE, SURE, flags=ReadingFlag.NONE, confidence=0.98, findings=(lot,))
+    assert reading.messages() == (lot.text,)
 
 
 def test_notes_come_last() -> None:
-    made = replace(review(CLOSE, flags=UNSURE), notes=("read by touch alone",))
-    assert made.messages() == (f"{LOW}: 1 or I at place 1?", "read by touch alone")
+    reading = replace(review(CLOSE, flags=UNSURE), notes=("read by touch alone",))
+    assert reading.messages() == (f"{LOW}: 1 or I at place 1?", "read by touch alone")
 
 
 def test_a_character_without_most_of_its_strokes_is_named() -> None:
     filled, whole = place(("I", 0.99), completeness=0.1), place(("7", 0.99), completeness=0.95)
     (finding,) = judged(text_of((filled, whole), score=0.97), missing_strokes)
     assert finding.text == "most strokes are missing: I at place 1 (clean it and scan it again)"
-    made = Reading((filled, whole), 0.97, (finding,), threshold=0.98)
-    assert made.actions == (Action.CLEAN_FIRST, Action.NONE)
+    reading = Reading((filled, whole), 0.97, (finding,), threshold=0.98)
+    assert reading.actions == (Action.CLEAN_FIRST, Action.NONE)
 
 
 def test_many_places_are_counted_up() -> None:

@@ -72,8 +72,8 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("odds", [math.inf, -math.inf])
 def test_certainty_is_no_missing_value(odds: float) -> None:
     probability = share(odds)
-    found = text_measures(odds=log_odds(probability), places=[probability], format_given=True)
-    assert (found[Measure.ODDS], found[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
+    measured = text_measures(odds=log_odds(probability), places=[probability], format_given=True)
+    assert (measured[Measure.ODDS], measured[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
     assert Measure.ODDS not in Measures({(Measure.ODDS,): dict})
 
 
@@ -165,10 +165,10 @@ def test_a_better_measure_never_lowers_a_score(source: str, data: st.DataObject)
 def test_measures_of_a_text_are_those_of_its_reading() -> None:
     places = (0.99, 0.7, 0.9, 0.95)
     lattice = Lattice(("A", "B"), np.log([[p, 0.5 * (1.0 - p)] for p in places]))
-    found = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
+    measured = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
     expected = text_measures(odds=log_odds(math.prod(places) * 0.9), places=places, format_given=False)
-    assert {name: found[name] for name in expected} == pytest.approx(expected)
-    assert Measure.SAME_TEXT not in found
+    assert {name: measured[name] for name in expected} == pytest.approx(expected)
+    assert Measure.SAME_TEXT not in measured
     both = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(lattice, "vision")))
     assert decide(both, SETTINGS).measures[Measure.SAME_TEXT] == 1.0
     other = Lattice(("A", "B"), lattice.log_belief[:, ::-1])
@@ -201,7 +201,11 @@ def test_the_shipped_thresholds_keep_their_risks(source: str) -> None:
     """Each threshold has the readings that showed it, and the exact bound of their errors is within the risk."""
     tested = score_of(source).thresholds
     assert tested or source == "vision"
-    for one in tested:
-        assert one.bound <= one.risk
-        assert binom.cdf(one.wrong, one.accepted, one.bound) == pytest.approx(0.05, abs=2e-3)
-    assert [one.threshold for one in tested] == sorted(one.threshold for one in tested)
+    for threshold in tested:
+        assert threshold.bound <= threshold.risk
+        assert binom.cdf(threshold.wrong, threshold.accepted, threshold.bound) == pytest.approx(
+            0.05, abs=2e-3
+        )
+    assert [threshold.threshold for threshold in tested] == sorted(
+        threshold.threshold for threshold in tested
+    )

@@ -86,10 +86,10 @@ def test_as_by_writing_every_case_out(seed: int) -> None:
             differs += weight
         elif "." not in line_:
             same += weight
-    found = verify(lattice, "CAB")
+    verification = verify(lattice, "CAB")
     # absolute: differences of products near 1
-    assert found.probability == pytest.approx(same, abs=1e-9)
-    assert found.refutation == pytest.approx(differs, abs=1e-9)
+    assert verification.probability == pytest.approx(same, abs=1e-9)
+    assert verification.refutation == pytest.approx(differs, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -169,20 +169,20 @@ def verdict(
     evidence = Evidence(sense_of(beliefs), camera, expected=text)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(room, "threshold_of", lambda source, risk: accept)
-        found = decide(evidence, TWO_PLACES)
-    assert found.trace.verification is not None
-    return found, found.trace.verification
+        verification = decide(evidence, TWO_PLACES)
+    assert verification.trace.verification is not None
+    return verification, verification.trace.verification
 
 
 def test_a_reading_bears_the_states_of_what_is_expected() -> None:
-    read, found = verdict(SURE_81, "B1")
-    assert found.verdict is Verdict.REFUTED
+    read, verification = verdict(SURE_81, "B1")
+    assert verification.verdict is Verdict.REFUTED
     assert (read.flags, read.decision) == (ReadingFlag.MISMATCH, Decision.REVIEW)
     states = [c.state for c in read.characters if c.state is not None]
     assert [s.state for s in states] == [CharacterState.MISMATCH, CharacterState.READ]
     assert (states[0].rival, states[0].expected) == ("8", "B")
-    read, found = verdict(SURE_81, "8 1")
-    assert found.verdict is Verdict.CONFIRMED
+    read, verification = verdict(SURE_81, "8 1")
+    assert verification.verdict is Verdict.CONFIRMED
     assert (read.flags, read.decision) == (ReadingFlag.NONE, Decision.ACCEPT)
     assert read.text == "81"
 
@@ -201,23 +201,23 @@ DOUBTED_B1 = lattice_of({"B": 0.97, "8": 0.03}, {"1": 0.998})
 def test_a_reading_that_is_accepted_confirms_its_text(
     accept: float, text: str, verdict_and_probability: tuple[Verdict, float | None]
 ) -> None:
-    read, found = verdict(DOUBTED_B1, text, accept=accept)
+    read, verification = verdict(DOUBTED_B1, text, accept=accept)
     kind, probability = verdict_and_probability
     expected = max(read.confidence, 0.97 * 0.998) if probability is None else probability
-    assert (found.verdict, found.probability) == (kind, pytest.approx(expected))
+    assert (verification.verdict, verification.probability) == (kind, pytest.approx(expected))
 
 
 def test_without_characters_nothing_is_known() -> None:
-    read, found = verdict(None, "B1")
-    assert (found.verdict, found.probability) == (Verdict.UNDECIDED, 0.0)
+    read, verification = verdict(None, "B1")
+    assert (verification.verdict, verification.probability) == (Verdict.UNDECIDED, 0.0)
     assert read.flags is ReadingFlag.NO_CHARACTERS
-    assert "0 characters were found where 2 are expected" in found.messages()[0]
+    assert "0 characters were found where 2 are expected" in verification.messages()[0]
 
 
 def test_senses_that_contradict_each_other_confirm_nothing() -> None:
-    read, found = verdict(SURE_B1, "B1", SURE_81)
-    assert found.verdict is Verdict.UNDECIDED
+    read, verification = verdict(SURE_B1, "B1", SURE_81)
+    assert verification.verdict is Verdict.UNDECIDED
     assert read.flags & ReadingFlag.SENSES_DISAGREE
-    read, found = verdict(SURE_81, "B1", SURE_81)
-    assert found.verdict is Verdict.REFUTED
+    read, verification = verdict(SURE_81, "B1", SURE_81)
+    assert verification.verdict is Verdict.REFUTED
     assert read.flags & ReadingFlag.MISMATCH

@@ -20,16 +20,16 @@ def learned(text, *, known=(GOTHIC,), more=()):
 
 def test_a_font_is_recovered_from_its_own_blows(gothic, touch):
     """Templates of what was learned are those of the font that was stamped."""
-    made = learned("K7B2" * 4)
-    assert made.set_aside == ()
+    learned_font = learned("K7B2" * 4)
+    assert learned_font.set_aside == ()
     key = template_key(gothic, touch, height_mm=5.0)
     truth = predict_templates(gothic, "K7B2", key)
-    found = predict_templates(made.font, "K7B2", template_key(made.font, touch, height_mm=5.0))
-    assert found.half_width == pytest.approx(truth.half_width, abs=0.03)
+    felt = predict_templates(learned_font.font, "K7B2", template_key(learned_font.font, touch, height_mm=5.0))
+    assert felt.half_width == pytest.approx(truth.half_width, abs=0.03)
     rows, cols = (
-        min(a, b) // 2 for a, b in zip(truth.patches.shape[2:], found.patches.shape[2:], strict=True)
+        min(a, b) // 2 for a, b in zip(truth.patches.shape[2:], felt.patches.shape[2:], strict=True)
     )
-    for one, two in zip(truth.patches, found.patches, strict=True):
+    for one, two in zip(truth.patches, felt.patches, strict=True):
         middles = [np.array(p.shape[1:]) // 2 for p in (one, two)]
         same = [
             p[:, m[0] - rows : m[0] + rows + 1, m[1] - cols : m[1] + cols + 1]
@@ -40,20 +40,20 @@ def test_a_font_is_recovered_from_its_own_blows(gothic, touch):
 
 
 def test_characters_never_felt_come_from_the_nearest_font():
-    made = learned("K7B2", known=(load_font("timesr"), GOTHIC))
-    assert made.hand.font is GOTHIC
-    assert made.hand.is_own
-    assert "Q" in made.never_felt
-    assert "K" not in made.never_felt
-    assert likeness(made.font.glyphs["Q"].relief, drawn("Q", GOTHIC)) > 0.9
+    learned_font = learned("K7B2", known=(load_font("timesr"), GOTHIC))
+    assert learned_font.hand.font is GOTHIC
+    assert learned_font.hand.is_own
+    assert "Q" in learned_font.never_felt
+    assert "K" not in learned_font.never_felt
+    assert likeness(learned_font.font.glyphs["Q"].relief, drawn("Q", GOTHIC)) > 0.9
     # blows of the font itself: its other characters are no guesses
-    assert not any(g.guessed for g in made.font.glyphs.values())
+    assert not any(g.guessed for g in learned_font.font.glyphs.values())
 
 
 def test_after_a_font_that_is_only_like_it_they_are_guesses():
-    made = learned("K7B2", known=(load_font("timesr"),))
-    assert not made.hand.is_own
-    assert [c for c in "K7B2Q" if made.font.glyphs[c].guessed] == ["Q"]
+    learned_font = learned("K7B2", known=(load_font("timesr"),))
+    assert not learned_font.hand.is_own
+    assert [c for c in "K7B2Q" if learned_font.font.glyphs[c].guessed] == ["Q"]
 
 
 @pytest.mark.parametrize("place", [0, 2, 4])
@@ -70,16 +70,16 @@ def test_one_wrong_exemplar_among_siblings_is_set_aside(place):
 
 
 def test_of_two_that_disagree_the_nearest_font_tells_which():
-    made = learned("888KK7722", more=[("B", blow("K", 1, GOTHIC)), ("B", blow("B", 2, GOTHIC))])
-    assert made.set_aside == (9,)
-    assert likeness(made.font.glyphs["B"].relief, drawn("B", GOTHIC)) > 0.85
+    learned_font = learned("888KK7722", more=[("B", blow("K", 1, GOTHIC)), ("B", blow("B", 2, GOTHIC))])
+    assert learned_font.set_aside == (9,)
+    assert likeness(learned_font.font.glyphs["B"].relief, drawn("B", GOTHIC)) > 0.85
 
 
 def test_a_single_exemplar_of_another_character_teaches_nothing():
-    made = learned("888KK7722", more=[("B", blow("7", 1, GOTHIC))])
-    assert made.set_aside == (9,)
-    assert "B" in made.never_felt
-    assert likeness(made.font.glyphs["B"].relief, drawn("B", GOTHIC)) > 0.9
+    learned_font = learned("888KK7722", more=[("B", blow("7", 1, GOTHIC))])
+    assert learned_font.set_aside == (9,)
+    assert "B" in learned_font.never_felt
+    assert likeness(learned_font.font.glyphs["B"].relief, drawn("B", GOTHIC)) > 0.9
 
 
 def test_what_cannot_be_learned_is_told():

@@ -12,21 +12,23 @@ def by_formula(image: np.ndarray, template: np.ndarray, *, least_felt: float) ->
     rows, columns, _ = template.shape
     about = template - template.mean(axis=(0, 1))
     size = (about**2).sum()
-    found = np.empty((image.shape[0] - rows + 1, image.shape[1] - columns + 1))
-    for i, j in np.ndindex(*found.shape):
+    correlations = np.empty((image.shape[0] - rows + 1, image.shape[1] - columns + 1))
+    for i, j in np.ndindex(*correlations.shape):
         window = image[i : i + rows, j : j + columns]
         window = window - window.mean(axis=(0, 1))
-        found[i, j] = (about * window).sum() / np.sqrt(size * ((window**2).sum() + least_felt**2 * size))
-    return found
+        correlations[i, j] = (about * window).sum() / np.sqrt(
+            size * ((window**2).sum() + least_felt**2 * size)
+        )
+    return correlations
 
 
 def test_correlations_are_those_of_the_formula() -> None:
     rng = np.random.default_rng(3)
     image = rng.normal(size=(14, 20, 4)).astype(np.float32)
     templates = rng.normal(size=(3, 7, 5, 4)).astype(np.float32)
-    found = correlate(image, list(templates), least_felt=0.2)
-    assert found.shape == (3, 8, 16)
-    for one, template in zip(found, templates, strict=True):
+    correlations = correlate(image, list(templates), least_felt=0.2)
+    assert correlations.shape == (3, 8, 16)
+    for one, template in zip(correlations, templates, strict=True):
         assert one == pytest.approx(by_formula(image, template, least_felt=0.2), abs=1e-4)
 
 

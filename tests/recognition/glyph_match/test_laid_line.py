@@ -55,9 +55,9 @@ def test_depths_of_a_die_are_those_that_a_whisker_feels(name: str, touch: Touch)
 
 def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> np.ndarray:
     """A pose of usual depth on level land."""
-    made = ZERO_POSE.copy()
-    made[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
-    return made
+    moved = ZERO_POSE.copy()
+    moved[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
+    return moved
 
 
 def samples_of(glyph: Glyph, at: np.ndarray, *, noise: float = 0.0, seed: int = 0) -> PlaceSamples:
@@ -79,9 +79,11 @@ def test_a_pose_is_found_again_and_other_characters_fit_worse(
     place = samples_of(glyphs["R"], struck, noise=1.0, seed=seed)
     # correlation finds a character's place to a pixel, and the fit begins there
     start = pose(right=right + 0.02, down=down - 0.02)
-    likely, found = place.fit(glyphs["R"], ZERO_POSE, POSE_SD_REFINED, start)
-    np.testing.assert_allclose(found[[RIGHT, 1, TURN, WIDE, TALL, DEEP]], struck[: DEEP + 1], atol=0.05)
-    assert all(place.fit(glyphs[other], ZERO_POSE, POSE_SD_REFINED, start)[0] < likely for other in "PBK")
+    log_likelihood, fitted = place.fit(glyphs["R"], ZERO_POSE, POSE_SD_REFINED, start)
+    np.testing.assert_allclose(fitted[[RIGHT, 1, TURN, WIDE, TALL, DEEP]], struck[: DEEP + 1], atol=0.05)
+    assert all(
+        place.fit(glyphs[other], ZERO_POSE, POSE_SD_REFINED, start)[0] < log_likelihood for other in "PBK"
+    )
 
 
 @given(right=SHORT, size=SHORT, turn=SHORT, number=st.integers(0, 8))

@@ -76,8 +76,8 @@ def test_a_template_is_the_ideal_glyph_scanned(
     height_mm: float, raised: bool, gothic: Font, touch: Touch
 ) -> None:
     key = key_of(gothic, touch, raised=raised)
-    made = predict_templates(gothic, "K1", key)
-    for char, patch in zip("K1", made.patches, strict=True):
+    templates = predict_templates(gothic, "K1", key)
+    for char, patch in zip("K1", templates.patches, strict=True):
         alone = by_hand(gothic, char, key, patch, height_mm=height_mm)
         assert alone.shape == patch.shape
         assert np.abs(patch).max() > 0.1
@@ -107,10 +107,10 @@ def test_the_plate_that_is_felt_is_that_of_the_patches(templates: TemplateSet) -
     assert templates.view.kind is ViewKind.FELT
     along = np.linalg.norm(templates.middles_mm - line.centre_mm[0], axis=1) / line.height_mm
     ink = strip[HEIGHTS] < 0.5 * strip[HEIGHTS].min()
-    for at, half in zip((along + MARGIN) * HEIGHT_ROWS - 0.5, templates.half_width, strict=True):
-        near = slice(round(at - 0.6 * HEIGHT_ROWS), round(at + 0.6 * HEIGHT_ROWS) + 1)
+    for column, half in zip((along + MARGIN) * HEIGHT_ROWS - 0.5, templates.half_width, strict=True):
+        near = slice(round(column - 0.6 * HEIGHT_ROWS), round(column + 0.6 * HEIGHT_ROWS) + 1)
         across, down = (np.flatnonzero(ink[:, near].any(axis=k)) for k in (0, 1))
-        assert near.start + 0.5 * (across[0] + across[-1]) == pytest.approx(at, abs=1.0)
+        assert near.start + 0.5 * (across[0] + across[-1]) == pytest.approx(column, abs=1.0)
         # at half of the depth; walls of 45 degrees
         assert across[-1] - across[0] == pytest.approx(2.0 * half * HEIGHT_ROWS, abs=3.0)
         assert 0.5 * (down[0] + down[-1]) == pytest.approx((ROWS - 1) / 2, abs=1.0)

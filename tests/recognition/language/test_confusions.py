@@ -41,9 +41,9 @@ def test_swaps_go_both_ways_and_have_reasons() -> None:
 def test_confused_is_not_the_same_as_not_read(
     beliefs: dict[str, float], state: CharacterState, said: str
 ) -> None:
-    found = state_of(beliefs)
-    assert found.state is state
-    assert found.message.startswith(said)
+    state_found = state_of(beliefs)
+    assert state_found.state is state
+    assert state_found.message.startswith(said)
 
 
 def test_a_known_character_is_met_doubted_or_contradicted() -> None:
@@ -61,16 +61,16 @@ def test_a_known_character_is_met_doubted_or_contradicted() -> None:
 def test_any_beliefs_have_a_state(beliefs: dict[str, float], expected: str) -> None:
     total = sum(beliefs.values())
     shared = {c: p / max(total, 1.0) for c, p in beliefs.items()}
-    found = state_of(shared, expected=expected)
-    assert found.message
-    if found.state is CharacterState.READ:
-        assert found.char == expected
+    state_found = state_of(shared, expected=expected)
+    assert state_found.message
+    if state_found.state is CharacterState.READ:
+        assert state_found.char == expected
         assert shared[expected] >= 0.5
-    if found.state is CharacterState.MISMATCH:
-        assert found.rival != expected
-        assert shared.get(expected, 0.0) <= 0.1 * found.probability
-    if found.state is CharacterState.CONFUSED:
-        assert found.rival not in ("", found.char)
+    if state_found.state is CharacterState.MISMATCH:
+        assert state_found.rival != expected
+        assert shared.get(expected, 0.0) <= 0.1 * state_found.probability
+    if state_found.state is CharacterState.CONFUSED:
+        assert state_found.rival not in ("", state_found.char)
 
 
 def test_what_are_no_beliefs_is_refused() -> None:

@@ -67,11 +67,11 @@ def test_matches_what_python_matches(pattern: str) -> None:
     for n in range(1, 5):
         automaton = unroll([machine], n, CHARS)
         words = list(itertools.product(range(len(CHARS)), repeat=n))
-        found = automaton.accepts(np.array(words))
+        accepted = automaton.accepts(np.array(words))
         expected = [
             re.fullmatch(pattern, "".join(CHARS[k] for k in word), re.ASCII) is not None for word in words
         ]
-        assert found.tolist() == expected
+        assert accepted.tolist() == expected
         assert any(expected) <= (n in lengths)
 
 

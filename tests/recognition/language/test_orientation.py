@@ -105,15 +105,15 @@ def test_a_check_digit_or_a_list_of_serials_rules_the_other_text_out() -> None:
         other_text("900608", Way.UPSIDE_DOWN, Grammar.parse("999999", lexicon=["900608", "123456"])) is None
     )
     both = Grammar.parse("999999", lexicon=["900608", "809006"])
-    found = other_text("900608", Way.UPSIDE_DOWN, both)
-    assert found is not None
-    assert found.text == "809006"
+    other = other_text("900608", Way.UPSIDE_DOWN, both)
+    assert other is not None
+    assert other.text == "809006"
     # of these two serials that Luhn's digit allows, one is a serial upside down as well
     luhn = Grammar.parse("99999+check=luhn")
     assert luhn.allows("06098")
     assert luhn.allows("00869")
-    found = other_text("00869", Way.UPSIDE_DOWN, luhn)
-    assert found is None or not found.exact
+    other = other_text("00869", Way.UPSIDE_DOWN, luhn)
+    assert other is None or not other.exact
     also = other_text("06098", Way.UPSIDE_DOWN, luhn)
     assert also is not None
     assert luhn.allows(also.text)
@@ -123,6 +123,6 @@ def test_a_check_digit_or_a_list_of_serials_rules_the_other_text_out() -> None:
     ("text", "way"), [("332302", Way.ROWS_REVERSED), ("VAW", Way.UPSIDE_DOWN), ("1881", Way.LEFT_RIGHT)]
 )
 def test_likely_images_ask_for_a_look(text: str, way: Way) -> None:
-    found = other_text(text, way, None)
-    assert found is not None
-    assert not found.exact
+    other = other_text(text, way, None)
+    assert other is not None
+    assert not other.exact

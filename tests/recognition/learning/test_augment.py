@@ -32,28 +32,28 @@ def generator(seed: int) -> torch.Generator:
 
 
 def test_strips_are_cut_to_the_recognisers_rows_and_the_same_from_the_same_seed() -> None:
-    made = augment(*strips(0), rng=generator(3))
-    assert made.shape[:3] == (4, LAYERS, ROWS)
-    assert made.shape[3] % COLUMNS == 0
-    assert made.isfinite().all()
-    torch.testing.assert_close(augment(*strips(0), rng=generator(3)), made, atol=0.0, rtol=0.0)
-    assert not torch.equal(augment(*strips(0), rng=generator(4)), made[..., : made.shape[3]])
+    augmented = augment(*strips(0), rng=generator(3))
+    assert augmented.shape[:3] == (4, LAYERS, ROWS)
+    assert augmented.shape[3] % COLUMNS == 0
+    assert augmented.isfinite().all()
+    torch.testing.assert_close(augment(*strips(0), rng=generator(3)), augmented, atol=0.0, rtol=0.0)
+    assert not torch.equal(augment(*strips(0), rng=generator(4)), augmented[..., : augmented.shape[3]])
 
 
 def test_what_is_not_there_is_not_made_up() -> None:
     for felt, missing in ((True, [GREY]), (False, [HEIGHTS, *range(EDGES, KNOWN)])):
         tall, _ = strips(2, felt=felt)
         for seed in range(6):
-            made = add_noise(tall.clone(), rng=generator(seed))
-            assert not made[:, missing].any()
+            augmented = add_noise(tall.clone(), rng=generator(seed))
+            assert not augmented[:, missing].any()
             # nor where nothing is known
-            assert not (made * (1.0 - made[:, KNOWN:])).any()
-            assert (made[:, KNOWN] <= tall[:, KNOWN]).all()
+            assert not (augmented * (1.0 - augmented[:, KNOWN:])).any()
+            assert (augmented[:, KNOWN] <= tall[:, KNOWN]).all()
 
 
 def test_something_is_always_left_to_read() -> None:
     tall, _ = strips(3)
     for seed in range(40):
-        made = add_noise(tall.clone(), rng=generator(seed))
-        left = made[:, [HEIGHTS, *range(EDGES, KNOWN)]].abs().amax(dim=(1, 2, 3))
+        augmented = add_noise(tall.clone(), rng=generator(seed))
+        left = augmented[:, [HEIGHTS, *range(EDGES, KNOWN)]].abs().amax(dim=(1, 2, 3))
         assert (left > 0.0).all(), f"seed {seed}"

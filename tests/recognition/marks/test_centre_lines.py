@@ -22,8 +22,8 @@ def distance(font: Font, char: str, line: CentreLine, *, shift: float = 0.0) -> 
     """Signed distance of the points, moved along their normals, from the ink they should be the middle of."""
     shape = die_glyph(font.glyph(char), default_die(5.0, font=font), height_mm=5.0)
     x0, _, x1, _ = shape.ink_box
-    at = line.points + shift * line.normals
-    return signed_distance(shape, at[:, 0] + 0.5 * (x0 + x1), 0.5 - at[:, 1], stroke=shape.stroke)
+    points = line.points + shift * line.normals
+    return signed_distance(shape, points[:, 0] + 0.5 * (x0 + x1), 0.5 - points[:, 1], stroke=shape.stroke)
 
 
 @pytest.mark.parametrize("name", BUILTIN_FONTS)

@@ -69,11 +69,11 @@ def stamped(
 def true_depth_mm(part: StampedPart, *, raised: bool = False) -> np.ndarray:
     """Deepest of each character's box: its floor, or the bottom of its V."""
     z, pitch = part.height_map.z_mm, part.height_map.pitch_mm
-    found = []
+    depths = []
     for x0, y0, x1, y1 in part.boxes_mm:
         inside = z[int(y0 / pitch) : int(y1 / pitch) + 2, int(x0 / pitch) : int(x1 / pitch) + 2]
-        found.append(inside.max() if raised else -inside.min())
-    return np.array(found)
+        depths.append(inside.max() if raised else -inside.min())
+    return np.array(depths)
 
 
 def laid_in(
@@ -130,14 +130,14 @@ def flat(gothic: Font) -> tuple[StampedPart, Relief]:
 @pytest.mark.parametrize("face", [Face.FLAT, Face.ROUND, Face.SHARP])
 def test_the_depth_felt_is_that_of_the_height_map(face: Face, height_mm: float, gothic: Font) -> None:
     part = stamped("K804217", font=gothic, face=face, height_mm=height_mm)
-    found = known(depths_of(relief_felt(part.height_map, height_mm), part, gothic, face=face))
+    depths = known(depths_of(relief_felt(part.height_map, height_mm), part, gothic, face=face))
     truth = true_depth_mm(part)
-    error = (found - truth[:, None]) / truth[:, None]
+    error = (depths - truth[:, None]) / truth[:, None]
     low, high = FELT_BIAS[face]
     assert low < error[:, 1].mean() < high
     assert error[:, 1].std() < FELT_SD[face]
     # all of a stroke is as deep here, so the least is not far from the mean
-    assert np.all(found[:, 0] <= found[:, 1])
+    assert np.all(depths[:, 0] <= depths[:, 1])
     assert np.abs(error[:, 0] - error[:, 1]).max() < LEAST_TO_MEAN
 
 
@@ -160,9 +160,9 @@ def test_a_tilt_of_the_part_is_no_depth(gothic: Font) -> None:
 
 def test_raised_marks_have_a_height(gothic: Font) -> None:
     part = stamped("K7B1", font=gothic, raised=True)
-    found = known(depths_of(relief_felt(part.height_map), part, gothic, raised=True))
+    depths = known(depths_of(relief_felt(part.height_map), part, gothic, raised=True))
     truth = true_depth_mm(part, raised=True)
-    np.testing.assert_allclose(found[:, 1], truth, rtol=0.06)
+    np.testing.assert_allclose(depths[:, 1], truth, rtol=0.06)
 
 
 # ---------------------------------------------------------------------------------------------------- made up
@@ -175,8 +175,8 @@ def test_the_uneven_land_says_how_uncertain_a_depth_is(
     part, relief = flat
     noise = np.random.default_rng(1).normal(0.0, noise_mm, relief.height_mm.shape).astype(np.float32)
     rough = replace(relief, height_mm=relief.height_mm + noise)
-    found = [d.sd_mm for d in depths_of(rough, part, gothic) if d is not None]
-    assert np.array(found) == pytest.approx(np.hypot(0.001, 9.0 * noise_mm), rel=0.25)
+    depths = [d.sd_mm for d in depths_of(rough, part, gothic) if d is not None]
+    assert np.array(depths) == pytest.approx(np.hypot(0.001, 9.0 * noise_mm), rel=0.25)
 
 
 @pytest.mark.parametrize(
@@ -186,15 +186,15 @@ def test_a_character_read_a_little_beside_its_place(
     off_mm: float, turn_deg: float, flat: tuple[StampedPart, Relief], gothic: Font
 ) -> None:
     part, relief = flat
-    found = known(depths_of(relief, part, gothic, off_mm=off_mm, turn_deg=turn_deg))
-    np.testing.assert_allclose(found[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
-    np.testing.assert_allclose(found[:, 0], true_depth_mm(part), atol=2.0 * SAMPLED_MM)
+    depths = known(depths_of(relief, part, gothic, off_mm=off_mm, turn_deg=turn_deg))
+    np.testing.assert_allclose(depths[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
+    np.testing.assert_allclose(depths[:, 0], true_depth_mm(part), atol=2.0 * SAMPLED_MM)
 
 
 def test_a_burr_is_no_land(gothic: Font) -> None:
     part = stamped("K7B1", font=gothic, burr_height_mm=0.04)
-    found = known(depths_of(exact(part.height_map, 5.0), part, gothic))
-    np.testing.assert_allclose(found[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
+    depths = known(depths_of(exact(part.height_map, 5.0), part, gothic))
+    np.testing.assert_allclose(depths[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
 
 
 BURR_FELT = {0.225: (0.3, 0.5), 0.4: (0.55, 0.75), 0.8: (0.7, 0.9)}
@@ -205,9 +205,9 @@ BURR_FELT = {0.225: (0.3, 0.5), 0.4: (0.55, 0.75), 0.8: (0.7, 0.9)}
 def test_a_burr_is_measured_beside_the_strokes(width_mm: float, gothic: Font) -> None:
     burr_mm = 0.06
     part = stamped("K804217", font=gothic, samples=160, burr_height_mm=burr_mm, burr_width_mm=width_mm)
-    found = [d.burr_mm for d in depths_of(relief_felt(part.height_map), part, gothic) if d is not None]
+    depths = [d.burr_mm for d in depths_of(relief_felt(part.height_map), part, gothic) if d is not None]
     low, high = BURR_FELT[width_mm]
-    assert low * burr_mm < np.mean([b for b in found if b is not None]) < high * burr_mm
+    assert low * burr_mm < np.mean([b for b in depths if b is not None]) < high * burr_mm
 
 
 def test_without_a_burr_there_is_none(flat: tuple[StampedPart, Relief], gothic: Font) -> None:
@@ -224,17 +224,17 @@ def test_a_filled_stroke_has_no_depth_and_never_a_negative_one(
     z = relief.height_mm.copy()
     x0, y0, x1, y1 = (round(edge / relief.pitch_mm) for edge in part.boxes_mm[2])
     z[y0 - 3 : y1 + 4, x0 - 3 : x1 + 4] = 0.05  # heaped over
-    found = depths_of(replace(relief, height_mm=z), part, gothic)[2]
-    assert found is not None
-    assert (found.min_mm, found.mean_mm, found.max_mm) == (0.0, 0.0, 0.0)
+    depths = depths_of(replace(relief, height_mm=z), part, gothic)[2]
+    assert depths is not None
+    assert (depths.min_mm, depths.mean_mm, depths.max_mm) == (0.0, 0.0, 0.0)
 
 
 def test_one_shallow_character_among_deep_ones(gothic: Font) -> None:
     part = stamped(font=gothic)
-    found = known(depths_of(relief_felt(shallower(part, 2, floor_mm=0.05)), part, gothic))
-    assert found[2, 1] == pytest.approx(0.05, abs=0.008)
-    assert found[2, 0] == pytest.approx(0.05, abs=0.012)
-    assert np.delete(found, 2, axis=0)[:, 0].min() > 0.12
+    depths = known(depths_of(relief_felt(shallower(part, 2, floor_mm=0.05)), part, gothic))
+    assert depths[2, 1] == pytest.approx(0.05, abs=0.008)
+    assert depths[2, 0] == pytest.approx(0.05, abs=0.012)
+    assert np.delete(depths, 2, axis=0)[:, 0].min() > 0.12
 
 
 def test_a_shallow_leg_counts(gothic: Font) -> None:
@@ -276,10 +276,10 @@ def test_what_was_not_felt_is_not_known(kept: str, flat: tuple[StampedPart, Reli
         z[:, :cols][z[:, :cols] < -0.02] = np.nan
     else:
         z[:, :cols][z[:, :cols] > -0.02] = np.nan
-    found = depths_of(replace(relief, height_mm=z), part, gothic)
-    assert found[0] is None
-    assert found[1] is None
-    assert found[-1] is not None
+    depths = depths_of(replace(relief, height_mm=z), part, gothic)
+    assert depths[0] is None
+    assert depths[1] is None
+    assert depths[-1] is not None
 
 
 @pytest.fixture(scope="module")
@@ -297,6 +297,6 @@ def test_depth_is_linear_in_height_and_free_of_level_and_slope(
     plain = exact(two.height_map, 5.0)
     x = np.arange(plain.height_mm.shape[1]) * plain.pitch_mm
     z = (gain * plain.height_mm + offset + slope * x[None, :]) * (-1.0 if raised else 1.0)
-    found = known(depths_of(replace(plain, height_mm=z.astype(np.float32)), two, gothic, raised=raised))
+    depths = known(depths_of(replace(plain, height_mm=z.astype(np.float32)), two, gothic, raised=raised))
     # where the middle of a stroke is looked for the slope of the plate may choose another place of the same floor
-    np.testing.assert_allclose(found, gain * known(depths_of(plain, two, gothic)), atol=2e-3 * gain + 5e-4)
+    np.testing.assert_allclose(depths, gain * known(depths_of(plain, two, gothic)), atol=2e-3 * gain + 5e-4)

@@ -16,8 +16,8 @@ def test_places_off_the_map_are_moved_onto_its_rim() -> None:
     depth = np.arange(20.0).reshape(4, 5)
     depth[1, 1] = np.nan
     points = np.array([(-3.0, 2.0), (9.0, 9.0), (0.5, 0.5)])
-    found = across(depth, points, np.zeros((3, 2)), np.zeros(1), np.zeros(3))
-    np.testing.assert_allclose(found, [[2.0, 19.0, np.nan]])
+    below = across(depth, points, np.zeros((3, 2)), np.zeros(1), np.zeros(3))
+    np.testing.assert_allclose(below, [[2.0, 19.0, np.nan]])
 
 
 @settings(max_examples=20, deadline=None)

@@ -26,9 +26,9 @@ NOISE = 0.05 * np.random.default_rng(1).normal(size=E.shape)
 
 
 def grade(felt: np.ndarray, *, tolerance_px: int = 1) -> MarkGrade:
-    found = grade_character(felt, E, tolerance_px=tolerance_px)
-    assert found is not None
-    return found
+    graded = grade_character(felt, E, tolerance_px=tolerance_px)
+    assert graded is not None
+    return graded
 
 
 def test_a_good_mark_is_an_a() -> None:
@@ -55,11 +55,11 @@ def test_a_shallow_mark_is_to_be_struck_again() -> None:
 def test_a_filled_mark_is_to_be_cleaned_first() -> None:
     filled = E.copy()
     filled[:, 18:] = 0.0
-    found = grade(filled + NOISE)
-    assert found.action is Action.CLEAN_FIRST
-    assert found.limiting == "completeness"
-    assert found.value("contrast") > 0.9
-    assert found.value("completeness") == pytest.approx(
+    graded = grade(filled + NOISE)
+    assert graded.action is Action.CLEAN_FIRST
+    assert graded.limiting == "completeness"
+    assert graded.value("contrast") > 0.9
+    assert graded.value("completeness") == pytest.approx(
         1.0 - np.abs(E[:, 18:]).sum() / np.abs(E).sum(), abs=0.05
     )
 
@@ -67,10 +67,10 @@ def test_a_filled_mark_is_to_be_cleaned_first() -> None:
 def test_swarf_beside_the_strokes_is_to_be_cleaned() -> None:
     dirty = E.copy()
     dirty[0, 2:44, 31:36] += 1.5
-    found = grade(dirty)
-    assert found.action is Action.CLEAN
-    assert found.limiting == "contamination"
-    assert found.value("contamination") == pytest.approx(42 * 5 / (ROWS * COLS), abs=0.01)
+    graded = grade(dirty)
+    assert graded.action is Action.CLEAN
+    assert graded.limiting == "contamination"
+    assert graded.value("contamination") == pytest.approx(42 * 5 / (ROWS * COLS), abs=0.01)
 
 
 @given(

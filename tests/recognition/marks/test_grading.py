@@ -29,9 +29,9 @@ MOST_WIDE = 0.7
 @pytest.fixture(scope="module")
 def laid(calm_part: StampedPart, calm_view: View, gothic: Font) -> LaidText:
     """A faultless line in the templates."""
-    made = laid_text(felt_line(calm_view, *stamped_line(calm_part), TEXT, (gothic,)), TEXT, (gothic,))
-    assert made is not None
-    return made
+    laid_line = laid_text(felt_line(calm_view, *stamped_line(calm_part), TEXT, (gothic,)), TEXT, (gothic,))
+    assert laid_line is not None
+    return laid_line
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +42,9 @@ def templates(gothic: Font, touch: Touch) -> TemplateSet:
 @pytest.fixture(scope="module")
 def grades(templates: TemplateSet) -> Grades:
     def graded(laid: LaidText) -> list[MarkGrade]:
-        found = [grade for grade in grades_of(edges_of(laid, templates)) if grade is not None]
-        assert len(found) == len(laid.text)
-        return found
+        graded = [grade for grade in grades_of(edges_of(laid, templates)) if grade is not None]
+        assert len(graded) == len(laid.text)
+        return graded
 
     return graded
 
@@ -82,9 +82,9 @@ def with_char(laid: LaidText, char: str) -> LaidText:
 
 
 def value(grade: MarkGrade, name: str) -> float:
-    found = grade.value(name)
-    assert found is not None
-    return found
+    graded = grade.value(name)
+    assert graded is not None
+    return graded
 
 
 def test_clean_marks_have_the_best_grade(laid: LaidText, grades: Grades) -> None:
@@ -97,15 +97,15 @@ def test_clean_marks_have_the_best_grade(laid: LaidText, grades: Grades) -> None
 
 
 def test_the_more_is_wiped_the_less_complete(laid: LaidText, grades: Grades) -> None:
-    found = [grades(wiped(laid, share)) for share in (0.0, 0.45, 0.6)]
-    told = [value(g[SPOILT], "completeness") for g in found]
+    graded = [grades(wiped(laid, share)) for share in (0.0, 0.45, 0.6)]
+    told = [value(g[SPOILT], "completeness") for g in graded]
     assert (np.diff(told) < -0.05).all()
-    worst = found[-1][SPOILT]
+    worst = graded[-1][SPOILT]
     assert worst.grade < 3
     assert worst.limiting == "completeness"
     # nobody else is the worse for it
     for k in set(range(len(TEXT))) - {SPOILT}:
-        assert found[-1][k] == found[0][k]
+        assert graded[-1][k] == graded[0][k]
 
 
 def test_a_faint_line_has_less_contrast(laid: LaidText, grades: Grades) -> None:
@@ -133,10 +133,10 @@ def test_directions_that_were_not_felt_are_not_missed(laid: LaidText, grades: Gr
 
 
 def test_the_character_that_was_read_is_what_it_is_graded_against(laid: LaidText, grades: Grades) -> None:
-    found = grades(with_char(laid, "B"))
+    graded = grades(with_char(laid, "B"))
     # a 7 is no complete B
-    assert value(found[SPOILT], "completeness") < 0.8
-    assert found[0] == grades(laid)[0]
+    assert value(graded[SPOILT], "completeness") < 0.8
+    assert graded[0] == grades(laid)[0]
 
 
 def test_a_character_without_a_template_is_not_graded(laid: LaidText, templates: TemplateSet) -> None:
@@ -151,8 +151,8 @@ def test_a_character_without_a_template_is_not_graded(laid: LaidText, templates:
 def test_a_character_beyond_the_map_is_not_graded(laid: LaidText, templates: TemplateSet) -> None:
     columns = laid.felt.columns.copy()
     columns[-1] += 3.0 * HEIGHT_ROWS
-    made = grades_of(edges_of(replace(laid, felt=replace(laid.felt, columns=columns)), templates))
-    assert [one is None for one in made] == [False, False, False, True]
+    laid_line = grades_of(edges_of(replace(laid, felt=replace(laid.felt, columns=columns)), templates))
+    assert [one is None for one in laid_line] == [False, False, False, True]
 
 
 def test_edges_fit_those_of_their_own_characters(laid: LaidText, templates: TemplateSet) -> None:

@@ -84,9 +84,9 @@ def test_a_text_is_laid_where_it_was_stamped(
 def test_a_line_found_too_high_or_too_low_is_sized(share: float, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True)
     line, columns = stamped_line(part)
-    found = TextLine(line.centre_mm, share * part.height_mm)
+    moved = TextLine(line.centre_mm, share * part.height_mm)
     along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / share
-    laid = lay(part, line=(found, (along + MARGIN) * HEIGHT_ROWS - 0.5))
+    laid = lay(part, line=(moved, (along + MARGIN) * HEIGHT_ROWS - 0.5))
     assert laid is not None
     assert laid.height_mm == pytest.approx(part.height_mm, rel=0.04)
     np.testing.assert_allclose(middles_laid(laid), middles_of(part), atol=TOLERANCE_HEIGHTS * part.height_mm)
@@ -147,8 +147,8 @@ def test_characters_on_an_arc_are_turned_with_it(radius_mm: float, make_part: Ma
     ahead = np.concatenate(
         [laid.points_mm(k, np.array([[0.2, 0.0]])) for k in range(len(CHARS))]
     ) - middles_laid(laid)
-    found = np.degrees(np.arctan2(ahead[:, 1], ahead[:, 0]))
-    np.testing.assert_allclose(found - found.mean(), turns - turns.mean(), atol=2.0)
+    moved = np.degrees(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    np.testing.assert_allclose(moved - moved.mean(), turns - turns.mean(), atol=2.0)
     assert np.ptp(turns) > 20.0
 
 

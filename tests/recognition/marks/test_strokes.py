@@ -96,16 +96,16 @@ def rival(places: tuple[PlaceStrokes, ...], place: int, char: str) -> RivalStrok
 
 
 def test_a_stroke_that_was_felt_excludes_who_lacks_it(part: StampedPart) -> None:
-    found = strokes(part, relief_of(part), TEXT, lattice(TEXT, p0=("P", 0.05), p3=("F", 0.05)))
+    places = strokes(part, relief_of(part), TEXT, lattice(TEXT, p0=("P", 0.05), p3=("F", 0.05)))
     for place, char in ((0, "P"), (3, "F")):
-        assert rival(found, place, char).margin > HIDDEN_MARGIN
-    assert all(place.felt is not None and place.felt > 0.95 for place in found)
+        assert rival(places, place, char).margin > HIDDEN_MARGIN
+    assert all(place.felt is not None and place.felt > 0.95 for place in places)
 
 
 def test_the_wrong_claim_is_refuted_by_the_stroke_that_it_lacks(part: StampedPart) -> None:
-    found = strokes(part, relief_of(part), "PJ3F8", lattice("PJ3F8", p0=("R", 0.05), p3=("E", 0.05)))
-    assert rival(found, 0, "R").margin < -HIDDEN_MARGIN
-    assert rival(found, 3, "E").margin < -HIDDEN_MARGIN
+    places = strokes(part, relief_of(part), "PJ3F8", lattice("PJ3F8", p0=("R", 0.05), p3=("E", 0.05)))
+    assert rival(places, 0, "R").margin < -HIDDEN_MARGIN
+    assert rival(places, 3, "E").margin < -HIDDEN_MARGIN
 
 
 def test_absence_says_less_the_more_is_missing_and_never_all(part: StampedPart) -> None:
@@ -125,18 +125,18 @@ def test_what_is_covered_excludes_nobody_whatever_is_believed(part: StampedPart)
     heap = filled(relief_of(part), part, 0, window=(0.3, 0.5, 1.1, 1.1), up_mm=2 * DEEP_MM)
     unknown = filled(relief_of(part), part, 0, window=(0.3, 0.5, 1.1, 1.1), up_mm=np.nan)
     for surface in (heap, unknown):
-        found = rival(strokes(part, surface, "PJ3E8", lattice("PJ3E8")), 0, "R")
-        assert found.belief < LIVE  # declared to be taken for P
-        assert found.hidden > 0.5
-        assert found.margin < HIDDEN_MARGIN
+        places = rival(strokes(part, surface, "PJ3E8", lattice("PJ3E8")), 0, "R")
+        assert places.belief < LIVE  # declared to be taken for P
+        assert places.hidden > 0.5
+        assert places.margin < HIDDEN_MARGIN
 
 
 def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
     surface = filled(relief_of(part), part, 1, window=(-0.2, -0.2, 1.2, 1.2))
-    found = strokes(part, surface, "RI3E8", lattice("RI3E8", p1=("J", 0.01)))
-    assert found[1].felt is not None
-    assert found[1].felt < 0.1
-    (finding,) = judged(text_of("RI3E8", strokes=found), missing_strokes)
+    places = strokes(part, surface, "RI3E8", lattice("RI3E8", p1=("J", 0.01)))
+    assert places[1].felt is not None
+    assert places[1].felt < 0.1
+    (finding,) = judged(text_of("RI3E8", strokes=places), missing_strokes)
     assert finding.flag is ReadingFlag.STROKES_MISSING
     assert "I at place 2" in finding.text
 
@@ -151,16 +151,16 @@ def test_raised_marks_are_sunk_ones_upside_down(part: StampedPart) -> None:
 
 def test_a_font_that_nobody_named_tells_the_same_rivals_apart(part: StampedPart) -> None:
     others = (load_font("futuram"), load_font("timesr"))
-    found = strokes(part, relief_of(part), "PJ3E8", lattice("PJ3E8", p0=("R", 0.05)), fonts=others)
-    assert rival(found, 0, "R").margin < 0.0
+    places = strokes(part, relief_of(part), "PJ3E8", lattice("PJ3E8", p0=("R", 0.05)), fonts=others)
+    assert rival(places, 0, "R").margin < 0.0
 
 
 def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
     gothic = load_font("gothic")
     font = replace(gothic, glyphs={c: g for c, g in gothic.glyphs.items() if c != "R"})
-    found = strokes(part, relief_of(part), TEXT, lattice(TEXT), fonts=(font,))
-    assert found[0] == PlaceStrokes(None)
-    assert found[1].felt is not None
+    places = strokes(part, relief_of(part), TEXT, lattice(TEXT), fonts=(font,))
+    assert places[0] == PlaceStrokes(None)
+    assert places[1].felt is not None
     assert strokes(part, relief_of(part), TEXT, lattice(TEXT[:-1])) == ()
 
 
@@ -203,13 +203,13 @@ def test_what_is_accepted_has_no_undecided_strokes() -> None:
 def test_a_height_that_was_mistaken_is_settled_by_the_strokes(part: StampedPart, wrong: float) -> None:
     right, gothic = felt(part, relief_of(part)), load_font("gothic")
     mistaken = right.at_height(wrong * part.height_mm)
-    found = felt_line(right.view, mistaken.line, mistaken.columns, TEXT, (gothic,))
+    places = felt_line(right.view, mistaken.line, mistaken.columns, TEXT, (gothic,))
     # heights are tried in steps of 15 %
-    assert found.line.height_mm == pytest.approx(part.height_mm, rel=0.16)
+    assert places.line.height_mm == pytest.approx(part.height_mm, rel=0.16)
     middle = 0.5 * (ROWS - 1)
-    at = (one.line.places_mm(one.columns, middle) for one in (found, right))
+    at = (one.line.places_mm(one.columns, middle) for one in (places, right))
     np.testing.assert_allclose(*at)
-    assert LaidText(found, tuple(TEXT), gothic).height_mm == pytest.approx(part.height_mm, rel=0.04)
+    assert LaidText(places, tuple(TEXT), gothic).height_mm == pytest.approx(part.height_mm, rel=0.04)
 
 
 def test_a_height_stays_where_strokes_say_nothing(part: StampedPart) -> None:

@@ -46,14 +46,14 @@ def test_posteriors_are_those_of_all_paths(seed: int) -> None:
     total, marginal, length = written_out(p, allowed)
     with np.errstate(divide="ignore"):
         log = np.log(p)
-    found = place_belief(log[:, 0], log[:, 1:], allowed)
+    belief = place_belief(log[:, 0], log[:, 1:], allowed)
     if total == 0.0:
-        assert found is None
+        assert belief is None
         return
-    assert found is not None
-    assert found.log_evidence == pytest.approx(np.log(total), abs=EXACT)
-    np.testing.assert_allclose(np.exp(found.log_belief), marginal / total, atol=EXACT)
-    np.testing.assert_allclose(np.exp(found.log_belief).sum(axis=1), 1.0, atol=EXACT)
-    assert (np.diff(found.frame) > 0.0).all()
+    assert belief is not None
+    assert belief.log_evidence == pytest.approx(np.log(total), abs=EXACT)
+    np.testing.assert_allclose(np.exp(belief.log_belief), marginal / total, atol=EXACT)
+    np.testing.assert_allclose(np.exp(belief.log_belief).sum(axis=1), 1.0, atol=EXACT)
+    assert (np.diff(belief.frame) > 0.0).all()
     counts = np.exp(count_belief(log[:, 0], log[:, 1:], most=frames))
     np.testing.assert_allclose(counts, length / length.sum(), atol=EXACT)

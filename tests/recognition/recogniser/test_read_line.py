@@ -79,10 +79,10 @@ def test_a_line_is_read_with_and_without_a_format() -> None:
 def test_of_several_lengths_the_one_that_explains_most() -> None:
     grammar = Grammar(expression="[AB8]{2}|[AB8]{4}")
     for text in ("AB", "AB8A"):
-        found = combine_looks(LINE, [steps(text)], grammar)
-        assert found is not None
-        assert found.lattice.text == text
-        assert set(found.by_expert) == {"network"}
+        line = combine_looks(LINE, [steps(text)], grammar)
+        assert line is not None
+        assert line.lattice.text == text
+        assert set(line.by_expert) == {"network"}
 
 
 def test_a_line_with_no_room_for_the_format_is_no_belief() -> None:

@@ -63,9 +63,9 @@ def test_every_step_of_a_line_has_a_probability_for_each_class(
     make_part: Callable[..., StampedPart],
 ) -> None:
     strip = strip_of(make_part("K71B", calm=True))
-    found = posteriors(strip)
-    assert found.shape == (math.ceil(strip.shape[2] / STEP_COLUMNS), 1 + len(CHARACTERS))
-    np.testing.assert_allclose(np.exp(found).sum(axis=1), 1.0, atol=1e-4)
+    posterior = posteriors(strip)
+    assert posterior.shape == (math.ceil(strip.shape[2] / STEP_COLUMNS), 1 + len(CHARACTERS))
+    np.testing.assert_allclose(np.exp(posterior).sum(axis=1), 1.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("text", ["K7B29", "HM50R3X8", "42816074"])
@@ -74,12 +74,12 @@ def test_a_plate_of_a_font_that_nobody_named_is_read(
 ) -> None:
     part = make_part(text)
     steps = steps_of(posteriors(strip_of(part)), chars=ALPHANUMERIC)
-    found = steps.places((ALPHANUMERIC,) * len(text))
-    assert found is not None
-    assert "".join(ALPHANUMERIC[k] for k in found.log_belief.argmax(axis=1)) == text
+    posterior = steps.places((ALPHANUMERIC,) * len(text))
+    assert posterior is not None
+    assert "".join(ALPHANUMERIC[k] for k in posterior.log_belief.argmax(axis=1)) == text
     assert int(steps.count().argmax()) == len(text)
     # places stand where the characters stand, to a fifth of a height
     boxes = np.array(part.boxes_mm)
     middles = (0.5 * (boxes[:, 0] + boxes[:, 2]) - boxes[0, 0]) / part.height_mm
-    at = np.interp(found.frame, np.arange(steps.columns.size), steps.columns)
-    np.testing.assert_allclose((at + 0.5) / HEIGHT_ROWS - MARGIN, middles, atol=0.2)
+    columns = np.interp(posterior.frame, np.arange(steps.columns.size), steps.columns)
+    np.testing.assert_allclose((columns + 0.5) / HEIGHT_ROWS - MARGIN, middles, atol=0.2)

@@ -31,8 +31,10 @@ def test_leaving_out_what_shows_nowhere_changes_nothing(seed: int) -> None:
     short = steps.places(allowed)
     assert full is not None
     assert short is not None
-    likely = np.exp(full.log_belief) > 1e-3
-    np.testing.assert_allclose(np.exp(short.log_belief)[likely], np.exp(full.log_belief)[likely], atol=RARE)
+    probable = np.exp(full.log_belief) > 1e-3
+    np.testing.assert_allclose(
+        np.exp(short.log_belief)[probable], np.exp(full.log_belief)[probable], atol=RARE
+    )
     np.testing.assert_allclose(np.exp(short.log_belief).sum(axis=1), 1.0, atol=1e-9)
     assert np.isneginf(short.log_belief[~table]).all()
     # nothing that is allowed is ruled out
@@ -45,10 +47,10 @@ def test_where_nothing_allowed_shows_all_of_it_is_kept() -> None:
     shares = np.zeros((3, len(CHARS)))
     shares[1, 0] = 1.0 - 1e-3
     steps = Steps.of(np.array([0.99, 1e-3, 0.99]), shares, CHARS, np.arange(3.0))
-    found = steps.places(("GH",))
-    assert found is not None
-    np.testing.assert_allclose(np.exp(found.log_belief[0, -2:]), 0.5, atol=1e-9)
-    assert found.log_evidence < SHOWN
+    belief = steps.places(("GH",))
+    assert belief is not None
+    np.testing.assert_allclose(np.exp(belief.log_belief[0, -2:]), 0.5, atol=1e-9)
+    assert belief.log_evidence < SHOWN
 
 
 def test_no_place_is_no_belief() -> None:

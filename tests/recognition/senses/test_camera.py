@@ -74,10 +74,10 @@ def test_rust_is_told_from_relief_by_its_colour(reader: Reader, photo: tuple[Sta
     picture = rusty(photo[0])
     colourless = replace(picture, pixels=np.rint(255.0 * picture.grey()).astype(np.uint8))
     assert reader.read(colourless).decision is not Decision.ACCEPT
-    found = reader.read(picture)
-    assert found.text == TEXT
-    assert found.decision is Decision.ACCEPT
-    check_places(found, photo[0])
+    reading = reader.read(picture)
+    assert reading.text == TEXT
+    assert reading.decision is Decision.ACCEPT
+    check_places(reading, photo[0])
 
 
 def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
@@ -87,25 +87,25 @@ def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
         raise AssertionError(f"{picture} was read again")
 
     monkeypatch.setattr(camera, "stainless_view", never)
-    found = Reader(replace(SETTINGS, lines={"lot": "A9"})).read(photo[1])
-    assert found.confidence >= SETTINGS.least_score("vision")
-    assert found.decision is Decision.REVIEW
-    assert found.seconds["find"] > 0.0
+    reading = Reader(replace(SETTINGS, lines={"lot": "A9"})).read(photo[1])
+    assert reading.confidence >= SETTINGS.least_score("vision")
+    assert reading.decision is Decision.REVIEW
+    assert reading.seconds["find"] > 0.0
 
 
 def test_a_photograph_becomes_a_reading(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
     part, picture = photo
-    found = reader.read(picture)
-    assert found.text == TEXT
-    assert found.decision is Decision.ACCEPT
-    assert (found.source, found.unit) == ("vision", "mm")
-    assert found.trace.photo is not None
-    assert found.trace.line is not None
-    assert "network" in found.trace.by_expert
+    reading = reader.read(picture)
+    assert reading.text == TEXT
+    assert reading.decision is Decision.ACCEPT
+    assert (reading.source, reading.unit) == ("vision", "mm")
+    assert reading.trace.photo is not None
+    assert reading.trace.line is not None
+    assert "network" in reading.trace.by_expert
     # the height was given: the finder keeps it, and looks at moved lines a quarter off
-    assert found.height_mm == pytest.approx(part.height_mm, rel=0.25)
-    assert found.seconds["find"] > 0.0
-    check_places(found, part)
+    assert reading.height_mm == pytest.approx(part.height_mm, rel=0.25)
+    assert reading.seconds["find"] > 0.0
+    check_places(reading, part)
 
 
 def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[StampedPart, Photo]) -> None:
@@ -131,21 +131,21 @@ def test_a_photograph_that_shows_nothing_is_not_searched(
     reader: Reader, level: int, noise: float, flag: ReadingFlag
 ) -> None:
     pixels = level + np.random.default_rng(1).normal(0.0, noise, (90, 160))
-    found = reader.read(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
-    assert (found.text, found.decision) == ("", Decision.REJECT)
-    assert found.flags == flag | ReadingFlag.NO_CHARACTERS
-    assert found.messages()[0] == flag.text
-    assert found.evidence is not None
-    assert found.evidence.vision is not None
-    assert found.evidence.vision.lines is None
+    reading = reader.read(Photo(np.clip(pixels, 0, 255).astype(np.uint8)))
+    assert (reading.text, reading.decision) == ("", Decision.REJECT)
+    assert reading.flags == flag | ReadingFlag.NO_CHARACTERS
+    assert reading.messages()[0] == flag.text
+    assert reading.evidence is not None
+    assert reading.evidence.vision is not None
+    assert reading.evidence.vision.lines is None
 
 
 def test_without_a_scale_lengths_are_pixels(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:
     part, picture = photo
-    found = reader.read(Photo(picture.pixels))
-    assert (found.text, found.unit) == (TEXT, "px")
+    reading = reader.read(Photo(picture.pixels))
+    assert (reading.text, reading.unit) == (TEXT, "px")
     # millimetres are of no account then; finder and moves are within a quarter
-    assert found.height_mm == pytest.approx(part.height_mm / part.height_map.pitch_mm, rel=0.25)
+    assert reading.height_mm == pytest.approx(part.height_mm / part.height_map.pitch_mm, rel=0.25)
 
 
 @pytest.mark.parametrize("pitch_mm", [None, 0.08])
@@ -176,10 +176,10 @@ def test_a_picture_taken_from_another_side_is_read(
     turns: int, reader: Reader, photo: tuple[StampedPart, Photo]
 ) -> None:
     _, picture = photo
-    found = reader.read(Photo(np.rot90(picture.pixels, turns).copy(), pitch_mm=picture.pitch_mm))
-    assert found.text == TEXT
+    reading = reader.read(Photo(np.rot90(picture.pixels, turns).copy(), pitch_mm=picture.pitch_mm))
+    assert reading.text == TEXT
     # the picture was turned against the clock, so its line runs with -90 degrees a quarter
-    off = (found.rotation_deg + 90.0 * turns + 180.0) % 360.0 - 180.0
+    off = (reading.rotation_deg + 90.0 * turns + 180.0) % 360.0 - 180.0
     assert off == pytest.approx(0.0, abs=3.0)
 
 
@@ -188,9 +188,9 @@ def test_a_slanted_line_is_read(
     turned_deg: float, reader: Reader, make_part: Callable[..., StampedPart]
 ) -> None:
     part = make_part(TEXT, line_rotation_deg=turned_deg)
-    found = reader.read(taken(lit(part, rng=np.random.default_rng(2)), part))
-    assert found.text == TEXT
-    assert found.rotation_deg == pytest.approx(turned_deg, abs=6.0)
+    reading = reader.read(taken(lit(part, rng=np.random.default_rng(2)), part))
+    assert reading.text == TEXT
+    assert reading.rotation_deg == pytest.approx(turned_deg, abs=6.0)
 
 
 def test_a_turned_line_under_grime_is_read(reader: Reader, make_part: Callable[..., StampedPart]) -> None:
@@ -203,22 +203,22 @@ def test_a_turned_line_under_grime_is_read(reader: Reader, make_part: Callable[.
     for _ in range(60):
         r, c, size = rng.uniform(0, grey.shape[0]), rng.uniform(0, grey.shape[1]), rng.uniform(4, 14)
         grime = np.maximum(grime, ((x - c) ** 2 + (y - r) ** 2 < size**2) * rng.uniform(0.2, 0.5))
-    found = reader.read(taken(grey * (1.0 - grime), part))
-    assert found.text == TEXT
-    assert found.rotation_deg > 0.0
+    reading = reader.read(taken(grey * (1.0 - grime), part))
+    assert reading.text == TEXT
+    assert reading.rotation_deg > 0.0
 
 
 def test_a_real_serial_is_read_with_its_format() -> None:
     import cv2
 
     picture = Photo(np.ascontiguousarray(cv2.imread(str(REAL))[..., ::-1]))
-    found = Reader(ReaderSettings(format="9A9999A")).read(picture)
-    assert found.text == "1X2100H"
-    assert found.decision is not Decision.REJECT
+    reading = Reader(ReaderSettings(format="9A9999A")).read(picture)
+    assert reading.text == "1X2100H"
+    assert reading.decision is not Decision.REJECT
     # boxes lie on the characters: the first on the left, the last on the right of 560 pixels
-    assert found.characters[0].box.x1_mm < 150.0
-    assert found.characters[-1].box.x0_mm > 400.0
-    assert all(a.box.x0_mm < b.box.x0_mm for a, b in pairwise(found.characters))
+    assert reading.characters[0].box.x1_mm < 150.0
+    assert reading.characters[-1].box.x0_mm > 400.0
+    assert all(a.box.x0_mm < b.box.x0_mm for a, b in pairwise(reading.characters))
 
 
 def hidden(picture: Photo, part: StampedPart, places: slice) -> Photo:
@@ -240,10 +240,10 @@ def test_photographs_that_each_hide_other_characters_are_read_as_one(
     first, second = hidden(painted, part, slice(0, 2)), hidden(painted, part, slice(3, 5))
     unlike = taken(np.random.default_rng(3).uniform(0.0, 255.0, painted.shape), part)
     assert TEXT not in {reader.read(one).text for one in (first, second)}
-    found = reader.read(replace(first, others=(second, unlike)))
-    assert (found.text, found.photos) == (TEXT, 2)
-    assert found.notes == ("photograph 3 does not show what the first one shows; it was left out",)
-    check_places(found, part)
+    reading = reader.read(replace(first, others=(second, unlike)))
+    assert (reading.text, reading.photos) == (TEXT, 2)
+    assert reading.notes == ("photograph 3 does not show what the first one shows; it was left out",)
+    check_places(reading, part)
 
 
 def test_neither_jpeg_quality_nor_the_last_digit_of_the_scale_changes_the_line() -> None:

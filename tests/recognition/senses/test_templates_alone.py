@@ -35,8 +35,8 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def reader(**changed: object) -> Reader:
-    given = {"fonts": ("gothic",), "format": "AA99", "orientation": "upright", **changed}
-    settings = ReaderSettings(experts=("templates",), **given)  # type: ignore[arg-type]
+    options = {"fonts": ("gothic",), "format": "AA99", "orientation": "upright", **changed}
+    settings = ReaderSettings(experts=("templates",), **options)  # type: ignore[arg-type]
     return READERS.setdefault(settings, Reader(settings))
 
 
