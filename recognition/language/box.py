@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
-
-import numpy as np
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -29,5 +27,9 @@ def hull(boxes: Sequence[Box]) -> Box | None:
     """Return the common hull of boxes; None if there are none."""
     if not boxes:
         return None
-    corners = np.array([astuple(box) for box in boxes])
-    return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
+    return Box(
+        min(box.x0_mm for box in boxes),
+        min(box.y0_mm for box in boxes),
+        max(box.x1_mm for box in boxes),
+        max(box.y1_mm for box in boxes),
+    )
