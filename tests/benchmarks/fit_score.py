@@ -583,15 +583,34 @@ def main(readings: Path = KEPT, *, write: bool = False) -> None:
         write: replace the fits of the package.
     """
     parts = load(readings)
-    judged = judge(parts, lambda part: part.generator)
-    thresholds, fitted = find_thresholds(judged), fit(parts)
+    judged, thresholds, fitted = fit_all(parts)
     for line in report(parts, fitted, judged, thresholds):
         print(line)
     if write:
-        what = "weights and thresholds of the score (recognition/decide/score.py)"
-        _write(scoring.FITTED, what, parts, {"scores": _scores(fitted, thresholds)})
-        what = "weights of fusion (recognition/decide/fuse_lattices.py)"
-        _write(fusion.FITTED, what, parts, {"weights": asdict(fitted.weights)})
+        for path, content in contents_of(parts, thresholds, fitted).items():
+            path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def fit_all(parts: Sequence[KeptPart]) -> tuple[list[Judged], Thresholds, Fit]:
+    """Parts judged by the fit to the other generators, the thresholds from them, and the fit to all parts."""
+    judged = judge(parts, lambda part: part.generator)
+    return judged, find_thresholds(judged), fit(parts)
+
+
+def contents_of(parts: Sequence[KeptPart], thresholds: Thresholds, fitted: Fit) -> dict[Path, dict[str, Any]]:
+    """The fits of the package, by their files."""
+    heading = {
+        "command": "python tests/benchmarks/fit_score.py --write",
+        "fonts": sorted({part.font for part in parts}),
+        "soils": list(SOILS),
+        "editions": dict(sorted(Counter(part.generator for part in parts).items())),
+    }
+    score = {"what": "weights and thresholds of the score (recognition/decide/score.py)", **heading}
+    weights = {"what": "weights of fusion (recognition/decide/fuse_lattices.py)", **heading}
+    return {
+        scoring.FITTED: {**score, "scores": _scores(fitted, thresholds)},
+        fusion.FITTED: {**weights, "weights": asdict(fitted.weights)},
+    }
 
 
 def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
@@ -606,17 +625,6 @@ def _scores(fitted: Fit, thresholds: Thresholds) -> dict[str, Any]:
         }
         for source, score in fitted.scores.items()
     }
-
-
-def _write(path: Path, what: str, parts: Sequence[KeptPart], values: Mapping[str, Any]) -> None:
-    heading = {
-        "what": what,
-        "command": "python tests/benchmarks/fit_score.py --write",
-        "fonts": sorted({part.font for part in parts}),
-        "soils": SOILS,
-        "editions": dict(sorted(Counter(part.generator for part in parts).items())),
-    }
-    path.write_text(json.dumps({**heading, **values}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Pictures: drawn for every kind of reading, in the plate frame."""
+"""Pictures: drawn for every kind of reading, in the plate frame; sheets of fonts."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
+from glyphs.fonts.outlines import load_font
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.common.texts import same_text
+from pipeline.plots.fonts_picture import sheet_figure
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.picture import moment_image, reading_figure
@@ -162,3 +164,14 @@ def test_the_headline_tells_the_reading() -> None:
     facts = "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°"
     assert line == f"{facts}, shallowest mark 0.123 mm (2 of 3 measured)"
     assert str(EMPTY) == "no characters"
+
+
+def test_sheet_shows_the_ink_of_every_font():
+    figure = sheet_figure([load_font("gothic"), load_font("timesr")])
+    assert [a.get_title(loc="left").split()[0] for a in figure.axes] == ["gothic", "timesr"]
+    assert all(a.collections for a in figure.axes)
+
+
+def test_sheet_needs_a_font():
+    with pytest.raises(ValueError, match="at least one font"):
+        sheet_figure([])

@@ -1,8 +1,11 @@
-"""A benchmark's run: resumed, parallel, with faults; peers; folders of parts."""
+"""A run of a benchmark and its journal: resumed, parallel, with faults; peers; folders; what a mode is charged for."""
+
+from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,10 +21,11 @@ from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.benchmark.readers import modes as benchmark_modes
 from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings, scan_seconds
 from pipeline.benchmark.readers.modes import open_mode
-from pipeline.benchmark.trials.journal import Trial, TrialJournal
+from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.workers.pool import WorkPool
+from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.reader import Reader
@@ -199,3 +203,40 @@ def test_parts_of_a_folder(tmp_path: Path) -> None:
     table.write_text("part,text\nother,1\n")
     with pytest.raises(FileError, match="no row for these parts"):
         ListedParts.of_files([str(tmp_path)], table, Condition(severity=0.3))
+
+
+SEEDED = {"seed": 1}
+TRIAL = Trial(
+    "p", 0, {"severity": 0.3, "font": "gothic"}, "tactile", "A1", "A1", compute_s=1.0, simulated_s=0.25
+)
+
+
+def test_a_book_comes_back_as_it_was(tmp_path: Path) -> None:
+    with TrialJournal(tmp_path, SEEDED) as book:
+        book.keep("p", (TRIAL,))
+    for again in (TrialJournal.read(tmp_path), TrialJournal(tmp_path, SEEDED)):
+        (found,) = again.done["p"]
+        assert asdict(found) == asdict(TRIAL)
+
+
+def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with TrialJournal(tmp_path, SEEDED) as book:
+        book.keep("p", (TRIAL,))
+    monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root
+    before = book.path.stat().st_mtime_ns
+    assert "p" in TrialJournal.read(tmp_path).done
+    assert book.path.stat().st_mtime_ns == before
+
+
+def test_a_mode_is_charged_for_what_it_needs_and_the_scan_is_told_apart() -> None:
+    steps = {"mount": 0.125, "scan": 0.5, "edge map": 0.25, "search": 1.0}
+    reading = Reading((), 0.0, (Finding.of(ReadingFlag.NO_CHARACTERS),), seconds=MappingProxyType(steps))
+    trial = replace(Trial("p", 0, {}, "m", "A"), **answer_of(reading), compute_s=4.0)
+    assert (trial.compute_s, trial.simulated_s, trial.reading_s) == (4.0, 0.625, 3.375)
+
+
+def test_a_reading_that_tells_no_steps_is_all_reading() -> None:
+    trial = replace(TRIAL, simulated_s=0.0)
+    assert trial.reading_s == trial.compute_s
+    # a clock's steps may add up to a little more than what was measured around them
+    assert replace(TRIAL, simulated_s=2.0).reading_s == 0.0
