@@ -70,7 +70,7 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
         rows = said(commands[5]).splitlines()[2:-1]
     assert ["never on the land" in row for row in rows] == [False] * 6 + [True] * 2
     assert [float(row.split()[1]) for row in rows] == pytest.approx([1.0] * 8, abs=0.02)
-    # passes over the piece and the fit to them take a minute; tests/pipeline/cli/test_identify.py has few of them
+    # passes over the piece and the fit to them take a minute; tests/pipeline/cli/test_whisker.py has few of them
     assert "all within the stage's travel" in said(
         commands[6].replace("--out piece.h5", "--dry-run piece.svg")
     )

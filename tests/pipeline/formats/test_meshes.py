@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import lazy_loader
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from pipeline.formats.touch_file import read_height_map
 from recognition.see.levelling import square_to_plate
 from tests.support.tilted import tilted
 
+trimesh = lazy_loader.load("trimesh")
 PART = stamp("KX407", fonts="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
 TURN = np.array([[0.96, -0.28, 0.0], [0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])

@@ -71,51 +71,29 @@ def inked(figure: Figure, path: Path) -> float:
     return float((picture[..., :3].min(axis=2) < 0.9).mean())
 
 
-def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
+def test_all_of_a_trace_is_drawn_with_rows_downwards(tmp_path: Path) -> None:
     figure = reading_figure(part(), title="part $7$ _x_")
-    titles = [a.get_title(loc="left") for a in figure.axes]
-    assert sum("edge map, traced" in t for t in titles) == 3
-    assert sum("raw moment" in t for t in titles) == 1
-    boxes = [p for a in figure.axes if a.get_title(loc="left").startswith("height map") for p in a.patches]
-    assert [b.get_xy() for b in boxes] == [(1.0, 1.0), (2.5, 1.0), (4.0, 1.0)]
-    assert sum("steepness by touch" in t for t in titles) == 1
-    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
+    (relief,) = (a for a in figure.axes if a.get_title(loc="left").startswith("height by touch"))
     assert [t.get_text() for t in relief.texts] == ["0.151\n0.200", "?", "0.123\n0.200"]
-    assert len(relief.patches) == 3
+    assert [b.get_xy() for b in relief.patches] == [(1.0, 1.0), (2.5, 1.0), (4.0, 1.0)]
+    plate = [a.get_ylim() for a in figure.axes if a.get_ylabel() == "y, mm"]
+    assert plate
+    assert all(bottom > top for bottom, top in plate)
     # what to know about the reading stands below, not taken for a formula
     assert figure.get_supxlabel() == "\n".join(part().messages())
     assert "$x$" in figure.get_supxlabel()
     assert inked(figure, tmp_path / "a.png") > 0.05
 
 
-def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
-    figure = reading_figure(traced(part(), height_map=None), title="scan")
-    titles = [a.get_title(loc="left") for a in figure.axes]
-    assert not any(t.startswith("height map") for t in titles)
-    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
-    assert [t.get_text() for t in relief.texts].count("A") == 3
-    assert inked(figure, tmp_path / "a.png") > 0.05
-
-
-def test_what_there_is_not_has_no_panel(tmp_path: Path) -> None:
-    found = part()
-    assert found.trace.relief is not None
-    one_way = replace(found.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
-    figure = reading_figure(traced(found, relief=one_way), title="one way")
-    titles = [a.get_title(loc="left") for a in figure.axes]
-    assert any(t.startswith("height by touch") for t in titles)
-    assert not any(t.startswith("steepness") for t in titles)
-    figure = reading_figure(EMPTY, title="none")
-    assert len(figure.axes) == 1
-    assert "no characters found" in " ".join(t.get_text() for t in figure.axes[0].texts)
-    assert inked(figure, tmp_path / "a.png") > 0.0
-
-
-def test_rows_run_downwards_in_every_picture() -> None:
-    for axes in reading_figure(part(), title="x").axes:
-        if axes.get_ylabel() == "y, mm":
-            bottom, top = axes.get_ylim()
-            assert bottom > top
+def test_what_there_is_not_has_no_panel() -> None:
+    whole = part()
+    assert whole.trace.relief is not None
+    one_way = replace(whole.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
+    panels = [
+        len(reading_figure(reading, title="part").axes)
+        for reading in (whole, traced(whole, height_map=None), traced(whole, relief=one_way), EMPTY)
+    ]
+    assert panels[0] > max(panels[1:3]) > panels[3] == 1
 
 
 def test_moments_of_every_direction_lie_alike_in_the_plate() -> None:
@@ -131,18 +109,14 @@ def test_moments_of_every_direction_lie_alike_in_the_plate() -> None:
         assert y == pytest.approx(3.45, abs=0.6)
 
 
-def test_the_overview_says_what_is_right(tmp_path: Path) -> None:
+def test_the_overview_says_what_is_right() -> None:
     figure = overview_figure([SheetPart("one", "AAA", part()), SheetPart("two", "AAB", part())])
-    titles = " ".join(a.get_title(loc="left") for a in figure.axes)
-    assert "one: “AAA” stamped" in titles
-    assert "by touch: “AAA”, right, review" in titles
-    assert "two: “AAB” stamped" in titles
-    assert "by touch: “AAA”, WRONG, review" in titles
+    titles = [a.get_title(loc="left") for a in figure.axes]
+    assert ["right" in titles[1], "WRONG" in titles[3]] == [True, True]
     figure.draw_without_rendering()
     ends = [a._left_title.get_window_extent() for a in figure.axes]
     assert all(left.x1 < right.x0 for left, right in zip(ends[::2], ends[1::2], strict=True))
     assert all(e.x1 < figure.bbox.width for e in ends)
-    assert inked(figure, tmp_path / "a.png") > 0.05
 
 
 def test_pictures_that_cannot_be_written_are_refused(tmp_path: Path) -> None:

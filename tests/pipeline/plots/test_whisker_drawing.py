@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import math
 import re
 import sys
 from pathlib import Path
 
+import lazy_loader
 import pytest
 
 from glyphs.errors import FileError
@@ -17,7 +19,9 @@ from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
 
-ezdxf = pytest.importorskip("ezdxf")
+if importlib.util.find_spec("ezdxf") is None:
+    pytest.skip("the extra `drawing` is not installed", allow_module_level=True)
+ezdxf = lazy_loader.load("ezdxf")
 ASKED = ["design", "--alpha=30:60", "--mu=0.1:0.5", "--depth-mm=0.2", "--height-mm=5", "--no-trade-offs"]
 
 

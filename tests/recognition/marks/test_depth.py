@@ -17,7 +17,7 @@ from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
 from recognition.glyph_match.felt_line import FeltLine
-from recognition.marks.depth import MarkDepth, mark_depths
+from recognition.marks.depth import MarkDepth, across, mark_depths
 from recognition.marks.laid_text import LaidText
 from recognition.see.levelling import level
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
@@ -300,3 +300,11 @@ def test_depth_is_linear_in_height_and_free_of_level_and_slope(
     depths = known(depths_of(replace(plain, height_mm=z.astype(np.float32)), two, gothic, raised=raised))
     # where the middle of a stroke is looked for the slope of the plate may choose another place of the same floor
     np.testing.assert_allclose(depths, gain * known(depths_of(plain, two, gothic)), atol=2e-3 * gain + 5e-4)
+
+
+def test_places_off_the_map_are_moved_onto_its_rim() -> None:
+    depth = np.arange(20.0).reshape(4, 5)
+    depth[1, 1] = np.nan
+    points = np.array([(-3.0, 2.0), (9.0, 9.0), (0.5, 0.5)])
+    below = across(depth, points, np.zeros((3, 2)), np.zeros(1), np.zeros(3))
+    np.testing.assert_allclose(below, [[2.0, 19.0, np.nan]])

@@ -1,4 +1,4 @@
-"""A pass: where its samples lie, what it costs, and that a raster is a sequence of passes."""
+"""Passes of the array, and limits of the linear beam."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from dataclasses import replace
 import pytest
 
 from glyphs.surface.maps import TraceDirection
-from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.array import SAFE_SPEED_MM_S, default_plan
+from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.passes import RAPID_MM_S, Pass
-from whisker_array.whisker.sections import WhiskerError
+from whisker_array.whisker.sections import Round, WhiskerError
+from whisker_array.whisker.shapes import straight_whisker
+from whisker_array.whisker.validity import QUASI_STATIC_SHARE, first_bending_frequency_hz
 
 ONE = Pass(
     direction=TraceDirection.FORWARD_X,
@@ -54,3 +57,19 @@ def test_a_raster_is_its_passes(two_way: bool, kinds: int) -> None:
 def test_a_pass_that_cannot_be(wrong: dict[str, object]) -> None:
     with pytest.raises(WhiskerError):
         replace(ONE, **wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("height", [2.5, 5.0, 10.0])
+def test_default_raster_is_quasi_static(height: float) -> None:
+    plan = default_plan((0.0, 0.0, 10.0, 10.0), character_height_mm=height)
+    limit_hz = QUASI_STATIC_SHARE * first_bending_frequency_hz(default_whisker(height), tip_held=True)
+    finest_mm = 4.0 * plan.line_pitch_mm
+    assert SAFE_SPEED_MM_S / finest_mm <= limit_hz
+    assert limit_hz * finest_mm == pytest.approx(59.0, abs=0.5)
+
+
+def test_round_wire_is_no_faster_for_being_held_up() -> None:
+    # the surface holds its height, not its sideways swing, which is as slow as that of the free whisker
+    wire = straight_whisker(30.0, 0.0, Round(0.3))
+    held, free = first_bending_frequency_hz(wire, tip_held=True), first_bending_frequency_hz(wire)
+    assert held == pytest.approx(free, rel=1e-9)

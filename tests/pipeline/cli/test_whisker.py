@@ -1,0 +1,157 @@
+"""`scan`, `identify` and reading by chosen passes: plans in words, warnings, what is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glyphs import stamp
+from glyphs.surface.pieces import Piece
+from pipeline.cli.main import main
+from pipeline.cli.whisker import describe_plan, linear_beam_warning
+from pipeline.formats.npz import write_npz
+from tests.support.benches import recorded
+from tests.support.csv_table import csv_rows
+from whisker_array.identification.bench import Unknown
+from whisker_array.identification.fit import identify
+from whisker_array.scan.recording import save_scan
+from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan
+from whisker_array.whisker.defaults import default_preload_mm, default_whisker
+from whisker_array.whisker.elastica import linear_error
+from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
+from whisker_array.whisker.shapes import Chain, LShaped, Whisker, straight_whisker
+from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio
+
+LONG_ARM = LShaped(30.0, 9.0, None, 0.0, Rectangle(0.3, 4.5))
+"""k = 0.3: bends by under 10 % of l1 at 1 mm, yet the linear force is wrong by more than 2 %."""
+
+
+@pytest.mark.parametrize("height", [2.5, 5.0, 10.0])
+def test_default_whisker_gives_no_warning(height: float) -> None:
+    for mu in (0.0, 0.2, 0.5):
+        assert linear_beam_warning(default_whisker(height), lift_mm=default_preload_mm(height), mu=mu) == ""
+
+
+def test_warning_gives_the_measured_errors() -> None:
+    line = linear_beam_warning(LONG_ARM, lift_mm=1.25, mu=0.2)
+    error = linear_error(LONG_ARM, lift_mm=1.25, mu=0.2)
+    assert "1.25 mm" in line
+    assert f"{100 * error.force:+.1f} % in force" in line
+    assert f"{100 * error.moment:+.1f} % in moment" in line
+    assert f"{100 * deflection_ratio(LONG_ARM, preload_mm=1.25, mu=0.2):.1f} % of l1" in line
+
+
+@settings(max_examples=30, deadline=None)
+@given(k=st.floats(0.02, 0.4), preload=st.floats(0.2, 5.0), mu=st.floats(0.0, 0.5))
+def test_silent_exactly_within_the_limits(k: float, preload: float, mu: float) -> None:
+    whisker = LShaped(30.0, 30.0 * k, None, 0.0, Round(0.4))
+    error = linear_error(whisker, lift_mm=preload, mu=mu)
+    ratio = deflection_ratio(whisker, preload_mm=preload, mu=mu)
+    over = max(abs(error.force), abs(error.moment)) > LINEAR_ERROR_LIMIT or ratio > DEFLECTION_LIMIT
+    assert bool(linear_beam_warning(whisker, lift_mm=preload, mu=mu)) == over
+
+
+@pytest.mark.parametrize(
+    ("whisker", "mu", "why"),
+    [
+        (LShaped(30.0, 3.0, None, -1.2, Rectangle(0.3, 4.5)), 0.5, "jams"),
+        (Chain(np.array([[0.0, 0, 0], [-20, -2, 0], [-22, -4, 1]]), Round(0.3)), 0.2, "plane"),
+        (straight_whisker(1.0, 0.0, Round(0.3)), 0.2, "cannot be"),
+    ],
+)
+def test_no_exact_answer_is_said(whisker: Whisker, mu: float, why: str) -> None:
+    line = linear_beam_warning(whisker, lift_mm=1.1, mu=mu)
+    assert "cannot be checked" in line
+    assert why in line
+
+
+def test_negative_friction_is_refused() -> None:
+    with pytest.raises(WhiskerError, match="mu"):
+        linear_beam_warning(default_whisker(5.0), lift_mm=1.0, mu=-0.2)
+
+
+def test_plan_in_words() -> None:
+    plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
+    for word in (
+        "40.0 x 10.0 mm",
+        "4 whiskers 5.00 mm apart (rows: 1)",
+        "0°/90°/180°/270°",
+        f"{plan.n_samples:,} samples",
+    ):
+        assert word in describe_plan(plan)
+    assert "and back" not in describe_plan(plan)
+    assert "and back" in describe_plan(replace(plan, two_way=True))
+    kinds = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4, kinds=2)
+    assert "8 whiskers 5.00 mm apart (rows: 2)" in describe_plan(kinds)
+
+
+@pytest.mark.usefixtures("inline")
+def test_what_was_found_is_shown_beside_what_is_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # a coarser map than by default, and two of the numbers: how near they are is not asked here
+    quickly = partial(identify, grid_mm=0.02, only=(Unknown.PRELOAD, Unknown.FRICTION))
+    monkeypatch.setattr("pipeline.reading.identified.identify", quickly)
+    monkeypatch.chdir(tmp_path)
+    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nland_mm = 1.2\n', encoding="utf-8")
+    piece = Piece(angle_deg=(45.0,), land_mm=1.2)
+    save_scan(recorded(piece, friction=0.25, whiskers=3), Path("piece.h5"))
+    assert main(["identify", "piece.h5", "--piece", "piece.toml"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "not identified, no usable line over the piece: whisker 1, 2" in lines
+    found = {words[0]: words for words in map(str.split, lines) if len(words) > 3}
+    assert float(found["friction"][1]) == pytest.approx(0.25, abs=0.03)
+    assert float(found["friction"][3]) == pytest.approx(0.2)  # as set
+    assert float(found["preload_mm"][1]) == pytest.approx(float(found["preload_mm"][3]), rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("parts") / "part.npz"
+    write_npz(path, stamp("KX40", fonts="gothic", height_mm=5.0, seed=3).height_map)
+    return path
+
+
+@pytest.mark.usefixtures("inline")
+def test_read_tells_what_the_serial_cost(
+    part: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "read.csv"
+    assert main(["read", str(part), "--format", "AA99", "--active", "--out", str(out)]) == 0
+    (row,) = csv_rows(out)
+    assert (row["text"], row["decision"]) == ("KX40", "accept")
+    assert "s of stage time: the serial is sure" in row["flags"]
+
+
+@pytest.mark.usefixtures("inline")
+def test_an_active_scan_chooses_its_ways_itself(part: Path, tmp_path: Path) -> None:
+    asked = ("scan", str(part), "--out", str(tmp_path / "felt.h5"), "--height-mm", "5", "--active")
+    assert main([*asked, "--format", "AA99", "--two-way"]) == 2
+
+
+@pytest.mark.usefixtures("inline")
+def test_the_benchmark_compares_plans(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline.benchmark.readers import modes
+    from pipeline.benchmark.readers import plans as touch_plans
+
+    # three plans of all: the suite need not feel a part as often
+    plans = (
+        touch_plans.TouchPlan("active", 100.0),
+        touch_plans.TouchPlan("uniform", 4),
+        touch_plans.TouchPlan("whole", LINES_PER_HEIGHT),
+    )
+    monkeypatch.setattr(modes, "PLANS", plans)
+    asked = f"benchmark run --mode plans --out {tmp_path} --dirt 0 --parts 1 --format AA99".split()
+    assert main(asked) == 0
+    rows = csv_rows(tmp_path / "benchmark.csv")
+    assert [row["mode"] for row in rows] == [plan.mode for plan in plans]
+    assert all(row["text"] == row["truth"] and float(row["scan_s"]) > 0.0 for row in rows)
+    assert "mean scan by a stage" in capsys.readouterr().out
