@@ -26,7 +26,7 @@ from recognition.see.levelling import square_to_plate
 from tests.support.tilted import tilted
 
 trimesh = lazy_loader.load("trimesh")
-PART = stamp("KX407", fonts="gothic", height_mm=5, seed=1).height_map
+PART = stamp("K7", fonts="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
 TURN = np.array([[0.96, -0.28, 0.0], [0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])
 
