@@ -82,7 +82,7 @@ class VisionReader:
             if evidence is not None and deadline.is_over():
                 break
             larger = self._of_size(small, request, codes, about)
-            main = None if larger.lines is None else larger.lines.main
+            main = larger.main
             if evidence is None or main is not None or not deadline.stopped:
                 evidence = larger
             if main is not None and is_large_enough(small, main.line.height_mm):

@@ -130,11 +130,9 @@ class TactileReader:
     def may_be_mirrored(self, evidence: SenseEvidence, reading: Reading) -> bool:
         """Whether the rows may be in reverse order: little is read, or the mirrored line reads about as well."""
         little = reading.nats_read <= self.request.limits.plain * len(reading.characters)
-        if little or evidence.lines is None or evidence.lines.main is None:
+        if little or evidence.main is None:
             return True
-        there = other_reading(
-            evidence.lines.main, Way.ROWS_REVERSED, reading.plain_text, self.request.grammar
-        )
+        there = other_reading(evidence.main, Way.ROWS_REVERSED, reading.plain_text, self.request.grammar)
         return there is not None and there.lead_nats < LEAST_LEAD_NATS
 
     def _with_faces(self, view: View, main: ReadLine, felt: FeltLine | None) -> ReadLine:

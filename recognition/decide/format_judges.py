@@ -90,11 +90,21 @@ def small_letter(evidence: Evidence, choice: Choice, settings: DecisionSettings)
 
 
 def _format_findings(sense: SenseEvidence, settings: DecisionSettings) -> tuple[Finding, ...]:
-    line, grammar = None if sense.lines is None else sense.lines.main, settings.grammar
-    if line is None:
+    """Report that the line of a sense may hold another text, or a sign outside the format."""
+    line, grammar, least = sense.main, settings.grammar, IN_FORMAT[sense.source]
+    if line is None or line.evidence >= least:
         return ()
     text = choose(line.lattice, grammar).text
-    return _check_format_evidence(line, text, grammar, least=IN_FORMAT[sense.source])
+    changed = format_misfits(line.open_places[0], grammar)
+    if not changed and line.evidence < math.log(LEAST_VALID_MASS):
+        changed = format_changed(line, text)
+    if changed or line.evidence_of(grammar, alike=TWINS) >= least:
+        return changed
+    k = line.least_read()
+    there = k < len(text)
+    sign = f"{text[k]} at place {k + 1} may be a sign" if there else "there may be a sign"
+    what = f"{sign} outside the format (compare it with the part)"
+    return (Finding(ReadingFlag.FORMAT_OVERRULED, what, (k + 1,) if there else ()),)
 
 
 def _outside_format(openly: Lattice, grammar: Grammar | None) -> str:
@@ -106,24 +116,6 @@ def _outside_format(openly: Lattice, grammar: Grammar | None) -> str:
 
 def _describe_found(text: str) -> str:
     return f"found {len(text)} character{'' if len(text) == 1 else 's'} (“{text}”)"
-
-
-def _check_format_evidence(
-    line: ReadLine, text: str, grammar: Grammar | None, *, least: float
-) -> tuple[Finding, ...]:
-    """Report that the line may hold another text, or a sign outside the format."""
-    if line.evidence >= least:
-        return ()
-    changed = format_misfits(line.open_places[0], grammar)
-    if not changed and line.evidence < math.log(LEAST_VALID_MASS):
-        changed = format_changed(line, text)
-    if changed or line.evidence_of(grammar, alike=TWINS) >= least:
-        return changed
-    k = line.least_read()
-    there = k < len(text)
-    sign = f"{text[k]} at place {k + 1} may be a sign" if there else "there may be a sign"
-    what = f"{sign} outside the format (compare it with the part)"
-    return (Finding(ReadingFlag.FORMAT_OVERRULED, what, (k + 1,) if there else ()),)
 
 
 def format_misfits(

@@ -46,12 +46,12 @@ def lines_beside(
 
 def joined_lines(touch: Reading, vision: Reading) -> tuple[OtherLine, ...]:
     """The other lines of both senses, the surer one of each."""
-    joined = {(line.name, line.name or line.text): line for line in touch.others}
+    joined = {line.key: line for line in touch.others}
     named = {line.text for line in (*touch.others, *vision.others) if line.name}
     for line in vision.others:
-        felt = joined.get((line.name, line.name or line.text))
+        felt = joined.get(line.key)
         box = line.box if vision.unit == touch.unit else None
         if felt is None or line.confidence > felt.confidence:
-            joined[line.name, line.name or line.text] = replace(line, box=box if felt is None else felt.box)
+            joined[line.key] = replace(line, box=box if felt is None else felt.box)
     # drop unassigned text that the other sense has read as a requested line
     return tuple(line for line in joined.values() if line.name or line.text not in named)

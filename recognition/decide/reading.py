@@ -105,6 +105,11 @@ class OtherLine:
     may_be_serial: bool = True
     line: TextLine | None = field(default=None, compare=False, repr=False)
 
+    @property
+    def key(self) -> tuple[str, str]:
+        """Its name, or its text if it has none: lines of both senses with one key are one line."""
+        return self.name, self.name or self.text
+
 
 @deferrable("laid", "strokes")
 @dataclass(frozen=True, eq=False)

@@ -46,9 +46,9 @@ def lines_disagree(evidence: Evidence, choice: Choice, settings: DecisionSetting
     """Report requested lines that touch and camera read differently."""
     if not choice.is_fused:
         return
-    felt = {(line.name, line.name or line.text): line.text for line in choice.alone["tactile"].others}
+    felt = {line.key: line.text for line in choice.alone["tactile"].others}
     for line in choice.alone["vision"].others:
-        text = felt.get((line.name, line.name or line.text), line.text)
+        text = felt.get(line.key, line.text)
         if text != line.text:
             what = f"{line.name}: touch has {text}, the camera {line.text}"
             yield Finding(ReadingFlag.SENSES_DISAGREE, what)

@@ -64,7 +64,7 @@ class ExpertLine:
 
 def line_of(evidence: SenseEvidence, reader: Reader) -> ExpertLine | None:
     """The line of a sense; None if it has read none."""
-    main = None if evidence.lines is None else evidence.lines.main
+    main = evidence.main
     if main is None or not main.columns.size or not main.is_text:
         return None
     felt = None if evidence.marks is None else evidence.marks.felt

@@ -66,7 +66,7 @@ def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Readin
 def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
     """The reading of one expert alone, from the reading `whole` of one sense by all experts together."""
     (sense,) = _evidence_of(whole).senses
-    main = None if sense.lines is None else sense.lines.main
+    main = sense.main
     lattice = None if main is None else main.by_expert.get(expert)
     lines = None if main is None or lattice is None else PartLines(replace(main, lattice=lattice))
     alone = SenseEvidence(sense.source, lines=lines, log=Log(seconds=sense.log.seconds))
