@@ -8,7 +8,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 from pipeline.cli.main import app, whole_help
-from pipeline.cli.settings import settings_file
+from pipeline.cli.settings import READING, SERVICE, WORKERS, settings_file
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")
@@ -43,7 +43,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Put the file of settings where a page asks for it."""
-    return markdown.replace("<!-- settings -->", f"```toml\n{settings_file()}```")
+    return markdown.replace("<!-- settings -->", f"```toml\n{settings_file(READING, WORKERS, SERVICE)}```")
 
 
 def library_pages() -> Iterator[tuple[str, str, list[str]]]:

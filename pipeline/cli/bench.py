@@ -41,7 +41,7 @@ def _open_bench(settings: BenchSettings) -> Iterator[Bench]:
             signal.signal(one, handler)
 
 
-def check(bench: Path) -> None:
+def check(bench: Path, /) -> None:
     """Ask stage and converter to identify themselves; nothing moves.
 
     Parameters
@@ -55,7 +55,7 @@ def check(bench: Path) -> None:
         print(f"stage: {opened.greeting}\nconverter: {opened.daq.describe()}")
 
 
-def home(bench: Path) -> None:
+def home(bench: Path, /) -> None:
     """Lift the comb and find the ends of all axes; also after a crash or an alarm.
 
     Parameters
@@ -71,7 +71,7 @@ def home(bench: Path) -> None:
         print(f"homed; the stage is at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
 
 
-def calibrate(bench: Path) -> None:
+def calibrate(bench: Path, /) -> None:
     """Find every whisker's gain on a bare plate, and print the lines for bench.toml.
 
     Parameters
@@ -111,6 +111,7 @@ def calibrate(bench: Path) -> None:
 
 def scan(
     bench: Path,
+    /,
     *,
     out: Path | None = None,
     dry_run: Path | None = None,

@@ -175,6 +175,7 @@ def run(
 def export(
     design: str,
     folder: Path,
+    /,
     *,
     parts: int | None = None,
     jobs: Jobs = 1,

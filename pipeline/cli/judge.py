@@ -7,7 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.cli.exit_status import FAILED, UsageError, resumable
-from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Workers
+from pipeline.cli.settings import (
+    PARTS,
+    READING,
+    WORKERS,
+    Config,
+    JobPath,
+    Parts,
+    Reading,
+    ReadingOfFile,
+    Workers,
+    with_flags,
+)
 from pipeline.cli.shared import Jobs, Positive
 from pipeline.common.texts import first_of
 from pipeline.workers.options import WorkerSettings
@@ -134,7 +145,9 @@ def study(
     truth: Path | None = None,
     out: Path = Path("study"),
     jobs: Positive = None,
-    reading: Reading = READING,
+    parts: Parts = PARTS,
+    reading: ReadingOfFile = READING,
+    job: JobPath = None,
     config: Config = None,
 ) -> int:
     """Read every part several times, and report the agreement of readings and the repeatability of depth.
@@ -169,7 +182,7 @@ def study(
     from pipeline.cli.shared import print_document
 
     with resumable(out, hint=_GO_ON):
-        plan = StudyPlan(reading, repeats, arrays)
+        plan = StudyPlan(with_flags(reading, parts), repeats, arrays)
         found, document, written = run_study(
             plan, inputs, out, WorkerSettings(jobs=jobs), reviewers=reviewers, truth=truth
         )

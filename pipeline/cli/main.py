@@ -103,7 +103,8 @@ _COMMANDS = (
     ("bench calibrate", "Whisker", "bench:calibrate", "Find the whiskers' gains on a bare plate.", ""),
     ("bench scan", "Whisker", "bench:scan", "Scan the part under the comb, or draw the moves.", "out dry-run active"),
     ("serve", "Serve", "serve:serve", "Run the service: camera first, touch when unsure.",
-     "port folder format tokens init-config"),
+     "port folder format tokens"),
+    ("settings", "Serve", "settings:settings", "Print every setting with its value.", ""),
     ("worker", "Serve", "serve:worker", "Lend this machine's cores to a cluster.", "jobs"),
     ("tokens add", "Serve", "store:add", "Make a token.", "scope days"),
     ("tokens list", "Serve", "store:list_tokens", "List the tokens.", ""),
@@ -332,13 +333,13 @@ def _explain(error: CycloptsError) -> str:
 
         return explained(error)
     if isinstance(error, UnknownOptionError):
-        from pipeline.cli.settings import flag_like
+        from pipeline.cli.settings import unknown_flag_hint
 
         given = error.token.keyword or error.token.value.partition("=")[0]
-        near = flag_like(
-            given, [name for one in error.argument_collection if one.parse for name in one.names]
+        flags = [name for argument in error.argument_collection if argument.parse for name in argument.names]
+        return " ".join(
+            (f"Unknown option: {given}.", unknown_flag_hint(given, flags), f"(see {PROGRAM} --help)")
         )
-        return f"Unknown option: {given}.{f' Did you mean {near}?' if near else ''} (see {PROGRAM} --help)"
     return f"{error} (see {PROGRAM} --help)"
 
 

@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
-from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Workers
+from pipeline.cli.settings import (
+    MAPS,
+    PARTS,
+    READING,
+    WORKERS,
+    Config,
+    JobPath,
+    Maps,
+    Parts,
+    Reading,
+    ReadingOfFile,
+    Workers,
+    with_flags,
+)
 from pipeline.runs.options import RunOptions
 
 if TYPE_CHECKING:
@@ -46,7 +59,15 @@ def read(
 
 
 def inspect(
-    file: Path, *, out: Path | None = None, reading: Reading = READING, config: Config = None
+    file: Path,
+    /,
+    *,
+    out: Path | None = None,
+    parts: Parts = PARTS,
+    maps: Maps = MAPS,
+    reading: ReadingOfFile = READING,
+    job: JobPath = None,
+    config: Config = None,
 ) -> None:
     """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
 
@@ -64,7 +85,7 @@ def inspect(
 
     picture = out if out is not None else Path(f"{file.stem}-inspect.png")
     check_writable(picture, PICTURES)
-    for line in in_a_worker(_draw, file, reading, picture):
+    for line in in_a_worker(_draw, file, with_flags(reading, parts, maps), picture):
         print(line)
     print(f"wrote {picture}")
 

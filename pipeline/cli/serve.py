@@ -7,13 +7,23 @@ import os
 import socket
 import sys
 import time
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from pipeline.cli.exit_status import UsageError
-from pipeline.cli.settings import DEFAULT_FILE, READING, SERVICE, Config, Reading, Service
+from pipeline.cli.settings import (
+    PARTS,
+    POOL,
+    READING,
+    SERVICE,
+    WORKERS,
+    Config,
+    Parts,
+    Pool,
+    ReadingOfFile,
+    Service,
+    WorkersOfFile,
+    with_flags,
+)
 from pipeline.cli.shared import Positive
 
 if TYPE_CHECKING:
@@ -21,6 +31,7 @@ if TYPE_CHECKING:
 
     from pipeline.common.settings import ReadSettings
     from pipeline.service.settings import ServiceSettings
+    from pipeline.workers.options import PoolSettings
 
 STARTED_S = time.monotonic()
 """Start of the command: this module is loaded before the slow ones."""
@@ -29,35 +40,29 @@ STARTED_S = time.monotonic()
 def serve(
     *,
     service: Service = SERVICE,
-    reading: Reading = READING,
+    parts: Parts = PARTS,
+    pool: Pool = POOL,
+    reading: ReadingOfFile = READING,
+    workers: WorkersOfFile = WORKERS,
     config: Config = None,
-    init_config: Annotated[
-        tuple[Path, ...] | None, Parameter(consume_multiple=(0, 1), negative="", show_default=False)
-    ] = None,
 ) -> int:
     """Run the service: it reads photographs, and asks for a scan if the camera is unsure.
 
     Listens on this machine only, at http://127.0.0.1:8417, and keeps its data in tactile-marks-data. The operator's
     page is at /.
-
-    Parameters
-    ----------
-    init_config
-        Do not serve, but write a settings file with every default, commented out: tactile-marks.toml, or the named
-        file. An existing file is not overwritten.
     """
-    if init_config is not None:
-        _write_settings((*init_config, DEFAULT_FILE)[0])
-        return 0
+    reading = with_flags(reading, parts)
     if reading.mode != "auto":
         raise UsageError(
             "serve: mode is set, but a service reads with the camera first and then by touch",
             "leave mode out",
         )
-    return _serve(service, reading)
+    if workers.cluster is not None:
+        raise UsageError("serve: cluster is set, but a service reads on its own machine", "leave cluster out")
+    return _serve(service, reading, with_flags(workers, pool))
 
 
-def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = None) -> None:
+def worker(address: str, /, *, jobs: Positive = None, memory_gb: float | None = None) -> None:
     """Work for a Dask scheduler until it ends, with one process per core; a lost process is replaced.
 
     Start the scheduler with: dask scheduler. This is `dask worker` with one thread per process, and it keeps the memory
@@ -91,21 +96,11 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     os.execve(sys.executable, arguments, environment)
 
 
-def _write_settings(file: Path) -> None:
-    from pipeline.cli.settings import settings_file
-    from pipeline.common.output_paths import write_text
-
-    if os.path.lexists(file):
-        raise UsageError(f"serve: {file} is there already", "name another file after --init-config")
-    write_text(file, settings_file())
-    _say(f"written to {file}: every setting with its default, commented out")
-
-
 def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
+def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettings) -> int:
     """Serve until a signal; running requests may finish first.
 
     Raises:
@@ -114,13 +109,12 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     """
     import uvicorn
 
+    from pipeline.service.app import GRACE_S, check_folder
     from pipeline.service.app import Service as RunningService
-    from pipeline.service.app import check_folder
-    from pipeline.service.connections import BACKLOG, raise_descriptor_limit
+    from pipeline.service.connections import BACKLOG, connections_of_address, most_connections
     from pipeline.service.logs import set_up_logs
     from pipeline.service.web.web_server import (
         KEEP_ALIVE_S,
-        MOST_CONNECTIONS,
         DrainingServer,
         Room,
         patient_protocol,
@@ -131,27 +125,26 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     check_folder(settings)
     tls = tls_context(settings)
     check_tokens(settings)
-    most = min(MOST_CONNECTIONS, raise_descriptor_limit() // 2)  # files, workers and the store need some
+    most = most_connections()
+    room = Room(an_address=connections_of_address(most), most=most, proxies=settings.trusted_proxies)
     with contextlib.ExitStack() as until_served:
         bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
         for one, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
             if one.port:  # tried here, so that the error is one line and not a running server's
                 listening(one.host, one.port, option=option).close()
-        service = RunningService(settings, reading, started_s=STARTED_S)
+        service = RunningService(settings, reading, workers, started_s=STARTED_S)
         until_served.pop_all()
-    set_up_logs(settings.log)
+    set_up_logs("text" if sys.stderr.isatty() else "json")
     server = DrainingServer(
         uvicorn.Config(
             create_app(service),
             log_config=None,
-            http=patient_protocol(
-                Room(an_address=settings.connections, most=most, proxies=settings.trusted_proxies), tls=tls
-            ),
+            http=patient_protocol(room, tls=tls),
             backlog=BACKLOG,
             access_log=False,
             server_header=False,
             timeout_keep_alive=KEEP_ALIVE_S,
-            timeout_graceful_shutdown=max(1, round(settings.shutdown_grace_s)),
+            timeout_graceful_shutdown=round(GRACE_S),
             proxy_headers=False,
         ),
         drain=service.drain,

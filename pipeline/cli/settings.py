@@ -7,7 +7,8 @@ environment             TACTILE_MARKS_HEIGHT_MM=5, TACTILE_MARKS_SERVICE_PORT=84
 flags                   --height-mm 5, serve --port 8417
 job                     read --job housing-left.toml    (in place of environment and file; flags override it)
 
-A command has a parameter of type `Reading`, `Workers` or `Service`, and one `config`. An unknown key is an error.
+A command has a parameter of type `Reading`, `Workers` or `Service`, and one `config`. A command that has flags for the
+usual settings only has `Parts` and `ReadingOfFile`, which `with_flags` joins. An unknown key is an error.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ import os
 import re
 import textwrap
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import pydantic
 from cyclopts import App, CycloptsError, Group, Parameter
@@ -31,14 +33,22 @@ from pydantic_core import to_jsonable_python
 from glyphs.errors import FileError
 from pipeline.common.job_file import read_job_file
 from pipeline.common.parsed import shown, toml_of
-from pipeline.common.settings import MapSettings, ReadSettings, Settings, SettingsError, bad_value
+from pipeline.common.settings import (
+    MapSettings,
+    PartSettings,
+    ReadSettings,
+    Settings,
+    SettingsError,
+    bad_value,
+)
 from pipeline.service.settings import ServiceSettings
-from pipeline.workers.options import WorkerSettings
+from pipeline.workers.options import PoolSettings, WorkerSettings
 
+S = TypeVar("S", bound=Settings)
 DEFAULT_FILE = Path("tactile-marks.toml")
 MODELS: tuple[type[Settings], ...] = (ReadSettings, WorkerSettings, ServiceSettings)
 _BEGINNING = """\
-# Settings of tactile-marks, all with their defaults and commented out: remove the # before a name to set it.
+# Settings of tactile-marks. Those at their defaults are commented out: remove the # before a name to set it.
 # Environment variables and flags override this file; `tactile-marks serve --help-all` names them.
 """
 _ALIKE = 0.75
@@ -64,13 +74,26 @@ Reading = Annotated[ReadSettings, _flags("Settings of reading", ReadSettings, "h
 Workers = Annotated[
     WorkerSettings, _flags("Settings of the workers", WorkerSettings, "jobs", "under [workers]")
 ]
+Pool = Annotated[PoolSettings, _flags("Settings of the workers", WorkerSettings, "jobs", "under [workers]")]
 Service = Annotated[
     ServiceSettings, _flags("Settings of the service", ServiceSettings, "port", "under [service]")
+]
+Parts = Annotated[
+    PartSettings,
+    Parameter(
+        name="*",
+        group=Group(
+            "Settings of reading",
+            help="The others are in tactile-marks.toml, in the environment, TACTILE_MARKS_REGION=..., and in jobs.",
+        ),
+    ),
 ]
 Maps = Annotated[MapSettings, Parameter(name="*", group=Group("Settings of height files"))]
 ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
 """Settings from file and environment only, for a command whose flags mean something else."""
 ServiceOfFile = Annotated[ServiceSettings, Parameter(name="service", show=False)]
+"""Likewise."""
+WorkersOfFile = Annotated[WorkerSettings, Parameter(name="workers", show=False)]
 """Likewise."""
 Config = Annotated[
     Path | None,
@@ -86,6 +109,7 @@ JobPath = Annotated[
     ),
 ]
 READING, WORKERS, SERVICE, MAPS = ReadSettings(), WorkerSettings(), ServiceSettings(), MapSettings()
+PARTS, POOL = PartSettings(), PoolSettings()
 
 
 def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
@@ -120,6 +144,12 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
                 raise SettingsError(f"{token.value}{by} is not there", hint="check the name")
 
 
+def with_flags(settings: S, *flags: Settings) -> S:
+    """Settings from file and environment, with those that have a flag on the command line."""
+    given = {name: value for group in flags for name, value in group if name in group.model_fields_set}
+    return settings.model_copy(update=given)
+
+
 def explained(error: CycloptsError) -> str:
     """Explain an error of a command line, an environment or a file in one line."""
     cause = error.__cause__
@@ -136,16 +166,27 @@ def flag_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def flag_like(given: str, flags: Sequence[str]) -> str:
-    """The flag that an unknown one may mean: without its table's name, spelled similarly, or with the same first word;
-    empty if there is none.
+def unknown_flag_hint(given: str, flags: Sequence[str]) -> str:
+    """A sentence on what an unknown flag may mean; empty if that is unclear.
+
+    It may be a former name, a setting without a flag, one written with its table's name, or a misspelling.
     """
+    name = given[2:].replace("-", "_")
     for model in MODELS:
+        written = model.replaced.get(name, "")
+        if written and flag_of(written.split()[0]) in flags:
+            setting, _, value = written.partition(" = ")
+            return f"Did you mean {f'{flag_of(setting)} {value}'.rstrip()}?"
+        if given not in flags and name in model.leaves():
+            return (
+                f"Set {f'{model.table}.{name}'.lstrip('.')} in {DEFAULT_FILE} or as {model.variable(name)}."
+            )
         plain = re.sub(rf"^--{model.table}[.-]", "--", given) if model.table else given
         if plain in flags:
-            return plain
+            return f"Did you mean {plain}?"
     first_word = [flag for flag in flags if flag[2:].split("-")[0] == given[2:].split("-")[0]]
-    return next(iter((*difflib.get_close_matches(given, flags, n=1, cutoff=_ALIKE), *first_word)), "")
+    near = (*difflib.get_close_matches(given, flags, n=1, cutoff=_ALIKE), *first_word)
+    return f"Did you mean {near[0]}?" if near else ""
 
 
 def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:
@@ -197,6 +238,9 @@ def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iter
             place = f"under [{others[0]}]" if others[0] else "above the first table"
             raise SettingsError(f"{name} in {file} is in the wrong place", hint=f"write it {place}")
         if isinstance(value, dict) and name not in model.leaves():
+            for key in value:
+                if f"{name}.{key}" in model.replaced:
+                    model.check_known(f"{name}.{key}", where=str(file))
             raise _unknown_section(f"{model.table}.{name}".removeprefix("."), file)
         model.check_known(name, where=str(file))
         yield name, value, f"{name} in {file}"
@@ -235,8 +279,38 @@ def _toml_of(file: Path) -> dict[str, Any]:
         raise SettingsError(f"{file} {error.what}", hint=error.hint) from error
 
 
-def settings_file() -> str:
-    """A `tactile-marks.toml` with every setting at its default, commented out.
+def settings(
+    out: Path | None = None,
+    /,
+    *,
+    reading: ReadingOfFile = READING,
+    workers: WorkersOfFile = WORKERS,
+    service: ServiceOfFile = SERVICE,
+    config: Config = None,
+) -> None:
+    """Print every setting with its value, as a settings file, and the limits that follow from this machine.
+
+    Settings at their defaults are commented out.
+
+    Parameters
+    ----------
+    out
+        File to write instead, such as tactile-marks.toml. An existing file is not overwritten.
+    """
+    text = f"{settings_file(reading, workers, service)}\n{_from_machine(workers, service)}"
+    if out is None:
+        print(text, end="")
+        return
+    from pipeline.common.output_paths import write_text
+
+    if os.path.lexists(out):
+        raise SettingsError(f"settings: {out} is there already", hint="name another file")
+    write_text(out, text)
+    print(f"wrote {out}")
+
+
+def settings_file(*models: Settings) -> str:
+    """A `tactile-marks.toml` with every setting; those at their defaults are commented out.
 
     Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. There are no tables, so
     that other lines can be pasted anywhere. A setting without a default has its type in place of a value:
@@ -247,19 +321,39 @@ def settings_file() -> str:
     # Folder into which the camera puts its pictures: NAME.png is the part called NAME.
     #service.camera.folder =    # file or folder
     """
-    return "\n".join((_BEGINNING, *map(_table_of_file, MODELS)))
+    return "\n".join((_BEGINNING, *map(_table_of_file, models)))
 
 
-def _table_of_file(model: type[Settings]) -> str:
+def _table_of_file(model: Settings) -> str:
     written = []
     for path, field in model.leaves().items():
         name = f"{model.table}.{path}".lstrip(".")
         lines = textwrap.wrap(str(field.description), 98, break_on_hyphens=False)
         default = to_jsonable_python(field.get_default(call_default_factory=True))
-        unset = default is None or (field.default_factory is not None and default)
-        value = f"   # {_type(field.annotation)}" if unset else json.dumps(default)
-        written.append("".join(f"# {line}\n" for line in lines) + f"#{name} = {value}\n")
+        value = to_jsonable_python(attrgetter(path)(model))
+        if value != default:
+            setting = f"{name} = {json.dumps(value)}"
+        elif default is None or (field.default_factory is not None and default):
+            setting = f"#{name} =    # {_type(field.annotation)}"
+        else:
+            setting = f"#{name} = {json.dumps(default)}"
+        written.append("".join(f"# {line}\n" for line in lines) + f"{setting}\n")
     return "\n".join(written)
+
+
+def _from_machine(workers: WorkerSettings, service: ServiceSettings) -> str:
+    from pipeline.service.connections import connections_of_address, most_connections
+    from pipeline.workers.machine import Machine
+
+    machine, most = Machine.of(workers.processes, service.worker_memory_mb), most_connections()
+    return f"""\
+# What the service takes from this machine, for {workers.processes} processes that read:
+# memory of each process             {machine.worker_memory_mb:,} MB
+# parts that wait for a process      {machine.waiting_parts:,}
+# largest photograph                 {machine.files.photo_pixels:,} pixels
+# largest height map                 {machine.files.map_samples:,} samples
+# connections, of one address        {most:,}, {connections_of_address(most):,}
+"""
 
 
 def _type(annotation: Any) -> str:

@@ -58,7 +58,7 @@ def show(*font: str, out: Path | None = None) -> None:
     write_picture(sheet_figure(fonts), out)
 
 
-def build(out: Path, *font: str) -> None:
+def build(out: Path, /, *font: str) -> None:
     """Write a glyph database of fonts for `read --database`.
 
     Parameters
@@ -94,6 +94,7 @@ def _fonts_of(name: str) -> list[Font]:
 
 def synth(
     out: Path,
+    /,
     *,
     parts: int,
     stamping: Annotated[Stamping, Parameter(name="*")],

@@ -77,6 +77,7 @@ STORE = StoreOptions()
 
 def add(
     name: str,
+    /,
     *,
     scope: Annotated[tuple[ScopeName, ...], Parameter(negative="")],
     days: Days = None,
@@ -115,7 +116,7 @@ def list_tokens(*, at: AtStore = STORE) -> None:
         print("no tokens; make one with `tactile-marks tokens add NAME --scope read`", file=sys.stderr)
 
 
-def revoke(name: str, *, at: AtStore = STORE) -> None:
+def revoke(name: str, /, *, at: AtStore = STORE) -> None:
     """Revoke a token.
 
     Parameters
@@ -130,6 +131,7 @@ def revoke(name: str, *, at: AtStore = STORE) -> None:
 
 def backup(
     to: Path,
+    /,
     *,
     previous: Path | None = None,
     at: AtStore = STORE,
@@ -157,6 +159,7 @@ def backup(
 
 def restore(
     backup: Path,
+    /,
     *,
     at: AtStore = STORE,
 ) -> int:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 def scan(
     height_map: Path,
+    /,
     *,
     out: Path,
     height_mm: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1000))] = None,
@@ -157,7 +158,7 @@ def scan_actively(
     print(f"wrote {out}: characters {height_mm:.2f} mm; {found.describe()}")
 
 
-def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = False) -> None:
+def calibrate(recording: Path, /, *, out: Path | None = None, in_place: bool = False) -> None:
     """Find gain and offset of each whisker from the lifted and lead-in samples of a scan; write a calibrated copy.
 
     Parameters
@@ -199,6 +200,7 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
 
 def identify(
     recording: Path,
+    /,
     *,
     piece: Path,
     whisker: Path | None = None,

@@ -1,9 +1,8 @@
-"""The grammar of serials from the settings: formats, check digits, excluded characters and a lexicon."""
+"""The grammar of serials from the settings: formats and a lexicon."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase, ascii_uppercase, digits
 
@@ -25,14 +24,12 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
         SettingsError: settings that contradict each other.
     """
     words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
-    texts = (*settings.format, *(f"check:{rule}" for rule in settings.check))
-    if not texts and words is None and not settings.exclude:
+    if not settings.format and words is None:
         return None
     try:
-        grammar = Grammar.parse(*texts, lexicon=words)
-        return replace(grammar, exclude=grammar.exclude + settings.exclude) if settings.exclude else grammar
+        return Grammar.parse(*settings.format, lexicon=words)
     except FormatError as error:
-        given = [key for key in ("format", "lexicon", "check", "exclude") if getattr(settings, key)]
+        given = [key for key in ("format", "lexicon") if getattr(settings, key)]
         raise SettingsError(f"{' and '.join(given)} cannot be met: {error.what}", hint=error.hint) from error
 
 

@@ -25,16 +25,22 @@ class SettingsError(MarksError):
     """An invalid setting or argument, or one that contradicts another."""
 
 
+FROM_MACHINE = "leave it out: it follows from the machine (see tactile-marks settings)"
+
+
 class Settings(BaseModel):
     """Checked settings; unknown names are errors.
 
     Attributes:
         table: table of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names,
             too.
+        replaced: former names with what to write instead, for the hint of an error; empty for what now follows from
+            the machine.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     table: ClassVar[str] = ""
+    replaced: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -79,6 +85,8 @@ class Settings(BaseModel):
             near = difflib.get_close_matches(name.lower(), known, n=2)
             near = near or [other for other in known if other.split("_")[0] == name.lower().split("_")[0]]
             hint = f"did you mean {' or '.join(near)}?" if near else f"the settings are {', '.join(known)}"
+            if name in cls.replaced:
+                hint = f"did you mean {cls.replaced[name]}?" if cls.replaced[name] else FROM_MACHINE
             raise SettingsError(f"unknown setting {called or name}{where and ' in '}{where}", hint=hint)
 
     @classmethod
@@ -221,7 +229,7 @@ def _region(value: Any) -> Any:
 
 
 MOST_RULES, MOST_RULE_CHARS = 16, 2_000
-"""Most formats, lines, check digits or depth rules of a job, and characters in each: preparing them takes time."""
+"""Most formats, lines or depth rules of a job, and characters in each: preparing them takes time."""
 
 
 def _risk(value: Any) -> Any:
@@ -252,13 +260,6 @@ def _formats(value: tuple[str, ...]) -> None:
         Grammar.parse(text)
 
 
-def _check_digits(value: tuple[str, ...]) -> None:
-    from recognition.language.check_digits import CheckDigit
-
-    for text in value:
-        CheckDigit.parse(text)
-
-
 def _experts(value: tuple[str, ...]) -> None:
     from recognition.settings import ReaderSettings
 
@@ -281,12 +282,6 @@ def _where_given(check: Callable[[tuple[str, ...]], None]) -> AfterValidator:
         return value
 
     return AfterValidator(checked)
-
-
-def _characters(value: str) -> str:
-    if any(c.isspace() or not c.isprintable() for c in value):
-        raise ValueError("it has a blank; write the characters one after the other: IOQ")
-    return value
 
 
 _LINE_NAME = re.compile(r"\w[\w-]*")
@@ -316,26 +311,22 @@ class MapSettings(Settings):
     another serial mirrored goes to review."""
 
 
-class Limits(Settings):
-    """Largest sizes of a part's files that others send."""
+@dataclass(frozen=True)
+class Limits:
+    """Largest sizes of a part's files that others send, checked from a file's header."""
 
-    photo_pixels: int = Field(default=40_000_000, ge=64)
-    """Largest photograph; checked before it is decoded."""
-    map_samples: int = Field(default=30_000_000, ge=4)
-    """Largest height map; checked before it is decoded."""
+    photo_pixels: int = 40_000_000
+    map_samples: int = 30_000_000
 
 
-class ReadSettings(MapSettings):
-    """Settings of reading."""
+class PartSettings(Settings):
+    """Settings of reading that most parts need; every command that reads has flags for them."""
 
     mode: Annotated[Literal["tactile", "vision", "fused", "auto"], BeforeValidator(_mode)] = "auto"
     """Senses to read with: touch (tactile), the camera (vision), both together (fused), or those that each part has
     files for (auto); a photograph beside a named map only with vision and fused."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file to compare the marks with; may be repeated. Any font is read."""
-    experts: Annotated[Names, AfterValidator(_split), _where_given(_experts)] = ()
-    """Experts to read with, separated by commas: network (any font), templates (the named fonts, and the die learned
-    from a lot; alone they read by touch only). Default: both."""
     format: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), _where_given(_formats)
     ] = ()
@@ -343,13 +334,28 @@ class ReadSettings(MapSettings):
     digit, * A or 9, a blank a word gap; any other character, and any after a \\, stands for itself), re:EXPRESSION,
     sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin
     (vin-na: with its check digit everywhere), or check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
+    height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
+    """Character height in mm (default: measured)."""
+    database: Path | None = None
+    """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
+    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.01
+    """Greatest share of wrong readings among those accepted, such as 1/100."""
+
+
+class ReadSettings(MapSettings, PartSettings):
+    """Settings of reading."""
+
+    replaced: ClassVar[Mapping[str, str]] = {
+        "check": 'format = "check:RULE"',
+        "exclude": 'format = "MASK+exclude=IOQ"',
+        "min_depth_mm": 'depth_rule = "0.2:"',
+    }
+
+    experts: Annotated[Names, AfterValidator(_split), _where_given(_experts)] = ()
+    """Experts to read with, separated by commas: network (any font), templates (the named fonts, and the die learned
+    from a lot; alone they read by touch only). Default: both."""
     lexicon: Path | None = None
     """File of all serials that exist, one per line; # starts a comment."""
-    check: Annotated[Names, AfterValidator(_few), _where_given(_check_digits)] = ()
-    """Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at places 3 to 8. May
-    be repeated."""
-    exclude: Annotated[str, Field(max_length=MOST_RULE_CHARS), AfterValidator(_characters)] = ""
-    """Characters that no serial has, such as IOQ, except where the format names them."""
     region: Annotated[Region | None, BeforeValidator(_region)] = None
     """Region in which the middle of the serial lies: left, top, right and bottom as shares, 0 to 1, of the photograph
     or of the scanned area. Default: anywhere."""
@@ -362,8 +368,6 @@ class ReadSettings(MapSettings):
     """Another line on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
-    height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
-    """Character height in mm (default: measured)."""
     fidelity: Literal["pointwise", "contact"] = "contact"
     """Simulation of touch: the ball of the tip in contact, or a point (faster, less accurate)."""
     sensors: Literal["real", "ideal"] = "real"
@@ -372,16 +376,10 @@ class ReadSettings(MapSettings):
     whisker: Path | None = None
     """Whisker file with which height maps are felt, as from design --out (default: a whisker for the character
     height)."""
-    database: Path | None = None
-    """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
     depth_rule: Annotated[Names, AfterValidator(_few), _where_given(_rules)] = ()
     """Rule for depth, burr and size of the marks; may be repeated. 27CFR478.92, CONTRAN24/98, MIL-STD-792, 70-16-05,
     or one of your own in mm, NAME=LEAST:MOST@HEIGHTS, such as "press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05
-    height=1.6". A part that breaks one is read all the same and goes to review."""
-    min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
-    """Least depth of the marks in mm. A part with a shallower mark goes to review."""
-    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.01
-    """Greatest share of wrong readings among those accepted, such as 1/100."""
+    height=1.6", or only a least depth, 0.2:. A part that breaks one is read all the same and goes to review."""
     certificate: Path | None = None
     """Certificate (.json, see certify): readings that it does not cover are not accepted, and parts unlike the
     certified ones raise a warning."""

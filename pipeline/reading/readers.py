@@ -20,7 +20,6 @@ from pipeline.errors import OwnFileError
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
-    from recognition.decide.depth_rules import DepthRule
     from recognition.find.request import LineFormat
     from recognition.reader import Reader
     from recognition.see.virtual_array import VirtualArray
@@ -63,6 +62,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
     """
     from pipeline.reading.certificate import acceptance_of
+    from recognition.decide.depth_rules import depth_rule
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
 
@@ -72,7 +72,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         format=serial_format(settings),
         height_mm=settings.height_mm,
         array=virtual_array(settings),
-        depth_rules=_depth_rules(settings),
+        depth_rules=tuple(map(depth_rule, settings.depth_rule)),
         experts=settings.experts,
         region=settings.region,
         lines=lines_of(settings),
@@ -118,16 +118,6 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
         raise FileError(settings.database, "holds no font", "add one with: tactile-marks glyphs build")
     fonts = tuple(font for name, font in enrolled.items() if not settings.font or name in settings.font)
     return (*fonts, *(name for name in settings.font if name not in enrolled))
-
-
-def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:
-    """The depth rules of the settings, and the least depth as one more."""
-    from recognition.decide.depth_rules import depth_rule, least_depth
-
-    rules = [depth_rule(text) for text in settings.depth_rule]
-    if settings.min_depth_mm is not None:
-        rules.append(least_depth(settings.min_depth_mm))
-    return tuple(rules)
 
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:

@@ -35,6 +35,8 @@ from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
 from pipeline.store.errors import StoreError, UnwritableError
 from pipeline.store.evidence_folder import EvidenceFolder, SweepClock
 from pipeline.store.store import Store
+from pipeline.workers.machine import Machine
+from pipeline.workers.options import PoolSettings
 from pipeline.workers.pool import WorkPool
 
 if TYPE_CHECKING:
@@ -61,6 +63,11 @@ ORPHAN_AGE_S = 3600.0
 KEYS_KEPT_DAYS = 7.0
 # Days after which a file that has left the watched folder, and comes back unchanged, makes a new part.
 FILE_KEYS_KEPT_DAYS = 90.0
+# Seconds after which a worker gives up reading a part, unless the settings say otherwise.
+PART_TIMEOUT_S = 120.0
+# Seconds that running requests have to end, and results to be sent, when the service stops.
+GRACE_S = 20.0
+SEND_GRACE_S = 10.0
 
 
 class Input(Protocol):
@@ -79,7 +86,7 @@ class Input(Protocol):
 class Ports:
     """Inputs and the dispatcher of one service."""
 
-    def __init__(self, settings: ServiceSettings, intake: Intake) -> None:
+    def __init__(self, settings: ServiceSettings, intake: Intake, *, at_once: int) -> None:
         """Make inputs and outputs from the settings; nothing is opened or sent yet.
 
         Raises:
@@ -88,7 +95,7 @@ class Ports:
             SettingsError: an invalid webhook secret.
             ValueError: an invalid address or format.
         """
-        self._intake, self._grace_s = intake, settings.shutdown_grace_s
+        self._intake = intake
         senders: dict[str, Sender] = {}
         if settings.webhook.url:
             from pipeline.service.outputs.webhook import WebhookSender
@@ -118,7 +125,7 @@ class Ports:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
             self._inputs["watch"] = self._watched = WatchedFolder(
-                settings.watch, intake, most_bytes=settings.limits.upload_bytes, at_once=settings.jobs
+                settings.watch, intake, most_bytes=settings.upload_bytes, at_once=at_once
             )
 
     @property
@@ -159,10 +166,10 @@ class Ports:
             self._intake.on_result = partial(loop.call_soon_threadsafe, self._dispatcher.wake)
             if on_review is not None:
                 self._intake.on_review = lambda part: asyncio.run_coroutine_threadsafe(on_review(part), loop)
-            stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
+            stack.push_async_callback(self._dispatcher.stop, grace_s=SEND_GRACE_S)
             for key, one in self._inputs.items():
                 place = await one.start()
-                stack.push_async_callback(one.stop, grace_s=self._grace_s)
+                stack.push_async_callback(one.stop, grace_s=GRACE_S)
                 log.info(one.title, **place)
                 if "port" in place:
                     address = f"{place['host']}:{place['port']}"
@@ -174,13 +181,21 @@ class Service:
     """One running service with its open resources."""
 
     def __init__(
-        self, settings: ServiceSettings, reading: ReadSettings, *, started_s: float | None = None
+        self,
+        settings: ServiceSettings,
+        reading: ReadSettings,
+        workers: PoolSettings | None = None,
+        *,
+        machine: Machine | None = None,
+        started_s: float | None = None,
     ) -> None:
         """Open store and folders, and start to warm up the workers.
 
         Args:
             settings: settings of the service.
             reading: settings of the reader.
+            workers: settings of the worker processes.
+            machine: limits that follow from the machine. Default: those of this machine.
             started_s: start of the program, by the monotonic clock. Default: now.
 
         Raises:
@@ -192,6 +207,8 @@ class Service:
             ValueError: invalid settings.
         """
         self.settings = settings
+        workers = workers or PoolSettings()
+        machine = machine or Machine.of(workers.processes, settings.worker_memory_mb)
         self._started_s = time.monotonic() if started_s is None else started_s
         self._said = ""
         self._checker = ThreadPoolExecutor(1)
@@ -215,15 +232,15 @@ class Service:
             except Problem as problem:
                 raise SettingsError(f"watch.job: {problem.detail}") from problem
         self.pool = WorkPool(
-            settings.jobs,
-            queue=settings.queue,
-            timeout_s=settings.part_timeout_s,
-            memory_mb=settings.worker_memory_mb,
-            warm_up=partial(warm_up, reading, settings.limits),
+            workers.processes,
+            queue=machine.waiting_parts,
+            timeout_s=workers.part_timeout_s or PART_TIMEOUT_S,
+            memory_mb=machine.worker_memory_mb,
+            warm_up=partial(warm_up, reading, machine.files),
         )
-        calls = WorkerCalls(self.pool, self.jobs, settings.limits, self.metrics)
+        calls = WorkerCalls(self.pool, self.jobs, machine.files, self.metrics)
         self.intake = Intake(settings, store=self.store, evidence=self.evidence, calls=calls)
-        self.ports = Ports(settings, self.intake)
+        self.ports = Ports(settings, self.intake, at_once=workers.processes)
         self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line_name)
         self._add_gauges()
 
@@ -377,14 +394,14 @@ class Service:
     def close(self) -> None:
         """End the workers and close the store."""
         self._checker.shutdown(wait=False)
-        self.pool.close(self.settings.shutdown_grace_s)
+        self.pool.close(GRACE_S)
         self.store.close()
 
     async def _say_ready(self) -> None:
         while not self.pool.all_ready():
             await asyncio.sleep(LOOK_AT_WORKERS_S)
         seconds = round(time.monotonic() - self._started_s, 1)
-        log.info("ready", seconds=seconds, workers=self.settings.jobs)
+        log.info("ready", seconds=seconds, workers=self.pool.workers)
 
 
 def check_folder(settings: ServiceSettings) -> Path:
@@ -395,8 +412,7 @@ def check_folder(settings: ServiceSettings) -> Path:
     """
     try:
         private_folder(settings.folder)
-        if settings.databases is None:
-            settings.databases_folder.mkdir(exist_ok=True)
+        settings.databases_folder.mkdir(exist_ok=True)
         if settings.jobs_folder is None:
             settings.job_files.mkdir(exist_ok=True)
     except OSError as error:

@@ -23,6 +23,7 @@ _MOST_KINDS = 1000
 """Maximum number of kinds that are remembered: callers may invent addresses."""
 _DESCRIPTORS = 8192
 """Open files and connections that the process allows itself, if the system does."""
+MOST_CONNECTIONS = 1000
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _log = logging.getLogger(__name__)
 
@@ -83,6 +84,16 @@ def longest_idle_of_busiest(connections: Collection[C]) -> C:
     """The connection to close if there is no room: the longest idle one of the caller with the most."""
     counts = Counter(connection.block for connection in connections)
     return min(connections, key=lambda connection: (-counts[connection.block], connection.heard_s))
+
+
+def most_connections() -> int:
+    """Number of connections that the service may hold; files, workers and the store need half of the descriptors."""
+    return min(MOST_CONNECTIONS, raise_descriptor_limit() // 2)
+
+
+def connections_of_address(most: int) -> int:
+    """Number of connections that one address may have: a fifth of all."""
+    return max(1, most // 5)
 
 
 def raise_descriptor_limit() -> int:

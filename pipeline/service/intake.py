@@ -145,8 +145,8 @@ class Intake:
         stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics
-        self.stage = StageWork(stage_of(stage, calls.jobs.settings("")), timeout_s=stage.timeout_s)
-        self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.camera.timeout_s)
+        self.stage = StageWork(stage_of(stage, calls.jobs.settings("")), timeout_s=settings.device_timeout_s)
+        self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.device_timeout_s)
         self.touching = TouchQueue(
             store,
             self._feel,

@@ -42,7 +42,7 @@ MOST_AWAY_S = 3600.0
 """Seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back. After
 that its removal counts as meant."""
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
-_OF_THE_SERIAL = {"format", "lexicon", "check", "exclude", "region", "line"}
+_OF_THE_SERIAL = {"format", "lexicon", "region", "line"}
 _NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}
 log = structlog.get_logger("tactile-marks")
 

@@ -15,17 +15,17 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from random import SystemRandom
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.common.parsed import json_of
-from pipeline.common.settings import Limits, Names, Settings
-from pipeline.workers.executors import cores
+from pipeline.common.settings import Names, Settings
 
 if TYPE_CHECKING:
     from pipeline.common.people_records import Person
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 STORE_FILE = "store.db"
 Port = Annotated[int, Field(ge=0, le=65535)]
 Rate = Annotated[float, Field(ge=0.0, lt=1.0)]
+_LEAST_LOOK_S = 0.05
 Seconds = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 
@@ -49,26 +50,20 @@ def _prefix(value: str) -> str:
     return value
 
 
-def _address(*schemes: str, hint: str) -> AfterValidator:
-    def check(value: str) -> str:
-        parts = urlsplit(value)
-        if value and (parts.scheme not in schemes or not parts.hostname):
-            raise ValueError(hint)
-        return value
-
-    return AfterValidator(check)
-
-
-def _topic(value: str) -> str:
-    if not re.fullmatch(r"[^+#\0/$][^+#\0]*(?<!/)", value):
-        raise ValueError("it is not the beginning of a topic; use a word such as line-4")
+def _web_address(value: str) -> str:
+    parts = urlsplit(value)
+    if value and (parts.scheme not in ("http", "https") or not parts.hostname):
+        raise ValueError("it is not a web address; write https://host/path or http://host/path")
     return value
 
 
-_WEB = _address("http", "https", hint="it is not a web address; write https://host/path or http://host/path")
-_BROKER = _address(
-    "mqtt", "mqtts", hint="it is not a broker's address; write mqtt://host:1883 or mqtts://host:8883"
-)
+def _broker(value: str) -> str:
+    parts = urlsplit(value)
+    if value and (parts.scheme not in ("mqtt", "mqtts") or not parts.hostname):
+        raise ValueError("it is not a broker's address; write mqtt://host:1883 or mqtts://host:8883")
+    if parts.path and not re.fullmatch(r"/[^+#\0/$][^+#\0]*(?<!/)", unquote(parts.path)):
+        raise ValueError("its path is not the beginning of a topic; use a word such as line-4")
+    return value
 
 
 def _from_json(value: Any) -> Any:
@@ -85,18 +80,6 @@ class TlsSettings(Settings):
     """Certificate of the web interface, with the intermediate ones (PEM); with it the service speaks HTTPS."""
     key: Path | None = None
     """Private key of that certificate (PEM), without a password. Default: in the certificate's file."""
-
-
-class LimitSettings(Limits):
-    """Limits of requests."""
-
-    upload_mb: int = Field(default=100, ge=1, le=100_000)
-    """Largest request, in MB."""
-
-    @property
-    def upload_bytes(self) -> int:
-        """Largest request, in bytes."""
-        return self.upload_mb * 1_000_000
 
 
 class ReviewMode(StrEnum):
@@ -162,8 +145,6 @@ class StageSettings(Settings):
     """module:callable that makes the driver of a real stage (pipeline.service.stage.Stage)."""
     bench: Path | None = None
     """Bench file (bench.toml) of a real stage that is moved by G-code; it feels pass by pass."""
-    timeout_s: Seconds = 60.0
-    """Time limit of a real stage for one pass, s; for a whole plan, twice its own duration is added."""
     wait_s: float = Field(default=900.0, gt=0.0, le=604_800.0)
     """Seconds that a part waits for touch before it goes to a person."""
 
@@ -179,8 +160,6 @@ class CameraSettings(Settings):
     the service."""
     driver: str = ""
     """module:callable that makes the driver of a real camera (pipeline.service.stage.Camera)."""
-    timeout_s: Seconds = 30.0
-    """Time limit of the camera for the photographs of a part, s."""
 
 
 class WatchSettings(Settings):
@@ -194,13 +173,18 @@ class WatchSettings(Settings):
     """NAME.txt, written beside NAME.png before it, holds the serial that the part should read."""
     job: str = ""
     """Job by which the photographs of that folder are read. Default: the service's own settings."""
-    every_s: float = Field(default=1.0, ge=0.05, le=3600.0)
-    """Seconds between two checks of that folder; a photograph is complete when two checks find it unchanged."""
     photos: int = Field(default=0, ge=0, le=12)
     """Number of photographs of a part whose files are numbered (part.light-1.png): with so many it is read at once;
     0: any number."""
     settle_s: float = Field(default=2.0, ge=0.0, le=3600.0)
-    """Seconds without a new or changed photograph after which a part of numbered photographs is read."""
+    """Seconds without a new or changed photograph after which a part of numbered photographs is read, and one whose end
+    is missing. The folder is looked at every half of them, and at least once a second; a single photograph is read
+    when two looks find it unchanged."""
+
+    @property
+    def every_s(self) -> float:
+        """Seconds between two looks at the folder."""
+        return min(max(0.5 * self.settle_s, _LEAST_LOOK_S), 1.0)
 
 
 class TcpSettings(Settings):
@@ -235,21 +219,25 @@ class OpcUaSettings(Settings):
 class MqttSettings(Settings):
     """Results over MQTT (extra mqtt)."""
 
-    url: Annotated[str, _BROKER] = Field(default="", repr=False)
-    """Broker to publish results to, mqtt://host:1883 or mqtts://user:password@host:8883."""
-    prefix: Annotated[str, AfterValidator(_topic)] = "tactile-marks"
-    """First level of the topics."""
+    url: Annotated[str, AfterValidator(_broker)] = Field(default="", repr=False)
+    """Broker to publish results to, mqtt://host:1883 or mqtts://user:password@host:8883. A path is the first level of
+    the topics: mqtt://host/line-4. Default: tactile-marks."""
     payload: Literal["full", "short"] = "full"
     """Content of a result: the whole record of the part, or its id, name, state, decision, text, candidate, confidence
     and source."""
     triggers: bool = False
     """Take triggers and releases, which whoever may write to the topics PREFIX/trigger and PREFIX/touch can send."""
 
+    @property
+    def prefix(self) -> str:
+        """First level of the topics."""
+        return unquote(urlsplit(self.url).path).lstrip("/") or "tactile-marks"
+
 
 class WebhookSettings(Settings):
     """Results over HTTP."""
 
-    url: Annotated[str, _WEB] = ""
+    url: Annotated[str, AfterValidator(_web_address)] = ""
     """Web address to post results to."""
     secret: str = Field(default="", repr=False)
     """Key of the signature; better in the file or the environment than in a flag. Default: unsigned."""
@@ -279,6 +267,16 @@ class ServiceSettings(Settings):
     """Settings of the service."""
 
     table: ClassVar[str] = "service"
+    replaced: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("connections", "queue"), ""),
+        **dict.fromkeys(("limits.photo_pixels", "limits.map_samples", "log"), ""),
+        "limits.upload_mb": "upload_mb",
+        **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),
+        "shutdown_grace_s": "drain_s",
+        "watch.every_s": "watch.settle_s",
+        "mqtt.prefix": 'mqtt.url = "mqtt://HOST/PREFIX"',
+        "databases": "folder (its databases stand in databases)",
+    }
 
     host: str = "127.0.0.1"
     """Address to listen on. One that other machines can reach needs tokens (tactile-marks tokens add)."""
@@ -303,18 +301,14 @@ class ServiceSettings(Settings):
     root_path: Annotated[str, AfterValidator(_prefix)] = ""
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
-    connections: int = Field(default=200, ge=1, le=1000)
-    """Connections that one address (an IPv6 /64 network) may have at a time; a trusted proxy has no limit."""
-    jobs: int = Field(default_factory=cores, ge=1, le=256)
-    """Processes that read. Default: one for each core."""
-    queue: int = Field(default=64, ge=0, le=100_000)
-    """Parts that may wait for a process; more are refused at once, with 503."""
-    part_timeout_s: Seconds = 120.0
-    """Seconds after which the service gives up reading a part."""
-    worker_memory_mb: int = Field(default=4096, ge=0, le=1_000_000)
-    """Memory for the data of each process, in MB; 0: no limit."""
-    databases: Path | None = None
-    """Folder of glyph databases (.glyphs) that requests may choose from. Default: databases in the folder."""
+    upload_mb: int = Field(default=100, ge=1, le=100_000)
+    """Largest request, in MB."""
+    worker_memory_mb: int | None = Field(default=None, ge=0, le=1_000_000)
+    """Memory for the data of each process, in MB; 0: no limit. Default: its share of the machine's, 4096 at least. The
+    largest photograph and height map follow from it."""
+    device_timeout_s: Seconds = 60.0
+    """Seconds within which a stage must answer a pass, and a camera must have the photographs of a part; a whole
+    plan has twice its own duration beside."""
     jobs_folder: Path | None = None
     """Folder of job files (NAME.toml) that requests and triggers name. Default: jobs in the folder."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
@@ -324,13 +318,8 @@ class ServiceSettings(Settings):
     or published; the page /shadow shows how the two agree."""
     drain_s: float = Field(default=1.0, ge=0.0, le=600.0)
     """Seconds for which the service still answers after it is asked to stop: /readyz says that it is stopping, new
-    parts are refused, and senders can turn to another service."""
-    shutdown_grace_s: float = Field(default=20.0, ge=0.0, le=600.0)
-    """Seconds that running requests have to end when the service stops."""
-    log: Literal["json", "text"] = "json"
-    """Log lines as JSON, or as text for a person."""
+    parts are refused, and senders can turn to another service. Requests that still run then have 20 s to end."""
     tls: TlsSettings = TlsSettings()
-    limits: LimitSettings = LimitSettings()
     review: ReviewSettings = ReviewSettings()
     serials: SerialSettings = SerialSettings()
     stage: StageSettings = StageSettings()
@@ -393,8 +382,13 @@ class ServiceSettings(Settings):
 
     @property
     def databases_folder(self) -> Path:
-        """Folder of glyph databases."""
-        return self.databases if self.databases is not None else self.folder / "databases"
+        """Folder of the glyph databases (.glyphs) that requests may choose from."""
+        return self.folder / "databases"
+
+    @property
+    def upload_bytes(self) -> int:
+        """Largest request, in bytes."""
+        return self.upload_mb * 1_000_000
 
     @property
     def job_files(self) -> Path:

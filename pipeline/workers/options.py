@@ -18,18 +18,28 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class WorkerSettings(Settings):
-    """Settings of the workers of a run."""
+class PoolSettings(Settings):
+    """Settings of the workers on this machine."""
 
     table: ClassVar[str] = "workers"
 
-    jobs: int | None = Field(default=None, ge=1)
+    jobs: int | None = Field(default=None, ge=1, le=256)
     """Worker processes. Default: one for each core. Only workers open files: a file that crashes the library that opens
     it costs one part, not the run."""
+    part_timeout_s: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
+    """Seconds after which a worker on this machine gives a part up. Default: 900 in a run, 120 in the service."""
+
+    @property
+    def processes(self) -> int:
+        """Number of worker processes."""
+        return cores() if self.jobs is None else self.jobs
+
+
+class WorkerSettings(PoolSettings):
+    """Settings of the workers of a run."""
+
     cluster: str | None = None
     """Address of a Dask scheduler (tcp://HOST:8786), whose workers work instead. Needs the extra cluster."""
-    part_timeout_s: float = Field(default=PART_TIMEOUT_S, gt=0.0, allow_inf_nan=False)
-    """Seconds after which a worker on this machine gives a part up."""
 
     def opened(self, parts: int | None = None) -> AbstractContextManager[Executor]:
         """Open the executor.
@@ -44,10 +54,9 @@ class WorkerSettings(Settings):
             from pipeline.workers.cluster import ClusterExecutor
 
             return ClusterExecutor(self.cluster)
-        jobs = cores() if self.jobs is None else self.jobs
         return WorkPool(
-            jobs if parts is None else min(jobs, max(1, parts)),
-            timeout_s=self.part_timeout_s,
+            self.processes if parts is None else min(self.processes, max(1, parts)),
+            timeout_s=self.part_timeout_s or PART_TIMEOUT_S,
             at_once=False,
         )
 

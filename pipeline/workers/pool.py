@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import atexit
 import logging
-import os
 import threading
 import time
 from collections import deque
@@ -32,6 +31,7 @@ from glyphs.errors import MarksError
 from pipeline.common.settings import SettingsError
 from pipeline.errors import describe_fault
 from pipeline.workers.executors import Executor, WorkerLostError
+from pipeline.workers.machine import memory_share_mb
 from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, pickled_call, worker_of
 
 _log = logging.getLogger(__name__)
@@ -117,7 +117,7 @@ class WorkPool(Executor):
                 f" {timeout_s} s per part (above 0)"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
-        self.memory_mb = _share_mb(workers) if memory_mb is None else memory_mb
+        self.memory_mb = memory_share_mb(workers) if memory_mb is None else memory_mb
         self._warm_up, self._mean_s = warm_up, _USUAL_S
         self._failed, self._why_failed = 0, ""  # failed starts in a row, of any workers
         self._waiting: deque[_Job] = deque()
@@ -369,12 +369,3 @@ def _cause(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{type(error).__name__}: {error.strerror}"
     return error.what if isinstance(error, MarksError) else describe_fault(error)
-
-
-def _share_mb(workers: int) -> int:
-    """A worker's share of the machine's memory, in MB; 0 (no limit) if unknown."""
-    try:
-        total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):
-        return 0
-    return max(1024, int(0.9 * total / (1 << 20) / max(1, workers)))

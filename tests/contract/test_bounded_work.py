@@ -104,7 +104,7 @@ def test_a_whole_glyph_database_is_taken(service: RunningService, database: byte
         ({"format": [f"re:.*A.{{10}}+exclude={chr(0x391 + k)}" for k in range(40)]}, "give 16 at most"),
         ({"format": [f"re:.*A.{{10}}+exclude={chr(0x391 + k)}" for k in range(16)]}, "two of re"),
         ({"line": {f"line{k}": "A9" for k in range(40)}}, "give 16 at most"),
-        ({"check": ["luhn"] * 40}, "give 16 at most"),
+        ({"format": ["check:luhn"] * 40}, "give 16 at most"),
         ({"format": "A" * 2001}, "give 2,000 at most"),
         ({"format": "re:(A|B)*A(A|B){20}"}, "too complex"),
         ({"format": "re:.*A.{10}[\u4e00-\u5dff]{5}.{40}"}, "has more than 200 different characters"),

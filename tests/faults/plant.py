@@ -63,11 +63,11 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     service_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
     settings = ServiceSettings(
-        folder=folder, store=store, webhook=WebhookSettings(url=webhook), port=port, tokens="off", log="text"
+        folder=folder, store=store, webhook=WebhookSettings(url=webhook), port=port, tokens="off"
     )
     log = (folder / f"log-{port}").open("a")
     with log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
-        set_up_logs(settings.log)  # else every traceback takes long to be drawn
+        set_up_logs("text")  # else every traceback takes long to be drawn
         service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
         service.pool.instead = lambda *_: ReadPart((reading(),))  # type: ignore[attr-defined]
         uvicorn.Server(uvicorn.Config(create_app(service), port=port, log_level="error")).run()

@@ -326,7 +326,7 @@ def _watch(root: Path) -> None:
     """As a service does from its start to its end."""
     parts = _Parts(root)
     watched = WatchedFolder(
-        WatchSettings(folder=root / "in", every_s=0.05),
+        WatchSettings(folder=root / "in", settle_s=0.1),
         parts,  # type: ignore[arg-type]
         most_bytes=10_000,
         at_once=1,

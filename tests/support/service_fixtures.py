@@ -17,6 +17,7 @@ from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings
 from pipeline.service.web.problem import problem_of
 from pipeline.service.web_app import create_app
+from pipeline.workers.machine import Machine
 from pipeline.workers.pool import BusyError
 from tests.support.kept_adapters import keep_adapters
 
@@ -32,7 +33,8 @@ class InlinePool:
     waiting = 0
     running = 0
 
-    def __init__(self, *_: object, **__: object) -> None:
+    def __init__(self, workers: int, **_: object) -> None:
+        self.workers = workers
         self._threads = ThreadPoolExecutor(2)
         self.jobs: list[tuple[Any, ...]] = []
         self.instead: Callable[..., Any] | None = None
@@ -64,6 +66,7 @@ def inline_service(
     *,
     reading: ReadSettings | None = None,
     instead: Callable[..., Any] | None = None,
+    machine: Machine | None = None,
     **settings: Any,
 ) -> Iterator[Served]:
     """A service in a folder and a client of it; `instead` is called by its pool in place of reading."""
@@ -72,7 +75,7 @@ def inline_service(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         read = reading or ReadSettings(format=(FORMAT,), font=("gothic",), height_mm=5.0)
-        service = Service(ServiceSettings(folder=folder, **settings), read)
+        service = Service(ServiceSettings(folder=folder, **settings), read, machine=machine)
         service.pool.instead = instead  # type: ignore[attr-defined]
         with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
             yield service, client

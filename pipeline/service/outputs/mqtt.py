@@ -88,8 +88,8 @@ class MqttSender:
 
         Args:
             answer_call: answers a call, trigger or touch, if the settings say that there are any.
-            settings: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked by
-                the system's authorities, or those of the file SSL_CERT_FILE), and the prefix of the topics.
+            settings: address of the broker; with TLS its certificate is checked by the system's authorities, or by
+                those of the file SSL_CERT_FILE.
             timeout_s: timeout for connecting, and for one acknowledgement.
 
         Raises:

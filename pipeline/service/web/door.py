@@ -154,7 +154,7 @@ class Door:
             raise busy(wait_s)
 
     def _most_bytes(self, scope: Scope) -> int:
-        return self._settings.limits.upload_bytes if _is_upload(scope) else SMALL_BODY
+        return self._settings.upload_bytes if _is_upload(scope) else SMALL_BODY
 
     def _check_host(self, host: str) -> None:
         """Refuse requests for host names that are not in the settings, so that no other name can point here."""

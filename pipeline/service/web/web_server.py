@@ -28,11 +28,16 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from pipeline.service.connections import WRITE_S, SparingLog, address_block, longest_idle_of_busiest
+from pipeline.service.connections import (
+    MOST_CONNECTIONS,
+    WRITE_S,
+    SparingLog,
+    address_block,
+    longest_idle_of_busiest,
+)
 from pipeline.service.web.access import is_in
 from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
 
-MOST_CONNECTIONS = 1000
 KEEP_ALIVE_S = 30
 HEAD_S = 10.0
 LINGER_S = 5.0

@@ -31,7 +31,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_table_tells_depths_and_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rules = ("--depth-rule", "27CFR478.92", "--min-depth-mm", "0.2")
+    rules = ("--depth-rule", "27CFR478.92", "--depth-rule", "0.2:")
     assert main(["read", str(part), *KNOWN, "--out", "t.csv", *rules]) == 0
     (row,) = csv_rows("t.csv")
     assert row["text"] == "K7B1"
@@ -44,18 +44,19 @@ def test_a_table_tells_depths_and_what_is_too_shallow(part: Path, capsys: pytest
     told = row["depths"].split()
     assert told[::2] == ["K", "7", "B", "1"]
     assert all(float(least) <= float(mean) for least, mean in (pair.split("/") for pair in told[1::2]))
-    assert row["flags"].startswith("too shallow for min_depth_mm: K at place 1 0.1")
+    assert row["flags"].startswith("too shallow for own rule: K at place 1 0.1")
     assert row["flags"].endswith("(at least 0.2)")
     printed = capsys.readouterr().out
     assert "depth" in printed
-    assert "too shallow for min_depth_mm" in printed
+    assert "too shallow for own rule" in printed
     assert "27CFR478.92" not in printed
 
 
 def test_inspect_says_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = (*KNOWN, "--min-depth-mm", "0.2", "--out", "a.png")
-    assert main(["inspect", str(part), *asked]) == 0
+    Path("job.toml").write_text('depth_rule = "0.2:"\n', encoding="utf-8")
+    options = (*KNOWN, "--job", "job.toml", "--out", "a.png")
+    assert main(["inspect", str(part), *options]) == 0
     printed = capsys.readouterr().out
     assert "shallowest mark 0." in printed
-    assert "too shallow for min_depth_mm" in printed
+    assert "too shallow for own rule" in printed
     assert Path("a.png").is_file()

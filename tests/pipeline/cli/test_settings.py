@@ -15,18 +15,22 @@ from cyclopts import App, CycloptsError
 
 from pipeline.cli.main import main
 from pipeline.cli.settings import (
+    PARTS,
     READING,
     SERVICE,
     Config,
     JobPath,
+    Parts,
     Reading,
     ReadingOfFile,
     Service,
     explained,
     from_file_and_environment,
+    with_flags,
 )
-from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.settings import PartSettings, ReadSettings, SettingsError
 from pipeline.service.settings import ServiceSettings
+from pipeline.workers.options import PoolSettings, WorkerSettings
 
 FILE = Path("tactile-marks.toml")
 
@@ -76,20 +80,16 @@ def test_nothing_need_be_set() -> None:
 SOURCES = (
     # a setting; the file and what comes of it, the environment likewise, and flags
     ("height_mm", "height_mm = 3", 3.0, "4", 4.0, "--height-mm 5", 5.0),
-    ("min_depth_mm", "min_depth_mm = 0.1", 0.1, "0.2", 0.2, "--min-depth-mm 0.3", 0.3),
     ("accept_risk", 'accept_risk = "1 in 200"', 0.005, "1/100", 0.01, "--accept-risk 0.02", 0.02),
     ("accept_risk", "accept_risk = 0.005", 0.005, "1 in 1,000", 0.001, "--accept-risk 1/50", 0.02),
     ("fidelity", 'fidelity = "pointwise"', "pointwise", "contact", "contact", "--fidelity pointwise", "pointwise"),
     ("sensors", 'sensors = "ideal"', "ideal", "real", "real", "--sensors ideal", "ideal"),
     ("whisker", 'whisker = "a.toml"', Path("a.toml"), "b.toml", Path("b.toml"), "--whisker c.toml", Path("c.toml")),
-    ("exclude", 'exclude = "7"', "7", "IO", "IO", "--exclude I", "I"),
     ("font", 'font = ["gothic", "futural"]', ("gothic", "futural"), "futural, my font.ttf", ("futural", "my font.ttf"),
      "--font timesr --font a,b.ttf", ("timesr", "a,b.ttf")),
-    # a format has commas of its own, so the environment gives one; check digits have none
+    # a format has commas of its own, so the environment gives one
     ("format", 'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]', ("sets:AB,0-9,0-9", "re:A\\d+"), "sets:AB,0-9,0-9",
      ("sets:AB,0-9,0-9",), "--format AA --format re:A.", ("AA", "re:A.")),
-    ("check", 'check = "luhn@2-"', ("luhn@2-",), "luhn@2-, iso7064mod11_10@2-", ("luhn@2-", "iso7064mod11_10@2-"),
-     "--check vin", ("vin",)),
     ("experts", 'experts = ["network", "templates"]', ("network", "templates"), "templates, network",
      ("templates", "network"), "--experts network,templates", ("network", "templates")),
     ("depth_rule", 'depth_rule = "27 cfr 478.92"', ("27 cfr 478.92",), "70-16-05", ("70-16-05",),
@@ -122,21 +122,21 @@ def test_flags_go_over_environment_over_file(
 
 def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     FILE.write_text(
-        "height_mm = 4.0\n[service]\nport = 1\nqueue = 1\njobs = 1\nopcua.users = {line = 'x'}\n"
+        "height_mm = 4.0\n[workers]\njobs = 1\n[service]\nport = 1\nupload_mb = 1\nopcua.users = {line = 'x'}\n"
         "[service.tcp]\nformat = '{text}'\n",
         encoding="utf-8",
     )
-    monkeypatch.setenv("TACTILE_MARKS_SERVICE_QUEUE", "2")
-    monkeypatch.setenv("TACTILE_MARKS_SERVICE_JOBS", "2")
-    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_UPLOAD_MB", "2")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_RETENTION_DAYS", "2")
+    monkeypatch.setenv("TACTILE_MARKS_BUDGET_S", "20")
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_TCP_CLIENTS", "192.168.7.0/24, 10.0.0.1")
-    service, read = serving("--jobs", "3", "--format", "AA99")
-    assert (service.port, service.queue, service.jobs) == (1, 2, 3)
+    service, read = serving("--retention-days", "3", "--format", "AA99")
+    assert (service.port, service.upload_mb, service.retention_days) == (1, 2, 3.0)
     assert service.tcp.format == "{text}"
     assert serving("--tcp.format", "{id}")[0].tcp.format == "{id}"
     assert service.tcp.clients == ("192.168.7.0/24", "10.0.0.1")
     assert service.opcua.users == {"line": "x"}
-    assert (read.height_mm, read.min_depth_mm, read.format) == (4.0, 0.2, ("AA99",))
+    assert (read.height_mm, read.budget_s, read.format) == (4.0, 20.0, ("AA99",))
     assert reading().height_mm == 4.0  # the same file and environment trouble no reader
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_OPCUA_USERS", '{"line": "y"}')
     assert serving()[0].opcua.users == {"line": "y"}
@@ -165,8 +165,8 @@ def test_a_command_whose_flags_mean_something_else_has_settings_of_the_file() ->
 
 
 def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    FILE.write_text('height_mm = 3\nexclude = "I"\n', encoding="utf-8")
-    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
+    FILE.write_text('height_mm = 3\norientation = "upright"\n', encoding="utf-8")
+    monkeypatch.setenv("TACTILE_MARKS_BUDGET_S", "20")
     Path("jobs").mkdir()
     Path("jobs/lids.txt").write_text("KX40\n", encoding="utf-8")
     Path("jobs/left.toml").write_text('format = "AA99"\nlexicon = "lids.txt"\n', encoding="utf-8")
@@ -200,7 +200,20 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ('mode = "smell"', "mode in .* is 'smell'.*'tactile'"),
         ("format = ''", "format in .* the format is empty; write for example"),
         ("format = ['AA99', 're:[']", r"format in .*toml"),
-        ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, vin-na, luhn"),
+        ("format = 'check:luhm'", "format in .* unknown check digit 'luhm'; known are vin, vin-na, luhn"),
+        ("check = 'luhn'", 'unknown setting check in .*; did you mean format = "check:RULE"'),
+        ("exclude = 'IO'", r'unknown setting exclude in .*; did you mean format = "MASK\+exclude=IOQ"'),
+        ("min_depth_mm = 0.2", 'unknown setting min_depth_mm in .*; did you mean depth_rule = "0.2:"'),
+        ("[service]\nqueue = 1", "unknown setting queue in .*; leave it out: it follows from the machine"),
+        ("[service]\njobs = 1", r"jobs in .* is in the wrong place; write it under \[workers\]"),
+        ("[service.limits]\nphoto_pixels = 1", "unknown setting limits.photo_pixels in .*; leave it out"),
+        ("[service.limits]\nupload_mb = 1", "unknown setting limits.upload_mb in .*; did you mean upload_mb"),
+        ("[service.watch]\nevery_s = 1", "unknown setting watch.every_s in .*; did you mean watch.settle_s"),
+        ("[service.camera]\ntimeout_s = 1", "camera.timeout_s in .*; did you mean device_timeout_s"),
+        ("[service.stage]\ntimeout_s = 1", "stage.timeout_s in .*; did you mean device_timeout_s"),
+        ("[service]\nshutdown_grace_s = 1", "unknown setting shutdown_grace_s in .*; did you mean drain_s"),
+        ("[service]\nmqtt.prefix = 'a'", 'mqtt.prefix in .*; did you mean mqtt.url = "mqtt://HOST/PREFIX"'),
+        ("[service]\ndatabases = 'a'", "unknown setting databases in .*; did you mean folder"),
         ("line = 'AAA99'", "line in .*'AAA99' is not a line; write NAME=FORMAT, such as lot=AAA99"),
         ("line = ['lot=A', 'lot=9']", "line in .* two lines are called lot"),
         ("line = {lot = 'check:luhm'}", "line in .* unknown check digit"),
@@ -212,7 +225,6 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("region = [0, 0.8, 1, 0.2]", "region in .* give left, top, right and bottom as shares, 0 to 1"),
         ("region = 3", "region in .* give left, top"),
         ("line = 'a b=A'", "line in .* 'a b' is not a name for a line"),
-        ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
         (
             "accept_risk = 1.5",
             "accept_risk in .* is '1.5': write a risk between 0 and 1, such as 0.001, 1/1000 or",
@@ -221,7 +233,6 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("accept_confidence = 0.5", "unknown setting accept_confidence in .*; did you mean accept_risk"),
         ("height_mm = ", "not TOML"),
         ('depth_rule = "VIN"', "depth_rule in .*VIN.*: unknown depth rule 'VIN'; known are 27CFR478.92"),
-        ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),
         ("port = 1\n", r"port in .* is in the wrong place; write it under \[service\]"),
         (
             '[service]\nfont = ["gothic"]\n',
@@ -263,6 +274,8 @@ def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> N
         ("--fodler", "--folder"),
         ("--conveyor-belt", ""),
         ("--zz", ""),
+        ("--check", '--format "check:RULE"'),
+        ("--watch.every-s", "--watch.settle-s"),
     ],
 )
 def test_an_unknown_flag_names_the_nearest_one_or_none(
@@ -273,6 +286,13 @@ def test_an_unknown_flag_names_the_nearest_one_or_none(
     assert f"Unknown option: {flag}." in said
     assert (f"Did you mean {near}?" if near else "(see ") in said
     assert ("Did you mean" in said) == bool(near)
+
+
+def test_a_setting_without_a_flag_is_named_with_its_other_places(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve", "--region", "0", "0", "1", "1"]) == 2
+    assert "Set region in tactile-marks.toml or as TACTILE_MARKS_REGION." in capsys.readouterr().err
+    assert main(["read", "a.npz", "--min-depth-mm", "0.2"]) == 2
+    assert 'Did you mean --depth-rule "0.2:"?' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -338,21 +358,18 @@ def test_every_setting_has_a_description_and_stands_in_help(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "400")
     monkeypatch.setenv("TERM", "xterm")  # on a dumb one rich keeps the 80 columns of an earlier test
-    assert main(["serve", "--help-all"]) == 0
-    # however wide an earlier test has left the console
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    for model in (ReadSettings, ServiceSettings):
-        for name, field in model.leaves().items():
-            assert field.description
-            assert field.description[:40] in shown
-            assert f"--{name.replace('_', '-')}" in shown
-    assert "[default: 8417]" in shown
-    assert "()" not in shown
-    assert main(["read", "--help-all"]) == 0
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert [
-        f.description for f in ReadSettings.model_fields.values() if str(f.description)[:40] not in shown
-    ] == []
+    flags = {"serve": (ServiceSettings, PartSettings, PoolSettings), "read": (ReadSettings, WorkerSettings)}
+    for command, models in flags.items():
+        assert main([command, "--help-all"]) == 0
+        # however wide an earlier test has left the console
+        shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+        for model in models:
+            for name, field in model.leaves().items():
+                assert field.description
+                assert field.description[:40] in shown
+                assert f"--{name.replace('_', '-')}" in shown
+        assert ("[default: 8417]" in shown) == (command == "serve")
+        assert "()" not in shown
 
 
 PASTED = """
@@ -367,7 +384,7 @@ port = 8421
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_settings_may_be_pasted_into_the_file_to_begin_with(order: int) -> None:
-    assert main(["serve", "--init-config"]) == 0
+    assert main(["settings", str(FILE)]) == 0
     FILE.write_text("\n".join([FILE.read_text(encoding="utf-8"), PASTED][::order]), encoding="utf-8")
     service, reading = serving()
     assert (service.port, service.tcp.port, service.watch.folder) == (8420, 8421, Path("camera"))
@@ -409,7 +426,7 @@ def test_a_fault_of_the_file_is_told_in_plain_words(
 
 
 def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["serve", "--init-config"]) == 0
+    assert main(["settings", str(FILE)]) == 0
     text = FILE.read_text(encoding="utf-8")
     assert serving() == (ServiceSettings(), ReadSettings())
     for model in (ReadSettings, ServiceSettings):
@@ -421,8 +438,8 @@ def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) ->
     assert "service.port = 8417" in FILE.read_text(encoding="utf-8").splitlines()
     assert serving() == (ServiceSettings(), ReadSettings())
     capsys.readouterr()
-    assert main(["serve", "--init-config", "other.toml"]) == 0
-    assert main(["serve", "--init-config", "other.toml"]) == 2
+    assert main(["settings", "other.toml"]) == 0
+    assert main(["settings", "other.toml"]) == 2
     assert "other.toml is there already" in capsys.readouterr().err
     assert Path("other.toml").read_text(encoding="utf-8") == text
 
@@ -432,11 +449,39 @@ def test_a_file_of_settings_on_a_full_disk_leaves_nothing_behind(
 ) -> None:
     with monkeypatch.context() as patched:
         patched.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
-        assert main(["serve", "--init-config", "one.toml"]) == 1
+        assert main(["settings", "one.toml"]) == 1
     said = capsys.readouterr().err
     assert "one.toml: cannot be written (No space left on device); name a folder that can be written" in said
     assert list(Path().iterdir()) == []
-    assert main(["serve", "--init-config", "one.toml"]) == 0
+    assert main(["settings", "one.toml"]) == 0
+
+
+def test_settings_shows_what_is_set_and_what_follows_from_the_machine(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    FILE.write_text('format = "AA99"\n[workers]\njobs = 2\n', encoding="utf-8")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_WORKER_MEMORY_MB", "5000")
+    assert main(["settings"]) == 0
+    shown = capsys.readouterr().out
+    lines = shown.splitlines()
+    assert 'format = ["AA99"]' in lines
+    assert "workers.jobs = 2" in lines
+    assert "service.worker_memory_mb = 5000" in lines
+    assert "#service.port = 8417" in lines
+    assert re.search(r"^# parts that wait for a process +64$", shown, re.MULTILINE)
+    assert re.search(r"^# largest photograph +50,000,000 pixels$", shown, re.MULTILINE)
+
+
+def test_flags_go_over_the_settings_of_a_command_with_few_flags() -> None:
+    def command(
+        parts: Parts = PARTS, reading: ReadingOfFile = READING, config: Config = None
+    ) -> ReadSettings:
+        return with_flags(reading, parts)
+
+    FILE.write_text('font = "gothic"\nheight_mm = 4\nbudget_s = 9\n', encoding="utf-8")
+    read = run(command, "--font", "futural", "--accept-risk", "1/50")
+    assert read == ReadSettings(font=("futural",), height_mm=4.0, budget_s=9.0, accept_risk=0.02)
+    assert "accept_risk" in read.model_fields_set
 
 
 def test_help_of_a_command_is_its_whole_docstring(capsys: pytest.CaptureFixture[str]) -> None:

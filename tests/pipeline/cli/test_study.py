@@ -31,7 +31,7 @@ def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixt
         f"part,reviewer,text\n{first},Ada,{truth[first]}\n{second},Ada,??\nx,Ada,A1\n", encoding="utf-8"
     )
     arguments = [
-        "study", str(parts), "--repeats", "2", "--font", "gothic", "--format", "A9", "--fidelity", "pointwise",
+        "study", str(parts), "--repeats", "2", "--font", "gothic", "--format", "A9",
         "--height-mm", "5", "--truth", str(parts / "truth.csv"), "--reviewers", str(reviews), "--out", str(out),
     ]  # fmt: skip
     assert main(arguments) == 0

@@ -52,7 +52,7 @@ def test_a_job_is_settings_of_reading_and_names_files_beside_itself(tmp_path: Pa
         ('database = "die.glyphs"', "a.toml", "names the database .*die.glyphs, which is not there; put it"),
         ("[service]\nport = 1", "a.toml", "unknown setting service"),
         ("", "a.toml", "is empty; copy or save it again"),
-        ('exclude = "\udce4"', "a.toml", "is not UTF-8 text; save it as UTF-8"),
+        ('format = "\udce4"', "a.toml", "is not UTF-8 text; save it as UTF-8"),
         ("active = true", "the left one.toml", "is not a valid name for a job; write letters, digits"),
     ],
 )
@@ -71,7 +71,7 @@ def test_what_is_written_is_read_again(
     texts: list[str], region: list[float], height_mm: float, lines: dict[str, list[float]]
 ) -> None:
     table = {name: {"format": "AA9", "region": at} for name, at in lines.items()}
-    keys = {"exclude": "IO", "region": region, "height_mm": height_mm, "active": True, "line": table}
+    keys = {"orientation": "upright", "region": region, "height_mm": height_mm, "active": True, "line": table}
     settings = {**keys, "font": texts}
     assert ReadSettings.of(
         **tomllib.loads(job_text(settings, ReadSettings.of(**settings).line))

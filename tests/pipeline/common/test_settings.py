@@ -20,14 +20,14 @@ from recognition.settings import ReaderSettings
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TACTILE_MARKS_HEIGHT_MM", "4")
-    settings = ReadSettings(font="gothic, futural", format="sets:AB,0-9", check="luhn")
-    assert (settings.font, settings.format, settings.check) == (
+    settings = ReadSettings(font="gothic, futural", format="sets:AB,0-9", depth_rule="0.2:, MIL-STD-792")
+    assert (settings.font, settings.format, settings.depth_rule) == (
         ("gothic", "futural"),
         ("sets:AB,0-9",),
-        ("luhn",),
+        ("0.2:", "MIL-STD-792"),
     )
     assert (settings.height_mm, settings.fidelity) == (None, "contact")
-    assert ReadSettings.of(font="gothic, futural", format="sets:AB,0-9", check="luhn") == settings
+    assert ReadSettings.of(**settings.model_dump(exclude_unset=True)) == settings
     with pytest.raises(SettingsError, match="unknown setting hight_mm; did you mean height_mm"):
         ReadSettings.of(hight_mm=5.0)
     with pytest.raises(SettingsError, match=r"height_mm is -5\.0: write a number above 0"):
@@ -42,11 +42,8 @@ def test_the_reader_is_given_the_rules() -> None:
         return [(rule.name, round(rule.windows[0].least_mm, 4)) for rule in reader.settings.depth_rules]
 
     assert rules() == []
-    assert rules(min_depth_mm=0.2) == [("min_depth_mm", 0.2)]
-    assert rules(min_depth_mm=0.2, depth_rule="27CFR478.92") == [
-        ("27CFR478.92", 0.0762),
-        ("min_depth_mm", 0.2),
-    ]
+    assert rules(depth_rule="0.2:") == [("own rule", 0.2)]
+    assert rules(depth_rule="27CFR478.92, 0.2:") == [("27CFR478.92", 0.0762), ("own rule", 0.2)]
     assert rules(depth_rule="MIL-STD-792,press-7=0.05:0.1@1:2 burr=0.02") == [
         ("MIL-STD-792", 0.1),
         ("press-7", 0.05),
@@ -92,7 +89,7 @@ def test_settings_that_say_nothing_load_no_library_of_reading() -> None:
     """The command line gives every setting, most of them empty, before it starts the worker that reads."""
     program = (
         "import sys; from pipeline.common.settings import ReadSettings;"
-        "ReadSettings(format=(), check=(), experts=(), depth_rule=(), line=(), region=None, exclude='');"
+        "ReadSettings(format=(), experts=(), depth_rule=(), line=(), region=None);"
         "print(*{name.partition('.')[0] for name in sys.modules} & {'recognition', 'numpy', 'scipy', 'numba'})"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -13,11 +13,12 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
-from pipeline.common.settings import SettingsError
+from pipeline.common.settings import Limits, SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.devices import load_driver
+from pipeline.workers.machine import Machine
 from tests.support.scans import feel_plan
 from tests.support.service_fixtures import FORMAT, Served, inline_service
 from tests.support.store_samples import PLAN, STAGE_PLAN, reading
@@ -144,12 +145,12 @@ def is_too_large(answer: Any) -> bool:
     return (
         answer.status_code == 413
         and answer.headers["content-type"] == "application/problem+json"
-        and "limits.upload_mb" in answer.json()["detail"]
+        and "upload_mb" in answer.json()["detail"]
     )
 
 
 def test_an_upload_over_the_limit_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    with inline_service(tmp_path, limits={"upload_mb": 1}) as (service, client):
+    with inline_service(tmp_path, upload_mb=1) as (service, client):
         told = client.post("/v1/parts", files={"photo": ("x.png", bytes(2_000_000))})
         assert is_too_large(told)
 
@@ -170,14 +171,14 @@ def test_settings_over_the_limit_are_no_fault_of_the_program(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], declared: bool
 ) -> None:
     body = b'{"format": "' + bytes(6_000_000) + b'"}'
-    with inline_service(tmp_path, limits={"upload_mb": 1}) as (_, client):
+    with inline_service(tmp_path, upload_mb=1) as (_, client):
         answer = client.put("/v1/jobs/left", content=body if declared else iter([body]))
         assert answer.status_code == 413
     assert "Traceback" not in caplog.text + capsys.readouterr().out
 
 
 def test_a_photograph_of_too_many_pixels_is_refused_unseen(tmp_path: Path, parts: Path) -> None:
-    with inline_service(tmp_path, limits={"photo_pixels": 1000}) as (_, client):
+    with inline_service(tmp_path, machine=Machine(files=Limits(photo_pixels=1000))) as (_, client):
         answer = client.post("/v1/parts", files=photo(parts))
         assert answer.status_code == 422
         assert "1,000" in answer.json()["detail"]

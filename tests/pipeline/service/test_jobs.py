@@ -53,7 +53,8 @@ def served(tmp_path: Path) -> Iterator[Served]:
     with inline_service(
         tmp_path,
         instead=by_format,
-        camera={"folder": tmp_path / "camera", "early_s": 3600.0, "timeout_s": 1.0},
+        camera={"folder": tmp_path / "camera", "early_s": 3600.0},
+        device_timeout_s=1.0,
     ) as both:
         yield both
 
@@ -230,7 +231,7 @@ def test_a_check_that_fails_or_cannot_be_made_touches_its_own_job_alone(tmp_path
 
 
 def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
-    own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_risk=0.02, region=BOX)
+    own = ReadSettings(format=("99+exclude=8",), font=("gothic",), accept_risk=0.02, region=BOX)
     jobs = JobFolder(tmp_path / "jobs", own=own)
     teach(jobs, "left", NamedLine("", "AA99", BOX), "KX40", height_mm=4.0)
     teach(jobs, "left", NamedLine("lot", "A-9", (0.0, 0.5, 1.0, 1.0)), "B-7")

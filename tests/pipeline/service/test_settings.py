@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.service.settings import ServiceSettings, is_loopback
+from pipeline.service.settings import MqttSettings, ServiceSettings, is_loopback
 
 
 def test_nothing_need_be_set() -> None:
@@ -24,11 +24,22 @@ def test_tokens_are_asked_for_where_others_can_call(host: str, alone: bool) -> N
     assert ServiceSettings(host=host, tokens="on").tokens_asked
 
 
+def test_the_path_of_the_brokers_address_is_the_first_level_of_the_topics() -> None:
+    paths = {"": "tactile-marks", "/plant/line-4": "plant/line-4", "/Halle%204": "Halle 4"}
+    for path, prefix in paths.items():
+        assert MqttSettings(url=f"mqtt://host:1883{path}").prefix == prefix
+
+
 @pytest.mark.parametrize(
     ("section", "name", "says", "values"),
     [
         ("mqtt", "url", "mqtt://host:1883", ("127.0.0.1:1883", "http://127.0.0.1", "mqtt://")),
-        ("mqtt", "prefix", "beginning of a topic", ("", "a/#", "+/a", "/a", "a/", "$SYS", "a\0")),
+        (
+            "mqtt",
+            "url",
+            "beginning of a topic",
+            tuple(f"mqtt://host/{path}" for path in ("", "a/%23", "+/a", "/a", "a/", "$SYS", "a%00")),
+        ),
         ("webhook", "url", "https://host", ("example.org", "ftp://127.0.0.1", "http://", "mqtt://127.0.0.1")),
     ],
 )

@@ -43,7 +43,12 @@ def served(bench: Bench, tmp_path: Path) -> Iterator[Served]:
     camera = tmp_path / "camera"
     camera.mkdir()
     (camera / "KX40.png").write_bytes(PNG)
-    settings = {"shadow": True, "camera": {"folder": camera, "early_s": 3600.0, "timeout_s": 1.0}, **HOOK}
+    settings = {
+        "shadow": True,
+        "camera": {"folder": camera, "early_s": 3600.0},
+        "device_timeout_s": 1.0,
+        **HOOK,
+    }
     with inline_service(tmp_path / "service", instead=bench.read, **settings) as both:
         yield both
 

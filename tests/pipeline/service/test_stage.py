@@ -191,13 +191,13 @@ def test_one_picture_is_read_for_one_part_also_after_a_restart(tmp_path: Path) -
     pictures = tmp_path / "pictures"
     pictures.mkdir()
     (pictures / "nest1.png").write_bytes(PNG)
-    camera = {"folder": pictures, "timeout_s": 1.0, "early_s": LONG_S}
+    camera = {"folder": pictures, "early_s": LONG_S}
 
     def read(*_: object) -> ReadPart:
         return ReadPart((reading(source="vision"),))
 
     for start in range(2):
-        with inline_service(tmp_path / "s", instead=read, camera=camera) as served:
+        with inline_service(tmp_path / "s", instead=read, camera=camera, device_timeout_s=1.0) as served:
             assert served[1].portal is not None
 
             async def trigger(service: Service, times: int) -> list[object]:
@@ -213,12 +213,12 @@ def test_a_picture_that_stays_cut_short_is_a_part_for_a_person(tmp_path: Path) -
     pictures = tmp_path / "pictures"
     pictures.mkdir()
     (pictures / "nest1.png").write_bytes(PNG[:50])
-    camera = {"folder": pictures, "timeout_s": 0.5, "early_s": LONG_S}
+    camera = {"folder": pictures, "early_s": LONG_S}
 
     def fail(*_: object) -> ReadPart:
         raise FileError("nest1.png", "is cut short", "copy it again")
 
-    with inline_service(tmp_path / "s", instead=fail, camera=camera) as served:
+    with inline_service(tmp_path / "s", instead=fail, camera=camera, device_timeout_s=0.5) as served:
         part = triggered(served, "nest1")
         assert (part.state, part.text) == (PartState.REVIEW, "")
         assert part.reading is not None

@@ -59,7 +59,7 @@ class Bench:
         return await self._receive(new, photos, **more)
 
     def anew(self) -> None:
-        settings = WatchSettings(folder=self.folder, job="housing-left", every_s=0.05, **self.settings)
+        settings = WatchSettings(folder=self.folder, job="housing-left", **self.settings)
         self.watched = WatchedFolder(settings, self.intake, most_bytes=1000, at_once=1)
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
@@ -235,7 +235,7 @@ def test_a_photograph_that_cannot_even_be_taken_is_a_part_for_a_person_once(benc
     said = bench.left()
     assert sorted(said) == ["large.png", "link.png", "part.png", "phone.heic"]
     for name, why in (
-        ("large", "limits.upload_mb"),
+        ("large", "upload_mb"),
         ("link", "link.png is not a regular file"),
         ("part", "PNG, JPEG, BMP, TIFF, WebP or GIF"),
         ("phone", "is a HEIC file, which is not read"),
@@ -452,7 +452,7 @@ def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
 def test_without_its_watched_folder_a_service_is_not_ready_and_says_why(tmp_path: Path) -> None:
     watched = tmp_path / "in"
     watched.mkdir()
-    settings = {"folder": watched, "every_s": 0.05}
+    settings = {"folder": watched, "settle_s": 0.1}
     with inline_service(tmp_path / "service", watch=settings) as (service, client):
         wait_until(lambda: client.get("/readyz").status_code == 200)
         received(service.store)

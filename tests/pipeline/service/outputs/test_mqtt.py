@@ -83,7 +83,7 @@ async def test_a_result_is_published_and_the_status_follows(
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}/plant/line-4")
     await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
     await sender.close()
     wait_until(lambda: len(listener.results()) == 50 and len(listener.statuses("plant/line-4")) == 2)
@@ -106,7 +106,7 @@ async def test_a_short_payload_has_few_fields_and_a_candidate_while_a_person_is_
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant", payload="short")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}/plant", payload="short")
     accepted = to_json(part())
     in_review = to_json(part(state=PartState.REVIEW, reading=reading("KX40", decision="review")))
     in_review |= {"text": "", "candidate": "KX40"}
@@ -141,9 +141,7 @@ async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    settings = MqttSettings.model_construct(
-        url=f"mqtt://127.0.0.1:{broker.port}", prefix="plant", triggers=True
-    )
+    settings = MqttSettings.model_construct(url=f"mqtt://127.0.0.1:{broker.port}/plant", triggers=True)
     caller = paho.Client(paho.CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
     caller.connect("127.0.0.1", broker.port)
     caller.loop_start()
@@ -185,7 +183,7 @@ async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
-    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}/plant")
     await sender.send(Delivery(1, "mqtt", "PART1", {"alert": "drift:left/+#", "state": "raised"}))
     await sender.close()
     late = listen(broker.port)

@@ -1,0 +1,54 @@
+"""Limits of a service that follow from the machine: memory of a worker, sizes of files, number of waiting parts."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+from glyphs.surface.maps import MAX_PIXELS
+from pipeline.common.settings import Limits
+
+WAITING_PER_WORKER = 32
+"""Parts that may wait for each worker; a part takes a second or two, so the last one waits for about a minute."""
+LEAST_WORKER_MB = 4096
+"""Memory that a worker may use on any machine, MB; the largest map takes most of it."""
+_PIXEL_BYTES, _SAMPLE_BYTES = 100, 136
+"""Memory of a worker for each pixel of a photograph and each sample of a height map, bytes: 4096 MB are enough for
+40 million pixels or 30 million samples."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Limits of a service on one machine.
+
+    Attributes:
+        worker_memory_mb: memory for the data of each worker; 0: no limit.
+        waiting_parts: parts that may wait for a worker; more are refused.
+        files: largest photographs and height maps.
+    """
+
+    worker_memory_mb: int = LEAST_WORKER_MB
+    waiting_parts: int = 2 * WAITING_PER_WORKER
+    files: Limits = field(default_factory=Limits)
+
+    @classmethod
+    def of(cls, workers: int, memory_mb: int | None = None) -> Machine:
+        """The limits for a number of workers on this machine.
+
+        Args:
+            workers: number of workers.
+            memory_mb: memory for the data of each, in MB; 0: no limit. Default: its share of the machine's.
+        """
+        share_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))
+        size = 1_000_000 * (memory_mb or share_mb)
+        files = Limits(min(size // _PIXEL_BYTES, MAX_PIXELS), min(size // _SAMPLE_BYTES, MAX_PIXELS))
+        return cls(share_mb if memory_mb is None else memory_mb, WAITING_PER_WORKER * workers, files)
+
+
+def memory_share_mb(workers: int) -> int:
+    """A worker's share of the machine's memory, in MB; 0 if unknown."""
+    try:
+        total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return 0
+    return max(1024, int(0.9 * total / (1 << 20) / max(1, workers)))
