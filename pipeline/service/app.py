@@ -119,7 +119,7 @@ class Ports:
         if settings.opcua.port is not None:
             from pipeline.service.inputs.opcua import OpcUaPort
 
-            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake)
+            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua_server, intake)
             intake.on_part, self._on_review = opcua.show, opcua.tell
         if settings.watch.folder is not None:
             from pipeline.service.inputs.watch_folder import WatchedFolder

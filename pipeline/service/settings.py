@@ -208,9 +208,9 @@ class OpcUaSettings(Settings):
     host: str = "127.0.0.1"
     """Address of the OPC UA server, which asks for no token."""
     certificate: Path | None = None
-    """Certificate of the OPC UA server; with it every connection is signed and encrypted."""
+    """Certificate of the OPC UA server; with it every connection is signed and encrypted. Default: that of TLS."""
     key: Path | None = None
-    """Private key of that certificate."""
+    """Private key of that certificate. Default: that of TLS."""
     users: Annotated[dict[str, str], BeforeValidator(_from_json)] = Field(default_factory=dict, repr=False)
     """Passwords of the OPC UA server by user; without users, everybody with access to the port may call. In the
     environment as JSON: {"line": "secret"}."""
@@ -335,7 +335,7 @@ class ServiceSettings(Settings):
     # here and not in the sections, or pydantic's error would hold the passwords
     @model_validator(mode="after")
     def _check_ports(self) -> ServiceSettings:
-        tcp, opcua = self.tcp, self.opcua
+        tcp, opcua = self.tcp, self.opcua_server
         if self.tokens == "off" and not self.on_loopback:
             raise ValueError(
                 f"the host {self.host} can be reached from other machines; without tokens listen on 127.0.0.1 only"
@@ -364,6 +364,13 @@ class ServiceSettings(Settings):
     def on_loopback(self) -> bool:
         """Whether only this machine can call."""
         return is_loopback(self.host)
+
+    @property
+    def opcua_server(self) -> OpcUaSettings:
+        """Settings of the OPC UA server, with certificate and key of TLS if it has none of its own."""
+        if self.opcua.certificate is not None or self.opcua.key is not None:
+            return self.opcua
+        return self.opcua.model_copy(update={"certificate": self.tls.certificate, "key": self.tls.key})
 
     @property
     def tokens_asked(self) -> bool:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pipeline.service.settings import MqttSettings, ServiceSettings, is_loopback
@@ -22,6 +24,15 @@ def test_tokens_are_asked_for_where_others_can_call(host: str, alone: bool) -> N
     assert is_loopback(host) == alone
     assert ServiceSettings(host=host).tokens_asked == (not alone)
     assert ServiceSettings(host=host, tokens="on").tokens_asked
+
+
+def test_the_opc_ua_server_has_the_certificate_of_tls_unless_it_has_its_own() -> None:
+    tls = {"certificate": "tls.pem", "key": "tls.key"}
+    both = ServiceSettings(tls=tls, opcua={"port": 4840, "host": "0.0.0.0", "users": {"line": "x"}})  # type: ignore[arg-type]
+    assert (both.opcua_server.certificate, both.opcua_server.key) == (Path("tls.pem"), Path("tls.key"))
+    own = ServiceSettings(tls=tls, opcua={"certificate": "own.der", "key": "own.pem"})  # type: ignore[arg-type]
+    assert (own.opcua_server.certificate, own.opcua_server.key) == (Path("own.der"), Path("own.pem"))
+    assert ServiceSettings().opcua_server.certificate is None
 
 
 def test_the_path_of_the_brokers_address_is_the_first_level_of_the_topics() -> None:
