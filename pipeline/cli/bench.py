@@ -183,7 +183,6 @@ def scan(
 
 
 def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> None:
-    """Print and draw the moves of passes."""
     from pipeline.bench.moves import moves_of
     from pipeline.plots.bench_picture import moves_figure
     from pipeline.plots.pictures import save_figure

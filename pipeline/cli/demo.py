@@ -64,10 +64,7 @@ def demo(
 
 
 def _read(out: Path, settings: ReadSettings) -> int:
-    """Stamp, scan, record, calibrate and read the plates, one by one, and draw them.
-
-    The reader knows neither font nor height, only that a serial has eight letters or digits.
-    """
+    """The reader knows neither font nor height, only that a serial has eight letters or digits."""
     from glyphs.part import stamp
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
@@ -107,7 +104,6 @@ def _read(out: Path, settings: ReadSettings) -> int:
 
 
 def _serve(out: Path, settings: ReadSettings, *, stay: bool) -> int:
-    """Send each photograph to a service, have the part touched if the camera is unsure, and print both."""
     import uvicorn  # noqa: F401 - a missing extra is reported before parts are made
 
     from glyphs.soiling.soiled import Soiling

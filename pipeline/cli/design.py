@@ -157,7 +157,6 @@ def design(
 
 
 def _report_built(path: Path, request: Request, limits: Limits) -> None:
-    """Report the figures of a whisker for a request, with their uncertainty if it is known, and its limits."""
     import numpy as np
 
     from pipeline.cli.design_report import fitness, print_limits
@@ -177,7 +176,6 @@ def _report_built(path: Path, request: Request, limits: Limits) -> None:
 
 
 def _range(flag: str, text: str) -> tuple[float, float]:
-    """Two numbers with a colon between them, or one for both."""
     try:
         low, high = [float(end) for end in text.split(":")] * (1 if ":" in text else 2)
     except ValueError:
@@ -188,7 +186,6 @@ def _range(flag: str, text: str) -> tuple[float, float]:
 
 
 def _sizes(text: str) -> tuple[int, ...]:
-    """Numbers of whiskers, ascending."""
     try:
         sizes = sorted({int(item) for item in split_commas(text)})
     except ValueError:

@@ -122,7 +122,6 @@ def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tune
 
 
 def _describe(design: Design) -> list[str]:
-    """Describe the task, the whisker to build, and its use."""
     r, w = design.request, design.whisker
     low, high = (math.degrees(a) for a in r.alpha_rad)
     where = "below" if w.lowered_mm >= 0.0 else "above"
@@ -219,7 +218,6 @@ def _print_tuned(tuned: Tuned) -> None:
 
 
 def _factor(value: float) -> str:
-    """F with two decimals, without a minus before zero."""
     return "jams" if np.isnan(value) else f"{round(float(value), 2) + 0.0:.2f}"
 
 
@@ -253,7 +251,6 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
 
 
 def _describe_section(whisker: LShaped) -> str:
-    """Describe section and material."""
     section, made = whisker.section, whisker.material.name
     if isinstance(section, Rectangle):
         return f"{made} ribbon {section.thickness_mm:.3f} mm thick, {section.width_mm:.2f} mm wide"

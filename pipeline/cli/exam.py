@@ -326,7 +326,6 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs
 
 @contextmanager
 def _at_work(n: int, kept: Path, jobs: int, cluster: str | None) -> Iterator[tuple[Progress, Executor]]:
-    """Show progress and open the executor for n parts; after an interrupt, say where finished parts are kept."""
     from pipeline.runs.progress import Progress
     from pipeline.workers.options import WorkerSettings
 
@@ -342,12 +341,6 @@ def _parts(
     inputs: list[str] | None, truth: Path | None, design: str | None, parts: int | None, give: tuple[str, ...],
     flags: dict[str, str | float | None],
 ) -> Parts:  # fmt: skip
-    """The parts of a folder, of a design, or of the flags that describe them.
-
-    Raises:
-        UsageError: flags contradict each other.
-        MarksError: the parts cannot be found or made.
-    """
     from pipeline.benchmark.exam.condition import Condition
     from pipeline.benchmark.exam.design import design_named, of_flags
     from pipeline.benchmark.exam.designed_parts import DesignedParts
@@ -390,9 +383,6 @@ def _check_stable(found: Statistics) -> None:
     """Report every accepted serial that a perturbation changed into another accepted serial.
 
     Single experts and other programs make no decisions: only the report shows their changes.
-
-    Raises:
-        CommandError: there is such a serial.
     """
     from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 

@@ -71,11 +71,6 @@ def resumable(kept: str | Path | None, *, hint: str = "") -> Iterator[None]:
 
 
 def _missing(error: ModuleNotFoundError) -> str:
-    """Name the extra that brings a missing library.
-
-    Raises:
-        ModuleNotFoundError: the error itself, if no extra would bring the library.
-    """
     from glyphs.errors import MissingExtraError
 
     library = (error.name or "").partition(".")[0]

@@ -104,7 +104,6 @@ def certify(
 
 
 def _print_tests(found: Certification, confidence: float) -> None:
-    """Print the readings, and the thresholds at which the result changes."""
     from pipeline.cli.shared import print_table
 
     words = [f"{found.parts:,} labelled parts"]

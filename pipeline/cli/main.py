@@ -41,7 +41,6 @@ def _version() -> str:
 
 
 def _settings(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Settings from file and environment, for the commands that have any."""
     if any(argument.name == "--config" for argument in arguments):
         from pipeline.cli.settings import from_file_and_environment
 
@@ -49,7 +48,6 @@ def _settings(app: App, commands: tuple[str, ...], arguments: ArgumentCollection
 
 
 def _default(value: object) -> str | None:
-    """Format a default for help."""
     if value in (None, False, "", (), {}):
         return None
     return f"{value:g}" if isinstance(value, float) else str(value)
@@ -157,7 +155,6 @@ for _words, _group, _function, _line, _ in _COMMANDS:
 
 
 def _command_of(given: Sequence[str]) -> tuple[list[str], App]:
-    """Words at the beginning of a command line that name a command, and the command."""
     words, command = [], app
     for word in given:
         if word.startswith("-") or word not in command:
@@ -168,11 +165,7 @@ def _command_of(given: Sequence[str]) -> tuple[list[str], App]:
 
 
 def _show_less(given: Sequence[str]) -> Callable[[], None]:
-    """Let help show only the most important commands and flags.
-
-    Returns:
-        Function to call after help was shown: it reports how much was left out.
-    """
+    """Let help show only the most important commands and flags; the returned function reports how much was left out."""
     from cyclopts.help.formatters import DefaultFormatter
 
     words, _ = _command_of(given)

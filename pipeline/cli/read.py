@@ -91,12 +91,6 @@ def inspect(
 
 
 def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
-    """Read a file and draw the reading; return lines that describe it.
-
-    Raises:
-        FileError: the file cannot be used.
-        CommandError: the file has several parts.
-    """
     from pipeline.plots.pictures import save_figure
     from pipeline.reading.part_job import PartJob, reading_of
     from pipeline.runs.production import parts_for

@@ -101,12 +101,6 @@ def _say(line: str) -> None:
 
 
 def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettings) -> int:
-    """Serve until a signal; running requests may finish first.
-
-    Raises:
-        UsageError: the address is in use, the certificate cannot be used, or callers need a token and there is none.
-        MarksError: a folder cannot be made, the store cannot be opened, or no sense keeps the accepted risk.
-    """
     import uvicorn
 
     from pipeline.service.app import GRACE_S, check_folder

@@ -64,7 +64,6 @@ _TYPES = {
 
 
 def _flags(title: str, model: type[Settings], setting: str, example: str) -> Parameter:
-    """Parameter for the flags of a model: one group in help, which names the other sources of its settings."""
     variable = model.variable(setting)
     where = f"Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
     return Parameter(name="*", group=Group(title, help=where))
@@ -190,7 +189,6 @@ def unknown_flag_hint(given: str, flags: Sequence[str]) -> str:
 
 
 def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:
-    """The arguments of a model's settings by name."""
     found: dict[str, Argument] = {}
     for child in argument.children:
         name = f"{within}{child.keys[-1]}"
@@ -214,7 +212,6 @@ def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None
 
 
 def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
-    """Settings from the environment, with their variables."""
     prefix, names = model.variable(""), {model.variable(name): name for name in model.leaves()}
     others = tuple(
         one.variable("") for one in MODELS if one.variable("").startswith(prefix) and one is not model
@@ -227,7 +224,6 @@ def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    """Settings from a file, with their places."""
     tables = {one.table for one in MODELS}
     own = (
         written.get(model.table, {}) if model.table else {k: v for k, v in written.items() if k not in tables}
@@ -247,7 +243,6 @@ def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iter
 
 
 def _unknown_section(name: str, file: Path) -> SettingsError:
-    """The error for an unknown table; the hint names the nearest one, or all of them."""
     leaves = {f"{model.table}.{leaf}" for model in MODELS if model.table for leaf in model.leaves()}
     sections = sorted({leaf.rpartition(".")[0] for leaf in leaves} | {"line"})
     own = name.rpartition(".")[2]
@@ -357,7 +352,6 @@ def _from_machine(workers: WorkerSettings, service: ServiceSettings) -> str:
 
 
 def _type(annotation: Any) -> str:
-    """A type in words."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _type(arguments[0])

@@ -80,7 +80,6 @@ def build(out: Path, /, *font: str) -> None:
 
 
 def _fonts_of(name: str) -> list[Font]:
-    """Load the fonts of a glyph database, else the font of a name or file."""
     from glyphs.fonts.outlines import load_font
     from pipeline.formats.glyph_database import load_database
 
@@ -146,11 +145,6 @@ def synth(
 
 
 def _amounts(mix: str, kinds: Iterable[str]) -> dict[str, float]:
-    """Parse kinds of dirt with their amounts.
-
-    Raises:
-        UsageError: a kind is unknown, or an amount is not a number.
-    """
     try:
         found = {
             kind.strip(): float(amount) for kind, amount in (one.split("=") for one in split_commas(mix))

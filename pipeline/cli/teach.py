@@ -110,7 +110,6 @@ def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
 
 
 def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
-    """List the parts whose text is in a table."""
     from pipeline.formats.find_parts import discover
     from pipeline.formats.truth import load_truth
 
@@ -129,7 +128,7 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
 def _of_store(
     opened: Store, folder: EvidenceFolder, links: Path, since_days: float | None
 ) -> tuple[list[PartFiles], int]:
-    """List the reviewed parts of a store, oldest first, and count those left out.
+    """The reviewed parts of a store, oldest first, and the number of those left out.
 
     Evidence files are named by their hash, without suffix; links to them, in a folder of their own, have the suffix.
     """

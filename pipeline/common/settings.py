@@ -211,11 +211,6 @@ def _lines(value: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _region(value: Any) -> Any:
-    """Parse a region of four shares.
-
-    Raises:
-        ValueError: it is not four shares, or not a region.
-    """
     if value is None:
         return None
     from recognition.find.region import check_region  # slow
@@ -241,7 +236,6 @@ def _risk(value: Any) -> Any:
 
 
 def _few(value: Any) -> Any:
-    """Refuse too many or too long rules, before any of them is prepared."""
     if isinstance(value, tuple | list):
         if len(value) > MOST_RULES:
             raise ValueError(f"there are {len(value)}; give {MOST_RULES} at most")

@@ -169,7 +169,6 @@ def _read_all(
     workers: WorkerSettings,
     journal: CertificationJournal,
 ) -> None:
-    """Read the parts that the journal lacks."""
     known = len(journal.names)
     if known:
         print(f"continuing a broken-off certification: {known:,} parts are read already")
@@ -183,6 +182,5 @@ def _read_all(
 
 
 def _hash_of(parts: Mapping[str, ReadPart], labels: Mapping[str, str]) -> str:
-    """Hash of all names, labels and files of the parts."""
     lines = (f"{name}\t{labels[name]}\t{part.sha256}\n" for name, part in parts.items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()

@@ -247,13 +247,11 @@ class Journal(Generic[Kept]):
             db.close()  # the previous run removed it when it ended
 
     def _is(self, before: os.stat_result) -> bool:
-        """Whether the file is still the one that was opened."""
         with contextlib.suppress(FileNotFoundError):
             return os.path.samestat(before, self.path.stat())
         return False
 
     def _stored_description(self) -> dict[str, Any] | None:
-        """Description of the interrupted run; None without one."""
         if not self._db.execute("select 1 from sqlite_schema where name = 'run'").fetchone():
             return None
         row = self._db.execute("select kind, version, description from run").fetchone()
@@ -295,7 +293,6 @@ class Journal(Generic[Kept]):
 
     @contextlib.contextmanager
     def _faults(self) -> Iterator[None]:
-        """Name the output in errors of SQLite and the disk."""
         try:
             yield
         except (sqlite3.Error, OSError) as error:

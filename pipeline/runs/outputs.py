@@ -86,10 +86,8 @@ class RunJournal(Journal[ReadPart]):
     facts: ClassVar[tuple[str, ...]] = ("decision", "text", "confidence", "error", "line")
 
     def __init__(self, table: Path, description: Mapping[str, Any] | None, *, written: bool = True) -> None:
-        """Begin a run or resume one.
-
-        Args:
-            table: the file that the user asked for.
+        """Args:
+            table: the file that the user named.
             description: description of the run.
             written: as in the attribute.
 
@@ -261,9 +259,7 @@ class RunStore:
     """
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
-        """Open the store.
-
-        Args:
+        """Args:
             url: URL of the store.
             run: identity of the run: a hash of everything that its readings depend on.
             evidence: the service's folder of files; without it no pictures are kept.

@@ -199,14 +199,12 @@ def _contents_of_tables(
 
 
 def _check(job: PartJob, executor: Executor) -> None:
-    """Check the settings in a worker, which then keeps the reader for its first part."""
     (checked,) = executor.calls(check_run, job, [None])
     if checked.error is not None and not isinstance(checked.error, WorkerLostError):
         raise checked.error
 
 
 def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> None:
-    """Report the written files, and write the summary."""
     second = run.second
     if second is not None and second.again:
         were = "part was" if second.again == 1 else "parts were"

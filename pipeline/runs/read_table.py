@@ -93,7 +93,6 @@ def _total(headings: Sequence[str], widths: Mapping[str, int]) -> int:
 
 
 def _cells(record: ReadingRecord) -> dict[str, str]:
-    """The cells of a row, by heading."""
     row = row_of(record)
     return {
         "part": visible(record.part),

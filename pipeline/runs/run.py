@@ -111,13 +111,11 @@ class Run:
         self.finished = True
 
     def _in_order(self, read: ReadPart) -> ReadPart:
-        """What the journal keeps of a part, sent to review if its serial is not of the production order."""
         record = read.record
         objection = self.rules.by_order(record.text) if record.decision == "accept" else None
         return ReadPart((reviewed(record, objection),), measures=read.measures)
 
     def _keep(self, part: PartFiles, read: ReadPart) -> ReadPart:
-        """Check a part against the lot, store it, and compare it with the certificate."""
         kept = self._in_order(read)
         if self.store is not None:
             try:

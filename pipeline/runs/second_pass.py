@@ -41,7 +41,6 @@ def runs_second_pass(options: RunOptions, settings: ReadSettings, parts: Sequenc
 
 
 def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | None:
-    """Reason why there can be no second pass, and a hint; None if there can."""
     if settings.font or settings.database is not None:
         return "is for a die whose font is unknown", "leave out --font and --database"
     if settings.certificate is not None:
@@ -138,12 +137,10 @@ class SecondPass:
 
 
 def _learns_or_teaches(part: PartFiles) -> bool:
-    """Whether a part has touch data, no problem and no font of its own."""
     return bool(part.height_map or part.scan) and not part.font and part.problem is None
 
 
 def _font_name(parts: Sequence[PartFiles]) -> str:
-    """Name of the lot's die: the folder of its first part, with -die."""
     first = min(parts, key=lambda part: part.name)
     file = first.scan or first.height_map or first.photo
     folder = split_name(file if is_url(file) else os.path.abspath(file))[0]

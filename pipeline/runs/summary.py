@@ -110,12 +110,6 @@ class Summary:
         return lines
 
     def _format_hints(self, *, least_share: float = 0.5, most_hints: int = 3) -> list[str]:
-        """Say what most parts have in common that the format does not allow.
-
-        Args:
-            least_share: least share of the parts.
-            most_hints: most hints.
-        """
         read = sum(self.decisions.values())
         return [
             f"{misfit} on {'every part' if n == read else f'{n:,} of {read:,} parts'}: check --format"
@@ -138,7 +132,6 @@ class Summary:
 
 
 def _words(code: str, messages: Sequence[str]) -> str:
-    """A reason in general words, or its message if that is the same on every part."""
     flag = ReadingFlag.__members__.get(code.upper())
     if flag is ReadingFlag.RISK_NOT_KEPT:
         return next((message for message in messages if CANNOT_PROMISE in message), flag.text)
@@ -154,7 +147,6 @@ def _misfit(message: str) -> str:
 
 
 def _kind(error: str) -> str:
-    """An error without its part-specific details."""
     return shorten(_NUMBER.sub("#", _QUOTED.sub("'...'", error)), _MOST_KIND, placeholder=" …")
 
 

@@ -106,7 +106,6 @@ def csv_cells(record: ReadingRecord) -> list[Any]:
 
 
 def _fitting(value: Any, part: str) -> Any:
-    """Convert a value for a table."""
     if isinstance(value, str):
         text = _ODD.sub(lambda m: f"\\u{ord(m[0]):04x}", value) if _ODD.search(value) else value
         if len(text) > MOST_TEXT:
@@ -134,7 +133,6 @@ def _json_line(record: ReadingRecord) -> bytes:
 
 
 def _flat(place: dict[str, Any]) -> dict[str, Any]:
-    """A character with its best candidate beside its other fields."""
     best, *others = place.pop("candidates") or (_NO_CANDIDATE,)
     return {**best, "alternatives": others, **place}
 
@@ -165,7 +163,6 @@ def _write_parquet(lines: Iterable[bytes], path: Path) -> None:
 
 
 def _arrow(kind: Any) -> Any:
-    """The type of a column."""
     import pyarrow
 
     if get_origin(kind) is UnionType:

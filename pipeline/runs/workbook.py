@@ -107,8 +107,6 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
 
 
 class _Sheet:
-    """A sheet that grows line by line, with headings that stay in view."""
-
     def __init__(self, book: Any, title: str, headings: Sequence[str], *, widths: Sequence[int] = ()) -> None:
         from openpyxl.styles import Font, PatternFill
         from openpyxl.utils import get_column_letter
@@ -127,7 +125,6 @@ class _Sheet:
         self._sheet.append(cells)
 
     def add(self, values: Sequence[Any], *, decision: str = "") -> None:
-        """Append a line; the cell of the decision is coloured."""
         cells = [self._cell(value) for value in values]
         for cell, value in zip(cells, values, strict=True):
             if decision and value == decision:
@@ -136,7 +133,6 @@ class _Sheet:
         self.lines += 1
 
     def close(self) -> None:
-        """Add filters to the headings."""
         self._sheet.auto_filter.ref = f"A1:{self._last}{self.lines + 1}"
 
     def _cell(self, value: Any) -> Any:
@@ -155,7 +151,6 @@ class _Sheet:
 
 
 def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
-    """The lines of a part's characters."""
     for number, place in enumerate(record.characters, start=1):
         candidates: list[Any] = []
         for one in islice(place.candidates, _CANDIDATES):
@@ -168,12 +163,6 @@ def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
 
 
 def _about(about: Mapping[str, Any], times: Sequence[datetime]) -> Iterator[tuple[str, str]]:
-    """Facts about the run as (name, value), line by line.
-
-    Args:
-        about: as in `write_workbook`.
-        times: times of the first and the last reading.
-    """
     settings = about.get("settings", {})
     for name, at in zip(("first part read", "last part read"), times, strict=False):
         yield name, at.isoformat(timespec="seconds")

@@ -355,7 +355,6 @@ def parts_router(service: Service) -> APIRouter:
 
 
 async def _touch_call(request: Request) -> TouchCall:
-    """The call that a request is, as long as its caller is connected."""
     await request.is_disconnected()  # the server reads on after the body, and so notices the end
     return TouchCall(has_gone=request.is_disconnected)
 
@@ -363,7 +362,6 @@ async def _touch_call(request: Request) -> TouchCall:
 def _idempotency(
     request: Request, caller: Caller, key: str | None, sent: Sequence[Upload], *fields: str
 ) -> IdempotencyKey | None:
-    """The key with its owner, and a digest of the whole request."""
     if key is None:
         return None
     digest = hashlib.sha256(request.url.path.encode())
@@ -389,7 +387,6 @@ def _file(files: EvidenceFolder, record: EvidenceRecord, *, download: bool = Fal
 
 
 def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
-    """Path of a kept file whose content is unchanged."""
     what = record.kind.value
     if record.gone:
         raise Problem(404, f"the {what} is no longer kept; its time was up")

@@ -87,13 +87,11 @@ class Ports:
     """Inputs and the dispatcher of one service."""
 
     def __init__(self, settings: ServiceSettings, intake: Intake, *, at_once: int) -> None:
-        """Make inputs and outputs from the settings; nothing is opened or sent yet.
-
-        Raises:
-            FileError: an unusable folder to watch.
-            MissingExtraError: a library of an extra is not installed.
-            SettingsError: an invalid webhook secret.
-            ValueError: an invalid address or format.
+        """Raises:
+        FileError: an unusable folder to watch.
+        MissingExtraError: a library of an extra is not installed.
+        SettingsError: an invalid webhook secret.
+        ValueError: an invalid address or format.
         """
         self._intake = intake
         senders: dict[str, Sender] = {}

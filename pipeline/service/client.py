@@ -69,7 +69,7 @@ class Client:
         patience_s: float = 60.0,
         ca_file: Path | None = None,
     ) -> None:
-        """Prepare the connection; nothing is sent yet.
+        """Prepare the connection.
 
         Args:
             url: address of the service, such as http://127.0.0.1:8417.
@@ -249,18 +249,7 @@ class Client:
         return _record(PartRecord, self._send("POST", path, files=files, headers=headers, **request))
 
     def _send(self, method: str, path: str, *, repeatable: bool = True, **request: Any) -> httpx.Response:
-        """Send a request, and retry it if that is safe.
-
-        Args:
-            method: HTTP method.
-            path: path on the service.
-            repeatable: whether the request is idempotent. If not, it is sent again only if it was certainly not
-                carried out.
-            request: further arguments for httpx.
-
-        Raises:
-            ServiceError: refused, or not reached in time.
-        """
+        """Send a request; one that is not `repeatable` is sent again only if it was certainly not carried out."""
         import httpx
 
         until, wait_s = time.monotonic() + self._patience_s, _FIRST_WAIT_S

@@ -31,14 +31,6 @@ class GoldenPart:
     """
 
     def __init__(self, settings: GoldenSettings, store: Store, calls: WorkerCalls, *, line: str) -> None:
-        """Set store, calls and settings.
-
-        Args:
-            settings: relief of the part, and how often it is scanned.
-            store: store of its scans.
-            calls: calls of workers.
-            line: line that has the whiskers.
-        """
         self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line
         self._every = timedelta(hours=settings.every_h)
 

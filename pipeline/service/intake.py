@@ -136,7 +136,7 @@ class Intake:
     def __init__(
         self, settings: ServiceSettings, *, store: Store, evidence: EvidenceFolder, calls: WorkerCalls
     ) -> None:
-        """Make the intake of a service.
+        """Make stage, camera, queue and serial rules.
 
         Raises:
             FileError: the production order is unreadable, or a folder of stage or camera does not exist.
@@ -406,12 +406,6 @@ class Intake:
         return await self.calls.read(job, job=part.job, database=part.database, felt_by=felt_by)
 
     async def _feel(self, part: PartRecord, call: TouchCall) -> PartRecord:
-        """Have the stage feel a part, which lies there during a call, and read it.
-
-        Raises:
-            StageError: the part could not be felt.
-            Problem: the scan cannot be read.
-        """
         if part.plan is None:
             raise ValueError(f"the part {part.id} has no plan for touch")
         self._refuse_if_draining()
@@ -430,12 +424,6 @@ class Intake:
             return await self._keep(write, done, sent, part)
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
-        """Paths of the part's photographs, with which touch is compared.
-
-        Raises:
-            Problem: it was photographed, but its photographs are gone or damaged.
-        """
-
         def photos() -> tuple[Path, ...]:
             photographs = [e for e in self.store.evidence(part.id) if e.kind is EvidenceKind.PHOTO]
             paths = self.evidence.whole(e.sha256 for e in photographs if not e.gone)
@@ -449,7 +437,6 @@ class Intake:
     # ----------------------------------------------------------------------------------------------------- decide
 
     def _decide(self, done: ReadPart, part: NewPart | PartRecord) -> Added:
-        """Decide the state of a part; only the store's serial rules may still send it to a person."""
         decided: Added = {"state": done.state}
         if done.state is PartState.TOUCH_NEEDED and isinstance(part, NewPart):
             decided["plan"] = done.plan
@@ -463,7 +450,7 @@ class Intake:
         return decided
 
     def _in_shadow(self, part: NewPart | PartRecord) -> bool:
-        """Whether a part is in shadow mode; a part that was read in shadow mode stays in it."""
+        """A part that was read in shadow mode stays in it."""
         return self._settings.shadow or (isinstance(part, PartRecord) and part.shadow is not None)
 
     async def _give_up_touch(self, part: PartRecord, why: str) -> None:
@@ -479,13 +466,6 @@ class Intake:
         sent: Sequence[Upload],
         part: NewPart | PartRecord,
     ) -> PartRecord:
-        """Store the files, then write the decided part in one transaction; compare, count and log it.
-
-        Raises:
-            FileError: no room for the files.
-            StoreError: as in `write`.
-        """
-
         def keep() -> tuple[PartRecord, str]:
             files = [_evidence(one, self.evidence.keep(one.path, sha256=one.sha256)) for one in sent]
             files += [
@@ -510,7 +490,6 @@ class Intake:
         return kept
 
     def _count(self, part: PartRecord, done: ReadPart, drift: str) -> None:
-        """Count a part's new readings, and log them with findings about serials, whiskers and drift."""
         for reason in part.reading.reasons if part.reading is not None else ():
             if reason.code in set(SerialAlarm):
                 self.metrics.serial_alarms.inc()
@@ -578,5 +557,4 @@ def _unread(why: str) -> ReadPart:
 
 
 def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:
-    """The record of a kept file; `kept` is its hash and length."""
     return EvidenceRecord(file.kind, *kept, file.name, file.media_type)

@@ -56,13 +56,11 @@ class RecentFiles:
     """
 
     def __init__(self, folder: Path, suffix: str, what: str, *, needed: str = "") -> None:
-        """Take the folder.
-
-        Args:
-            folder: folder of the files; it need not exist.
-            suffix: suffix of their names.
-            what: one of them, in words.
-            needed: name of one that the settings name: if it is away, it is expected to come back.
+        """Args:
+        folder: folder of the files; it need not exist.
+        suffix: suffix of their names.
+        what: noun for messages.
+        needed: name of one that the settings name: if it is away, it is expected to come back.
         """
         self.folder, self._suffix, self._what, self.needed = folder, suffix, what, needed
         self._seen_s: dict[str, float] = {}
@@ -113,11 +111,9 @@ class GlyphDatabases(RecentFiles):
     """Glyph databases by name; looked up on every use, so that one may be added while the service runs."""
 
     def __init__(self, folder: Path, *, default: Path | None = None) -> None:
-        """Take the folder.
-
-        Args:
-            folder: folder of the files; it need not be there.
-            default: database where none is asked for; None for the built-in fonts.
+        """Args:
+            folder: folder of the files; it need not exist.
+            default: database of parts that name none; None for the built-in fonts.
 
         Raises:
             SettingsError: there is no such default.
@@ -184,7 +180,7 @@ class JobFolder(RecentFiles):
         needed: str = "",
         call: Callable[..., Any] = _call_here,
     ) -> None:
-        """Open the folder and check every job in it.
+        """Check every job in the folder.
 
         Args:
             folder: folder of the files; it need not exist.
@@ -336,7 +332,6 @@ class JobFolder(RecentFiles):
         return known.job
 
     def _refresh(self, name: str) -> _Known | None:
-        """Check a job again if its file has changed; None if there is none."""
         path = self.folder / f"{name}{SUFFIX}"
         before = self._known.get(name)
         try:
@@ -372,12 +367,6 @@ def without_paths(written: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:
-    """Check a file, or keys to be written to it; return its job and drift watch.
-
-    Raises:
-        FileError: it cannot be used, for any reason: one bad job must not affect the others.
-        Problem: no worker has checked it.
-    """
     try:
         job: JobFile = call(check_job, path, *(keys or read_keys(path)))
         return job, watch_of(job.settings)

@@ -71,7 +71,6 @@ def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
 
 
 def _ready_at(said: str) -> str:
-    """Address of the service if its log says that it is ready; otherwise empty."""
     import httpx
 
     found = _SERVES.search(said)

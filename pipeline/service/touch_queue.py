@@ -187,7 +187,6 @@ class TouchQueue:
 
 
 def _log_unexpected(attempt: asyncio.Task[PartRecord]) -> None:
-    """Log an unexpected error of an attempt without a waiting caller; the part's history has the expected ones."""
     error = None if attempt.cancelled() else attempt.exception()
     if error is not None and not isinstance(error, Problem | StageError | StoreError):
         log.error("attempt at touch failed", exc_info=error)

@@ -58,12 +58,6 @@ def create_app(service: Service) -> FastAPI:
 
 
 def _describe_api(app: FastAPI, *, asked: bool) -> dict[str, Any]:
-    """The OpenAPI document of an application.
-
-    Args:
-        app: the application.
-        asked: whether it asks for tokens.
-    """
     if app.openapi_schema:
         return app.openapi_schema
     made = FastAPI.openapi(app)

@@ -109,7 +109,6 @@ class WorkerCalls:
         await self._call_once(check_settings, settings)
 
     async def _settings_with(self, database: str, job: str) -> ReadSettings:
-        """The settings of a job, with the glyph database that a caller has named."""
         settings = await asyncio.to_thread(self.jobs.settings, job) if job else self.jobs.settings(job)
         if not database:
             return settings
@@ -208,7 +207,6 @@ class WorkerCalls:
 
     @contextlib.asynccontextmanager
     async def _note_fault(self, job: str, database: str) -> AsyncIterator[None]:
-        """Remember the fault of a job or a database as long as it lasts."""
         key = (job, database)
         try:
             yield
@@ -221,7 +219,6 @@ class WorkerCalls:
             log.info("parts can be read again", job=job, database=database)
 
     def _forget(self, job: str, database: str) -> bool:
-        """Forget a fault; return whether there was one."""
         self._last_checks.pop((job, database), None)
         return self._troubles.pop((job, database), None) is not None
 

@@ -99,7 +99,6 @@ def revoke(tx: Transaction, name: str) -> None:
 
 
 def _token_name(tx: Transaction, name: str) -> str | None:
-    """The name of a token as it was spelled when it was made; None without one."""
     names = tx.execute(sa.select(tokens.c.name)).scalars()
     return next((known for known in names if folded(known) == folded(name)), None)
 

@@ -195,7 +195,6 @@ def _highest(tx: Transaction, table: sa.Table) -> int:
 
 
 def _count_on(tx: Transaction, table: sa.Table, number: int) -> None:
-    """Let the next row of a table get a number after this one."""
     if tx.postgresql:
         sequence = sa.func.pg_get_serial_sequence(table.name, "id")
         tx.execute(sa.select(sa.func.setval(sequence, max(1, number), number > 0)))

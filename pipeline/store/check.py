@@ -163,7 +163,6 @@ def _check_parts(store: Store, report: CheckReport) -> None:
 
 
 def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
-    """Rows of parts, some hundreds at once, each batch from one moment."""
     after = ""
     asked = sa.select(parts).order_by(parts.c.id).limit(_PAGE)
     while True:
@@ -176,7 +175,6 @@ def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
 
 
 def _by_part(tx: Transaction, found: Sequence[AnyRow], *tables: sa.Table) -> dict[str, list[AnyRow]]:
-    """The rows that belong to parts, without changing columns."""
     of_part: dict[str, list[AnyRow]] = {}
     for table in tables:
         columns = [column for column in table.c if column.name != "gone"]

@@ -202,7 +202,6 @@ class Database:
 
     @contextlib.contextmanager
     def _connect(self) -> Iterator[Connection]:
-        """Open a connection and check that the database answers."""
         with contextlib.ExitStack() as asking:
             if self._silent:
                 if not self._asking.acquire(timeout=_TURN_S):

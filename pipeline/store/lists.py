@@ -197,7 +197,6 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
 def _by_step(
     tx: Transaction, step: timedelta, counted: _Counted, where: sa.ColumnElement[bool]
 ) -> list[dict[str, Any]]:
-    """Counts of parts in each time step that has any, by its `begin`, in order."""
     begin: sa.ColumnElement[str]
     if tx.postgresql:
         utc = sa.func.timezone("UTC", parts.c.created_at)
@@ -212,7 +211,6 @@ def _by_step(
 
 
 def _of(state: PartState) -> str:
-    """Name of the number of parts in a state."""
     return f"in {state}"
 
 

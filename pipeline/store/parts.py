@@ -171,7 +171,6 @@ def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]
 
 
 def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, list[Event], dict[str, Any]]:
-    """A part after readings: its new record, the events, and the figures that change."""
     plan, shadow, rules = added.get("plan"), added.get("shadow"), added.get("rules", ANY_SERIAL)
     readings = [replace(reading, at=tx.now) for reading in added.get("readings", ())]
     alarms: list[Event] = []

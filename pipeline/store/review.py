@@ -226,7 +226,6 @@ def story(tx: Transaction, part_id: str) -> PartStory:
 
 
 def _records(of: type[T], rows: Sequence[AnyRow], *kinds: str) -> tuple[T, ...]:
-    """The records in events of these kinds."""
     return tuple(from_json(of, row.data) for row in rows if row.kind in kinds)
 
 

@@ -46,11 +46,9 @@ class ClusterExecutor(Executor):
     remote = True
 
     def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
-        """Set the address; entering the block connects.
-
-        Args:
-            address: address of the scheduler, such as tcp://scheduler:8786.
-            patience_s: longest time without any worker.
+        """Args:
+        address: address of the scheduler, such as tcp://scheduler:8786.
+        patience_s: longest time without any worker.
         """
         self.address, self.patience_s = address, patience_s
         self.workers = 0
@@ -112,11 +110,6 @@ class ClusterExecutor(Executor):
                 future.add_done_callback(done.put)
 
     def _look(self, *, at_once: bool) -> None:
-        """Check from time to time that scheduler and workers are alive.
-
-        Raises:
-            ClusterError: the scheduler is lost, or no worker has been left for too long.
-        """
         now = time.monotonic()
         if not at_once and now - self._looked_s <= _LOOK_S:
             return
@@ -149,7 +142,7 @@ class ClusterExecutor(Executor):
         return Outcome(task, error=fault)
 
     def _connect(self) -> Any:
-        """Connect: the client's thread has ten seconds to start, too few if all cores are busy."""
+        """The client's thread has ten seconds to start, too few if all cores are busy."""
         import distributed
 
         self._check_scheduler()
@@ -166,11 +159,7 @@ class ClusterExecutor(Executor):
                 raise self._no_scheduler(error) from error
 
     def _check_scheduler(self) -> None:
-        """Ask the address what it is: with anything else `Client` would try for ever, or end in a traceback.
-
-        Raises:
-            ClusterError: no scheduler answers in time.
-        """
+        """Ask the address what it is: with anything else `Client` would try for ever, or end in a traceback."""
         with ThreadPoolExecutor(1) as thread:  # it has a loop of its own, unlike a notebook's thread
             try:
                 kind = thread.submit(asyncio.run, _kind_of_server(self.address)).result()

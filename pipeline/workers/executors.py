@@ -144,11 +144,9 @@ class Executor:
         return future
 
     def _ahead(self) -> int:
-        """Number of tasks submitted at a time, running or waiting."""
         return 1
 
     def _shared(self, order: Any) -> Any:
-        """The order in the form that is submitted with every task."""
         return order
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:

@@ -62,8 +62,6 @@ class BusyError(MarksError):
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A call, and the future of its result."""
-
     call: bytes
     timeout_s: float
     future: Future[Any]
@@ -72,8 +70,6 @@ class _Job:
 
 @dataclass(eq=False)
 class _Slot:
-    """A worker's present process and job, and the thread that feeds it."""
-
     number: int
     worker: Worker | None = None
     warm: bool = False
@@ -104,7 +100,7 @@ class WorkPool(Executor):
             queue: maximum number of waiting jobs (default: enough to keep the workers busy).
             timeout_s: longest time of a job; its process is then replaced.
             memory_mb: memory limit of a worker; 0: no limit (default: its share of the machine's).
-            warm_up: function that every worker calls before its first job; it must be picklable (default: none).
+            warm_up: picklable function that every worker calls before its first job.
             at_once: whether to start all processes now; else they start when there are jobs for them.
 
         Raises:
@@ -271,7 +267,6 @@ class WorkPool(Executor):
         slot.thread.start()
 
     def _feed(self, slot: _Slot) -> None:
-        """Run a worker, and give it one job after the other until the pool closes."""
         pause_s = _PAUSE_S
         while not self._not_wanted():
             if not slot.warm:
@@ -290,7 +285,6 @@ class WorkPool(Executor):
             slot.worker.end(0.2)
 
     def _take_job(self, slot: _Slot) -> bool:
-        """Give a slot the job that has waited longest; return whether there was one in time."""
         with self._changed:
             if not self._waiting:
                 self._changed.wait(LOOK_S)
@@ -299,7 +293,6 @@ class WorkPool(Executor):
         return slot.job is not None
 
     def _work(self, slot: _Slot, worker: Worker) -> None:
-        """Run the job of a slot, and set its result."""
         job, began_s = slot.job, time.monotonic()
         assert job is not None
         outcome: Answer | Exception
@@ -318,7 +311,6 @@ class WorkPool(Executor):
             job.future.set_exception(outcome)
 
     def _start(self, slot: _Slot) -> bool:
-        """Start a worker and wait until it is warm; return whether it is."""
         answer: Answer | Exception
         try:
             slot.worker = worker_of(slot.number, self.memory_mb)
@@ -346,12 +338,10 @@ class WorkPool(Executor):
             worker.end()
 
     def _not_wanted(self) -> bool:
-        """Whether the pool needs no worker any more; also gives up jobs that have waited too long."""
         self._give_up_waiting()
         return self._stopped.is_set() or (self._closing.is_set() and not self._waiting)
 
     def _give_up_waiting(self) -> None:
-        """End the jobs that wait too long for a worker while none can start."""
         while self._waiting and self._failed and not any(slot.warm for slot in self._slots):
             with self._changed:
                 if not self._waiting:
@@ -365,7 +355,6 @@ class WorkPool(Executor):
 
 
 def _cause(error: Exception) -> str:
-    """Reason why a worker cannot start, without paths of this machine."""
     if isinstance(error, OSError) and error.strerror:
         return f"{type(error).__name__}: {error.strerror}"
     return error.what if isinstance(error, MarksError) else describe_fault(error)

@@ -66,14 +66,12 @@ class Worker:
     """A worker process, from the parent's side."""
 
     def __init__(self, number: int, modules: Sequence[str] = ()) -> None:
-        """Start the process; it waits for `limit` before its first call.
-
-        Args:
+        """Args:
             number: number of the worker; only number 0 reports what is compiled, since all compile the same.
             modules: modules to import at once.
 
         Raises:
-            OSError: it cannot be started.
+            OSError: the process cannot be started.
         """
         for name, value in MALLOC.items():  # read as a process starts
             os.environ.setdefault(name, value)
@@ -184,7 +182,6 @@ def worker_of(number: int, memory_mb: int) -> Worker:
 
 
 def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
-    """Call functions received through the pipe, and send back `Answer` or the exception."""
     gc.set_threshold(10_000)  # modules make many objects that stay
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if sys.platform == "linux":
@@ -238,7 +235,6 @@ def pickled_call(function: Callable[..., Any], *args: Any) -> bytes:
 
 
 def _answer(call: bytes) -> bytes:
-    """Make a call, and pickle its `Answer` or its exception."""
     try:
         function, args = pickle.loads(call)
         return pickle.dumps(Answer(function(*args)))
@@ -249,7 +245,6 @@ def _answer(call: bytes) -> bytes:
 
 
 def _sendable(error: Exception) -> Exception:
-    """The exception, or its message if it cannot be pickled."""
     with contextlib.suppress(Exception):
         if type(pickle.loads(pickle.dumps(error))) is type(error):
             return error

@@ -77,12 +77,10 @@ class OpcUaPort:
     trouble = ""
 
     def __init__(self, settings: OpcUaSettings, calls: LineCalls, *, connections: int = 16) -> None:
-        """Make the server; nothing is opened yet.
-
-        Args:
-            settings: settings of the server; port 0 takes any free port, without users everybody may call.
-            calls: triggers, releases and looks up parts.
-            connections: greatest number of signed-in connections at once.
+        """Args:
+        settings: settings of the server; port 0 takes any free port, without users everybody may call.
+        calls: triggers, releases and looks up parts.
+        connections: greatest number of signed-in connections at once.
         """
         self.host, self.port = settings.host, settings.port or 0
         self._settings, self._calls = settings, calls
@@ -178,10 +176,7 @@ class OpcUaPort:
     async def _write_last(
         self, source_time: datetime, decision: str, text: str = "", part_id: str = "", confidence: float = 0.0
     ) -> None:
-        """Write the values of the last part; without one they are empty.
-
-        The specification wants one source time for all of them, so that clients see what belongs together.
-        """
+        """One source time for all values, as the specification wants it: clients see what belongs together."""
         for name, value in (
             ("LastScanData", text),
             ("LastScanTimestamp", source_time),
@@ -192,7 +187,6 @@ class OpcUaPort:
             await self._write(name, value, at=source_time)
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
-        """Method Scan: one trigger, and its result."""
         if (refused := await self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
             return refused
         wait_s = arguments[0].Value.Duration / 1000.0 or ANSWER_S
@@ -203,14 +197,12 @@ class OpcUaPort:
         return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
 
     async def _scan_start(self, _parent: Any, *arguments: Any) -> Any:
-        """Method ScanStart: one trigger; its result comes as an event."""
         if (refused := await self._refusal(fits=settings_fit(arguments, endless=True))) is not None:
             return refused
         self._started = self._begin(partial(self._calls.trigger, "", within_s=ANSWER_S), SCANNING)
         return [variant(SUCCESS)]
 
     async def _scan_stop(self, _parent: Any, *_arguments: Any) -> Any:
-        """Method ScanStop."""
         if self._started is None or self._started.done():
             return bad("BadInvalidState")
         self._started = None
@@ -219,10 +211,6 @@ class OpcUaPort:
     async def _of_part(
         self, call: Callable[..., Awaitable[PartRecord]], _parent: Any, *arguments: Any, busy: bool = True
     ) -> Any:
-        """A method in plain types: the name of the part, or its id, and perhaps of its job; returns the part.
-
-        With `busy` it is a scan, of which there is one at a time.
-        """
         names = ["" if one.Value is None else one.Value for one in arguments]
         fits = len(names) in (1, 2) and not any(
             not isinstance(name, str) or has_hidden(name) for name in names
@@ -247,7 +235,6 @@ class OpcUaPort:
         return [variant(value) for value in answer]
 
     async def _refusal(self, *, fits: bool) -> Any:
-        """Status of a call that cannot be carried out; None if it can."""
         if not fits:
             if self._scanning is None:
                 await self._write_last(datetime.now(UTC), FAILED)
@@ -257,7 +244,6 @@ class OpcUaPort:
     def _begin(
         self, call: Callable[[], Awaitable[PartRecord]], status: int, *, answered: bool = False
     ) -> asyncio.Task[PartRecord]:
-        """Start a scan; only one may run at a time."""
         self._scanning = task = asyncio.create_task(self._cycle(call, status, answered))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task

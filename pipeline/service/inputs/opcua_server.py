@@ -224,8 +224,6 @@ class GuardedServer(Server):
 
 
 class _Listener(BinaryServer):
-    """Pass connections to the guarded protocol."""
-
     def __init__(self, server: GuardedServer) -> None:
         endpoint: Any = server.endpoint
         super().__init__(server.iserver, endpoint.hostname, endpoint.port, server.limits)
@@ -236,8 +234,6 @@ class _Listener(BinaryServer):
 
 
 class _Connection(OPCUAProtocol):
-    """One connection."""
-
     def __init__(self, listener: _Listener) -> None:
         super().__init__(
             listener.iserver, listener._policies, listener.clients, listener.closing_tasks, listener.limits
@@ -249,7 +245,6 @@ class _Connection(OPCUAProtocol):
         self.calls: set[asyncio.Task[Any]] = set()
 
     def connection_made(self, transport: Any) -> None:
-        """Let a caller in, if there is room or another caller can be dropped."""
         self.address = str((transport.get_extra_info("peername") or ("",))[0])
         self.block, self.heard_s = address_block(self.address), time.monotonic()
         strangers = [client for client in self._live() if not client.signed_in]
@@ -259,7 +254,6 @@ class _Connection(OPCUAProtocol):
         self.processor = _Processor(self)
 
     def connection_lost(self, ex: BaseException | None) -> None:
-        """Cancel the calls of the lost connection."""
         self.gone = True
         if self.unread is not None:
             self.unread.cancel()
@@ -268,7 +262,6 @@ class _Connection(OPCUAProtocol):
         super().connection_lost(ex)
 
     def data_received(self, data: bytes) -> None:
-        """Process bytes, as long as they look like OPC UA."""
         begin = self._buffer[:3] + data[: max(0, 3 - len(self._buffer))]
         if len(begin) == 3 and begin not in _KINDS:
             self.let_go("it does not speak OPC UA")
@@ -279,33 +272,28 @@ class _Connection(OPCUAProtocol):
             super().data_received(data)
 
     def pause_writing(self) -> None:
-        """Take no more requests until the caller reads the answers."""
         if self.transport is not None:
             self.transport.pause_reading()
             loop = asyncio.get_running_loop()
             self.unread = loop.call_later(WRITE_S, self.let_go, "it does not read its answers")
 
     def resume_writing(self) -> None:
-        """Take requests again."""
         if self.transport is not None and self.unread is not None:
             self.unread.cancel()
             self.transport.resume_reading()
 
     @property
     def signed_in(self) -> bool:
-        """Whether the connection has an activated session."""
         session = self.processor.session if self.processor is not None else None
         return session is not None and bool(session.is_activated())
 
     def let_go(self, why: str) -> None:
-        """Close the connection."""
         if not self.gone and self.transport is not None:
             self.gone = True
             self.log.say(f"{why} {self.address}", f"a connection from {self.address} was closed: {why}")
             self.transport.abort()
 
     def make_room(self) -> bool:
-        """Drop a signed-in connection if there are too many beside this one; False if all are in use."""
         signed_in = [client for client in self._live() if client.signed_in and client is not self]
         if len(signed_in) < self.server.sessions:
             return True
@@ -327,15 +315,12 @@ class _Connection(OPCUAProtocol):
 
 
 class _Processor(UaProcessor):
-    """Answers the messages of one connection."""
-
     def __init__(self, connection: _Connection) -> None:
         super().__init__(connection.iserver, connection.transport, connection.limits)
         self.set_policies(connection.policies)  # type: ignore[no-untyped-call]
         self.connection = connection
 
     def send_response(self, handle: Any, sequence: Any, response: Any, *more: Any) -> None:
-        """Answer; disconnect an unknown caller after repeated bad requests."""
         if self.connection.gone:
             return
         super().send_response(handle, sequence, response, *more)  # type: ignore[no-untyped-call]
@@ -345,7 +330,6 @@ class _Processor(UaProcessor):
                 self.connection.let_go("it sends bad requests without having signed in")
 
     async def process_message(self, sequence: Any, body: Any) -> Any:
-        """Process a message; each call runs in its own task."""
         processing = super().process_message(sequence, body)  # type: ignore[no-untyped-call]
         if not self.connection.signed_in or nodeid_from_binary(body.copy()) != _CALL:
             return await processing

@@ -84,10 +84,8 @@ class ResultString:
     """Makes result strings of one format."""
 
     def __init__(self, template: str = DEFAULT_FORMAT) -> None:
-        """Check the format.
-
-        Raises:
-            ResultStringError: an unknown field, one written as no number can be, or a control character.
+        """Raises:
+        ResultStringError: an unknown field, one written as no number can be, or a control character.
         """
         self.template = template
         if not template or len(template) > _LONGEST:
@@ -178,9 +176,7 @@ class TcpPort:
     trouble = ""
 
     def __init__(self, settings: TcpSettings, calls: LineCalls, *, limits: TcpLimits | None = None) -> None:
-        """Make the port; nothing is opened yet.
-
-        Args:
+        """Args:
             settings: settings of the port; port 0 takes any free port.
             calls: triggers, releases and looks up parts.
             limits: limits for one caller.
@@ -258,7 +254,7 @@ class TcpPort:
                 writer.transport.abort()
 
     def _has_room(self) -> bool:
-        """Whether one more caller fits; if full, drop an idle one of the busiest address, silent ones first."""
+        """If the port is full, drop an idle caller of the busiest address, silent ones first."""
         if len(self._callers) < self._limits.connections:
             return True
         idle = {caller: task for task, caller in self._callers.items() if caller.idle}
@@ -332,15 +328,6 @@ class TcpPort:
 
 @dataclass(eq=False)
 class _Caller:
-    """One connection.
-
-    Attributes:
-        writer: writer to the connection.
-        spoken: whether it has sent a line.
-        idle: whether it has no trigger in progress.
-        heard_s: time of its last line, or of the connection, by the monotonic clock.
-    """
-
     writer: asyncio.StreamWriter
     spoken: bool = False
     idle: bool = True
@@ -348,21 +335,14 @@ class _Caller:
 
     @property
     def address(self) -> str:
-        """Address of the caller."""
         return str((self.writer.get_extra_info("peername") or ("",))[0])
 
     @property
     def block(self) -> str:
-        """Addresses of the caller."""
         return address_block(self.address)
 
 
 async def _lines(reader: asyncio.StreamReader, limits: TcpLimits) -> AsyncIterator[bytes]:
-    """The lines of one caller that are not empty.
-
-    Raises:
-        _LineError: too long, too slow, or nothing for too long.
-    """
     loop, held = asyncio.get_running_loop(), b""
     begun = idle_since = loop.time()
     while True:

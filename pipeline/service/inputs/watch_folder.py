@@ -105,9 +105,7 @@ class WatchedFolder:
     title = "watched folder"
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Set the folder; nothing is read yet.
-
-        Args:
+        """Args:
             settings: folder to watch.
             intake: reads the parts.
             most_bytes: greatest size of a photograph.
@@ -232,7 +230,6 @@ class WatchedFolder:
         return sorted(new, key=lambda part: (min(ns for _, ns in part.files.values()), part.name))
 
     def _photographs(self) -> dict[str, os.stat_result] | None:
-        """The photographs in the folder and its subfolders; None if the folder cannot be looked at."""
         files: dict[str, os.stat_result] = {}
         passed_over: dict[str, tuple[FileStamp, str]] = {}
         folders = [str(self.folder)]
@@ -275,7 +272,6 @@ class WatchedFolder:
         return files
 
     def _why_passed_over(self, entry: os.DirEntry[str], status: os.stat_result) -> str:
-        """Reason why a file is no photograph, or a folder is not looked into; empty for others and what may change."""
         suffix = os.path.splitext(entry.name)[1].lower()
         if is_temporary(entry.name):
             left = time.time() - status.st_mtime > LEFT_S
@@ -297,7 +293,6 @@ class WatchedFolder:
         return self._settings.expected and name.lower().endswith(".txt")
 
     async def _take(self, part: WatchedPart, *, is_latest: bool) -> None:
-        """Submit the files of a part, unless it has to wait for a later look."""
         key, began_s = part.key, time.monotonic()
         _, due_s = self._failures.get(key.key, ("", 0.0))
         if self._stopping or began_s < due_s:
@@ -333,7 +328,6 @@ class WatchedFolder:
         self._known |= set(key.files)
 
     def _is_final(self, part: WatchedPart, error: Exception, began_s: float) -> bool:
-        """Give up a part if its files are wrong; otherwise leave it for a later attempt."""
         why, key = str(error), part.key.key
         if error.is_final if isinstance(error, Problem) else isinstance(error, UnfitError):
             log.warning("watched file left", file=visible(part.name), why=why)
@@ -348,12 +342,6 @@ class WatchedFolder:
         return False
 
     def _copies(self, part: WatchedPart, folder: Path) -> tuple[list[Upload], dict[str, str]]:
-        """Copy a part's photographs; also return why unusable ones are left out, by name.
-
-        Raises:
-            OwnProblem: one was written to meanwhile.
-            OSError: a file cannot be read yet.
-        """
         photos, faults = list[Upload](), dict[str, str]()
         with _noted_if_final(faults, part.name):
             check_count(len(part.files))
@@ -365,13 +353,6 @@ class WatchedFolder:
         return photos, faults
 
     def _copy(self, path: Path, state: FileStamp, folder: Path, number: int, *, since_s: float) -> Path:
-        """Copy a file under a name with the suffix of its content.
-
-        Raises:
-            Problem: no picture, or too large a one.
-            OwnProblem: the file is no longer as it was.
-            OSError: it cannot be read.
-        """
         name = sent_name(path.name)
         if state[0] > self._most_bytes:
             raise Problem(413, f"{name} has {state[0]:,} bytes; {self._most_bytes:,} may be (upload_mb)")

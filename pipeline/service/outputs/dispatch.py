@@ -203,10 +203,6 @@ class Dispatcher:
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
 
     async def _run(self, target: str, sender: Sender) -> None:
-        """Serve a target until the end.
-
-        A target that is away rests, then it is tried with one delivery.
-        """
         pace, woken, loop = self._pace, self._woken[target], asyncio.get_running_loop()
         troubles = rests = 0
         while not self._stopping.is_set():
@@ -252,7 +248,6 @@ class Dispatcher:
             _log.warning("results wait to be sent to %s, which is not set up here", target)
 
     async def _drop_arrived(self, refused: dict[int, str]) -> None:
-        """Forget refused results that another service has delivered since."""
         if refused:
             waiting = await asyncio.to_thread(self._outbox.still_waiting, tuple(refused))
             for delivery_id in refused.keys() - waiting:
@@ -266,7 +261,6 @@ class Dispatcher:
             self._report(target, str(error))
 
     async def _send(self, sender: Sender, delivery: Delivery, failures: int) -> float:
-        """Send one delivery; return the seconds to wait if the target is unreachable."""
         target, state = delivery.target, self.states[delivery.target]
         try:
             async with asyncio.timeout(self._pace.send_s):
@@ -296,7 +290,6 @@ class Dispatcher:
         return wait_s if error.away else 0.0
 
     def _wait_s(self, error: DeliveryError, failures: int) -> float:
-        """Seconds before the next attempt."""
         pace = self._pace
         short = error.away and not error.lasting and not error.retry_after_s
         longest_s = pace.longest_rest_s if short else pace.longest_wait_s
@@ -305,7 +298,6 @@ class Dispatcher:
         return min(max(wait_s * self._rng.uniform(0.5, 1.0), error.retry_after_s), longest_s)
 
     def _report(self, target: str, error: str) -> None:
-        """Note whether a target can be reached, and log a change."""
         state = self.states[target]
         if bool(error) != bool(state.error):
             state.since = datetime.now(UTC)

@@ -84,10 +84,8 @@ class MqttSender:
         *,
         timeout_s: float = 10.0,
     ) -> None:
-        """Make the sender; nothing is connected yet.
-
-        Args:
-            answer_call: answers a call, trigger or touch, if the settings say that there are any.
+        """Args:
+            answer_call: answers a call, trigger or touch, if the settings allow calls.
             settings: address of the broker; with TLS its certificate is checked by the system's authorities, or by
                 those of the file SSL_CERT_FILE.
             timeout_s: timeout for connecting, and for one acknowledgement.
@@ -212,12 +210,10 @@ class MqttConnection:
     """
 
     def __init__(self, settings: MqttSettings, *, will: tuple[str, bytes], timeout_s: float) -> None:
-        """Make the connection; nothing is connected yet.
-
-        Args:
-            settings: settings of the broker; mqtts checks its certificate.
-            will: topic and payload that the broker publishes, retained, if this connection breaks.
-            timeout_s: timeout for connecting, and for one acknowledgement.
+        """Args:
+        settings: settings of the broker; mqtts checks its certificate.
+        will: topic and payload that the broker publishes, retained, if this connection breaks.
+        timeout_s: timeout for connecting, and for one acknowledgement.
         """
         from paho.mqtt import client as paho
         from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
@@ -326,7 +322,6 @@ class MqttConnection:
         await asyncio.to_thread(self._client.loop_stop)
 
     async def _first(self, answer: asyncio.Future[Any]) -> Any:
-        """Wait for the answer; raise an error if the connection is lost or the time is over."""
         await asyncio.wait({answer, self.lost}, timeout=self._timeout_s, return_when=asyncio.FIRST_COMPLETED)
         if answer.done():
             return answer.result()

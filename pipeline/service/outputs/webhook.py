@@ -60,9 +60,7 @@ class WebhookSender:
     """Post deliveries to a web address."""
 
     def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
-        """Prepare the sender; nothing is sent yet.
-
-        Args:
+        """Args:
             settings: http:// or https://, with a user and password as basic authentication; secret of the signature.
             timeout_s: timeout for one delivery, from connecting to the answer's end.
 

@@ -160,5 +160,4 @@ def _confidence(part: PartRecord) -> float:
 
 
 def _said(part: PartRecord) -> tuple[Cell, ...]:
-    """The serial of the line's own reader, marked if the service has read another one."""
     return expected_cells(replace(part, text=part.reading.text if part.reading is not None else ""))

@@ -51,7 +51,6 @@ class Frame:
     """Templates and services shared by all pages."""
 
     def __init__(self, service: Service) -> None:
-        """Load the templates for the pages of a service."""
         self.service, self.store, self.access = service, service.store, service.access
         self.assets = StaticFiles(packages=[(__package__, "static")])
         self.environment = jinja2.Environment(
@@ -189,12 +188,10 @@ def set_cookie(
 
 @jinja2.pass_context
 def _here(context: jinja2.runtime.Context, address: str) -> str:
-    """An address of the service, such as /parts, relative to the present page."""
     return f"{context['up']}{address.removeprefix('/')}"
 
 
 def _stop_words(reason: str) -> str:
-    """Reason why touch stopped, in words."""
     return StopReason(reason).message if reason in set(StopReason) else reason
 
 

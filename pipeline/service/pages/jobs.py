@@ -157,22 +157,12 @@ def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | 
 def _edit_page(
     view: View, jobs: JobFolder, name: str, edit: Edit | None = None, problem: Problem | None = None
 ) -> Response:
-    """Page with the text of a job, to save or delete it.
-
-    Raises:
-        Problem: there is no such job.
-    """
     job, stands = jobs.answer(name), text_to_edit(jobs, name)
     edit = edit or Edit(text=stands, before=stands)
     return view.page("job.html.j2", problem=problem, job=job, text=edit.text, before=edit.before)
 
 
 def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
-    """The pictures of a part on which a box can be drawn, the requested one first.
-
-    Raises:
-        Problem: there is none.
-    """
     pair = picture_pair(story, frame.service.evidence)
     found = [one for one in pair if one.href and one.frame is not None]
     if not found:
@@ -198,7 +188,6 @@ def _propose_lines(
 
 
 def _box(boxes: Sequence[Box], frame: PictureFrame | None) -> dict[str, str]:
-    """Sides of a box about all boxes, with a margin, in per cent of the picture; the whole picture without boxes."""
     region = _WHOLE
     if boxes and frame is not None:
         room = _ROOM_HEIGHTS * max(b[3] - b[1] for b in boxes)
@@ -216,7 +205,6 @@ def _number(text: str) -> float:
 
 
 def _lines(job: JobAnswer) -> tuple[NamedLine, ...]:
-    """The lines of a job, the serial first, its name empty."""
     known = ReadSettings.of(**{key: job.settings[key] for key in ("region", "line") if key in job.settings})
     formats = job.settings.get("format", ())
     written = formats if isinstance(formats, str) else " and ".join(formats)

@@ -221,7 +221,6 @@ def _view(
 
 
 def _with_boxes(view: Rectangle, boxes: Sequence[PictureBox]) -> Rectangle:
-    """A view made large enough for boxes at the picture's rim and for the characters written above them."""
     x, y, width, height = view
     x0 = min([x, *(b.x for b in boxes)])
     y0 = min([y, *(b.y - _LABEL_ROOM * b.height for b in boxes)])
@@ -244,7 +243,6 @@ def _boxes(
 
 
 def _line(boxes: Sequence[PictureBox], whole: Rectangle, *, sure: bool) -> Rectangle:
-    """The view of the line within the whole."""
     if not boxes:
         return whole
     margins = _MARGIN_HEIGHTS if sure else _UNSURE_MARGIN_HEIGHTS

@@ -113,7 +113,6 @@ def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
 
 
 def _place_of_each(chars: Sequence[str], text: str) -> list[tuple[str, int | None]]:
-    """The characters of a text, each with its place among the chars; a space has none."""
     answers = iter(align_places(chars, [char for char in text if not char.isspace()]))
     return [(char, None if char.isspace() else next(answers)) for char in text]
 

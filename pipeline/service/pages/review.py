@@ -148,16 +148,10 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
 
 def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:
-    """Open the found part, or the queue if only the present part is left."""
     return view.redirect("/review" if found is None or found.id == after else f"/review/{found.id}")
 
 
 def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
-    """Store a person's answer for a part; return the next part.
-
-    Raises:
-        ConflictError: the part has changed since the page was made; ClaimedError, another person has it.
-    """
     person, audit = view.named(said.who), said.mode is ReviewMode.AUDIT
     text = "" if said.action == "unreadable" else said.text
     before = said.before if said.mode is ReviewMode.OPEN else None
@@ -170,7 +164,6 @@ def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
 
 
 def _claim(view: View, part_id: str, name: str | None = None) -> str:
-    """Claim a part for the person; if another person has it, return the name."""
     person = view.person if name is None else view.named(name)
     if not person.holder:
         return ""
@@ -187,7 +180,6 @@ def _describe_change(part: PartRecord) -> str:
 
 
 def _outcome(frame: Frame, part_id: str) -> dict[str, Any]:
-    """The part just reviewed, and its audit, if any; neither if the address names no part."""
     with contextlib.suppress(StoreError):
         story = frame.store.story(part_id)
         reviewed = story.part.review is not None or bool(story.opinions)

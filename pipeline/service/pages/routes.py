@@ -175,7 +175,6 @@ def add_interface_page(router: APIRouter, frame: Frame) -> None:
 
 
 def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, str, bool, str]]:
-    """Name, place, kind, necessity and description of every input of an operation."""
     for one in operation.get("parameters", ()):
         words = one.get("description") or one["schema"].get("description", "")
         yield one["name"], one["in"], _kind(one["schema"], made), one.get("required", False), words
@@ -187,7 +186,6 @@ def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, s
 
 
 def _resolve(schema: Described, made: Described) -> Described:
-    """A schema, resolved if it is a reference."""
     for one in (schema, *schema.get("allOf", ())):
         if "$ref" in one:
             found: Described = made["components"]["schemas"][one["$ref"].rpartition("/")[2]]
@@ -196,7 +194,6 @@ def _resolve(schema: Described, made: Described) -> Described:
 
 
 def _kind(schema: Described, made: Described) -> str:
-    """The kind of a value, in words."""
     schema = _resolve(schema, made)
     if several := [one for one in schema.get("anyOf", ()) if one.get("type") != "null"]:
         return " or ".join(dict.fromkeys(_kind(one, made) for one in several))

@@ -207,7 +207,6 @@ class BenchStage:
     """A real bench: opened with the first part, homed if needed, lifted after each part."""
 
     def __init__(self, settings: BenchSettings) -> None:
-        """Take the settings; nothing is opened before there is a part."""
         self._settings = settings
         self._bench: Bench | None = None
 

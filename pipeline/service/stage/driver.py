@@ -150,15 +150,6 @@ class DriverThread:
 
 @dataclass(eq=False)
 class _Call:
-    """One call of the driver.
-
-    Attributes:
-        work: work to be done.
-        timeout_s: time that its caller waits.
-        future: its result.
-        begun_s: when, by the monotonic clock.
-    """
-
     work: Callable[[], Any]
     timeout_s: float
     future: Future[Any] = field(default_factory=Future)
@@ -177,7 +168,7 @@ class LinkedStage:
     _connection: Connection
 
     def __init__(self, address: Any, key: bytes) -> None:
-        """Set the address, and the key by which the service recognises its worker."""
+        """`key` shows the service that its own worker connects."""
         self.address, self._key = address, key
 
     def open(self, order: ScanOrder) -> StageSession:
@@ -227,12 +218,6 @@ class StageLink:
     """
 
     def __init__(self, stage: SessionStage[ScanOrder], thread: DriverThread) -> None:
-        """Wait for the worker.
-
-        Args:
-            stage: the driver.
-            thread: thread that it is called in.
-        """
         key = secrets.token_bytes(32)
         self._driver = thread
         self.down: StageDownError | None = None
@@ -276,10 +261,7 @@ class StageLink:
         work: Callable[[Any], Any],
         shown: Callable[[Any], Any] = lambda made: made,
     ) -> Any:
-        """Answer the worker's next question, and return the result; None if it fails.
-
-        The worker is sent the error, or `shown` of the result.
-        """
+        """Answer the worker with the error, or with `shown` of the result; return the result, None if it fails."""
         question, made = connection.recv(), None
         try:
             made = self._driver.call(partial(work, question))

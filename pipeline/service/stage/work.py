@@ -77,11 +77,9 @@ class StageWork:
     """
 
     def __init__(self, stage: Stage | SessionStage[ScanOrder] | None, *, timeout_s: float = 60.0) -> None:
-        """Take the driver.
-
-        Args:
-            stage: the driver; None: scans are sent to the service.
-            timeout_s: timeout for one call of a real stage; a whole plan may take its own time beside.
+        """Args:
+        stage: the driver; None: scans are sent to the service.
+        timeout_s: timeout for one call of a real stage; a whole plan may take its own time beside.
         """
         self._stage, self.there = stage, stage is not None
         self.by_pass = stage is not None and has_sessions(stage)
@@ -182,7 +180,7 @@ class CameraWork:
     """The camera at work; `thread`: the thread of its driver."""
 
     def __init__(self, camera: Camera | FolderCamera | None, *, timeout_s: float = 30.0) -> None:
-        """Take the driver; None: photographs are sent to the service. `timeout_s`: for the photographs of a part."""
+        """`camera` None: photographs are sent to the service. `timeout_s`: for the photographs of a part."""
         self._camera, self._timeout_s = camera, timeout_s
         self.thread = DriverThread("camera", timeout_s=timeout_s)
         # keys of the latest pictures taken, of which the store may not know yet
@@ -259,7 +257,6 @@ class CameraWork:
 
 
 def _copies_if_whole(pictures: Mapping[Path, FileStamp], folder: Path, *, as_is: bool) -> list[Upload] | None:
-    """Copies of pictures; None if one is cut short or has changed meanwhile and `as_is` is false."""
     if not as_is and any(map(is_cut_short, pictures)):
         return None
     photos = _copies(pictures, folder)

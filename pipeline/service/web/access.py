@@ -68,12 +68,10 @@ class Access:
     """
 
     def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
-        """Take the store and the rules.
-
-        Args:
-            store: store that keeps tokens and sessions.
-            required: whether all callers need one.
-            own_user: whether callers of other users of this machine need one, as the door has found them.
+        """Args:
+        store: store that keeps tokens and sessions.
+        required: whether all callers need a token.
+        own_user: whether callers of other users of this machine need one, as the door has found them.
         """
         self._store, self.required, self.own_user = store, required, own_user
 

@@ -126,11 +126,6 @@ class Door:
         return None
 
     async def _check_head(self, scope: Scope) -> None:
-        """Check the head of a request.
-
-        Raises:
-            Problem: it is rejected.
-        """
         state, headers, path = scope["state"], Headers(scope=scope), scope["path"]
         self._check_host(headers.get("host", ""))
         if "transfer-encoding" in headers and "content-length" in headers:  # a proxy may take the other one
@@ -157,7 +152,6 @@ class Door:
         return self._settings.upload_bytes if _is_upload(scope) else SMALL_BODY
 
     def _check_host(self, host: str) -> None:
-        """Refuse requests for host names that are not in the settings, so that no other name can point here."""
         name = re.sub(r":\d*$", "", host).strip("[]").lower()
         if not any(fnmatchcase(name, known) for known in self._hosts):
             what = (
@@ -180,7 +174,6 @@ class Door:
             raise Problem(403, "the request comes from a page of another site")
 
     async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
-        """Whether a program of another user of this machine calls; a proxy must be named in the settings."""
         client, server = scope.get("client") or ("", 0), scope.get("server")
         if any(name in headers for name in _FORWARDED):
             if is_in(client[0], self._settings.trusted_proxies):
@@ -218,7 +211,6 @@ class Door:
 
 
 def _host_names(settings: ServiceSettings) -> tuple[str, ...]:
-    """Host names that the service accepts; any if tokens are required and no list is given."""
     if settings.tokens_asked and not settings.hosts:
         return ("*",)
     names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
@@ -237,12 +229,6 @@ def _too_large(most_bytes: int) -> Problem:
 
 
 def _without_prefix(scope: Scope, root_path: str) -> Scope:
-    """The request without a prefix that a proxy passes on.
-
-    Args:
-        scope: scope of the request.
-        root_path: prefix of the proxy, such as /marks; empty: there is none.
-    """
     if not root_path or not f"{scope['path']}/".startswith(f"{root_path}/"):
         return scope
     n = len(root_path)

@@ -143,7 +143,6 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 
 def _problem(error: BaseException, scope: Scope) -> Problem:
-    """The answer to an error, also to one of the web framework."""
     if isinstance(error, RequestValidationError):
         return Problem(422, _invalid(error.errors()[0]))
     if not isinstance(error, HTTPException):
@@ -157,7 +156,6 @@ def _problem(error: BaseException, scope: Scope) -> Problem:
 
 
 def _invalid(error: Mapping[str, Any]) -> str:
-    """What is wrong with the values of a request, by an error of pydantic."""
     place, *path = error["loc"]
     # below the name of a field there are only indices, and names of types
     name = visible(str(path[0])[:200]) if path else f"the {place}"

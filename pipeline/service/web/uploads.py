@@ -187,16 +187,6 @@ class FormRoute(APIRoute):
 
 
 def _check_fields(form: FormData, known: Sequence[str], files: Sequence[str]) -> None:
-    """Check the fields of a form.
-
-    Args:
-        form: the form that was sent.
-        known: names of its fields.
-        files: those of them that hold a file.
-
-    Raises:
-        Problem: 422.
-    """
     for name in form:
         values = form.getlist(name)
         if name not in known:

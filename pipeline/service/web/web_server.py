@@ -47,12 +47,10 @@ class DrainingServer(uvicorn.Server):
     """A web server that announces for a while that it is stopping; a second signal stops it at once."""
 
     def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
-        """Make the server; nothing is opened yet.
-
-        Args:
-            config: config of the server.
-            drain: called when it is asked to stop.
-            drain_s: time for which it still answers.
+        """Args:
+        config: settings of uvicorn.
+        drain: called when the server is told to stop.
+        drain_s: seconds for which it still answers.
         """
         super().__init__(config)
         self._drain, self._drain_s = drain, drain_s
@@ -90,12 +88,10 @@ class Room:
     """
 
     def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
-        """Make an empty room.
-
-        Args:
-            an_address: connections that one address may have.
-            most: connections in all.
-            proxies: addresses and networks that may have any number.
+        """Args:
+        an_address: connections that one address may have.
+        most: connections in all.
+        proxies: addresses and networks that may have any number.
         """
         self._an_address, self._most, self._proxies = an_address, most, proxies
         self._open: set[_OpenConnection] = set()
@@ -146,15 +142,12 @@ def patient_protocol(
     """
 
     class PatientProtocol(H11Protocol):
-        """One connection."""
-
         _head_timer: asyncio.TimerHandle | None = None
         _write_timer: asyncio.TimerHandle | None = None
         address = block = ""
         heard_s = 0.0
 
         def connection_made(self, transport: Any) -> None:
-            """Count the connection; close it if there are too many."""
             super().connection_made(transport)
             self.app_state = {**self.app_state, "connection": {}}  # shared by all requests of this connection
             self.transport = _Lingering(transport, self, write_s=write_s)  # type: ignore[assignment]
@@ -165,7 +158,6 @@ def patient_protocol(
                 transport.abort()
 
         def data_received(self, data: bytes) -> None:
-            """End the time limit once the head is complete."""
             if self.transport.is_closing():
                 return
             self.heard_s = self.loop.time()
@@ -177,24 +169,20 @@ def patient_protocol(
                 self._wait_for_head(ends=True)
 
         def pause_writing(self) -> None:
-            """Begin the time limit of an answer that is not read."""
             super().pause_writing()
             self._write_timer = self.loop.call_later(write_s, self.transport.abort)
 
         def resume_writing(self) -> None:
-            """End the time limit of an answer."""
             super().resume_writing()
             self._end_write_timer()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            """Remove the connection from the count."""
             self._wait_for_head(ends=True)
             self._end_write_timer()
             room.leave(self)
             super().connection_lost(exc)
 
         def send_400_response(self, msg: str) -> None:
-            """Answer what is not HTTP with a problem."""
             body = ProblemBody("Bad Request", 400, "this is not an HTTP request; check address and port", "")
             content = json.dumps(asdict(body)).encode()
             headers = [
@@ -273,10 +261,9 @@ class _Handshake(asyncio.Protocol):
 
 
 class _Lingering:
-    """A connection's transport.
+    """A transport that, if a request was not read to its end, closes in two steps.
 
-    If a request was not read to its end, close in two steps: end our side, then read and drop the rest for LINGER_S or
-    until the caller closes.
+    It ends our side, then reads and drops the rest for LINGER_S or until the caller closes.
     """
 
     def __init__(self, transport: Any, protocol: H11Protocol, *, write_s: float) -> None:
