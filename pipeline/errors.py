@@ -184,8 +184,6 @@ def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     """Check that the file exists, limit the time, and name the file in every error raised while it is read.
 
     Args:
-        path: the file.
-        most_bytes: size limit of the file.
         kind: format that a third-party parser reads: each of its errors is reported as damage of the file. Without
             it, an unexpected error remains a fault of the program.
 

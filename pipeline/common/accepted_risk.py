@@ -56,9 +56,7 @@ class ThresholdTest:
     """One threshold, tested.
 
     Attributes:
-        threshold: least score for acceptance.
         accepted: number of parts with at least this score.
-        wrong: number of these that were read wrong.
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
         shown: whether the risk is shown to hold here.
     """
@@ -104,7 +102,6 @@ def threshold_tests(
         scores: score of each reading that is accepted if it reaches the threshold.
         right: whether each is right.
         risk: largest share of wrong readings among the accepted.
-        confidence: confidence level of the tests.
         thresholds: strictest first; chosen before any part is read.
         groups: groups of each reading, such as its generator; none if there are no groups.
         group_factor: risk of each group by itself, as a multiple of `risk`.
@@ -199,7 +196,6 @@ def risk_thresholds(
         scores: score of each reading that breaks no contract.
         right: whether each is right.
         risks: risks, each tested by itself.
-        confidence: confidence level of the tests.
         thresholds: strictest first; chosen before any part is read.
         groups, start_share: see `threshold_tests`.
     """
@@ -224,10 +220,8 @@ def parts_missing(
     The estimate assumes the same shares of accepted and of wrong readings among further parts.
 
     Args:
-        tests: tests on the present parts.
         parts: number of these parts, accepted or not.
         risk: largest share of wrong readings among the accepted.
-        confidence: confidence level of the tests.
         most_wrong: number of wrong readings at which the search ends.
     """
     totals = []

@@ -34,8 +34,6 @@ class GoldenRecord:
     """One scan of the golden part.
 
     Attributes:
-        at: time of the scan.
-        line: production line with the whiskers.
         reference: whether later scans are compared with it: the whiskers were new or newly set up.
         measures: measured values; the gain is the mean over the whiskers, the zero that of the whisker with the
             largest mean signal in air, relative to the land's moment.

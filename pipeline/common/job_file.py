@@ -48,7 +48,6 @@ class JobFile:
     Attributes:
         name: the stem of its file.
         settings: settings of the reader, with absolute paths.
-        written: content of the file.
         sha256: SHA-256 of the file.
     """
 
@@ -80,8 +79,6 @@ def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
     """Check the keys of a job file, which need not exist yet.
 
     Args:
-        path: path of the file.
-        written: its keys.
         digest: SHA-256 of the file.
 
     Raises:

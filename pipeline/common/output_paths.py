@@ -31,7 +31,6 @@ def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
     """Check, before the work starts, that a file can be written.
 
     Args:
-        path: the file.
         suffixes: suffixes that it may have (default: any).
 
     Raises:
@@ -73,7 +72,6 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
     """Write a CSV table for spreadsheets; lone surrogates, which file names may hold, are written as escapes.
 
     Args:
-        path: path of the table.
         rows: the headings first; None is an empty cell.
 
     Raises:

@@ -116,8 +116,6 @@ def read_toml(
     """Read a TOML file as a model.
 
     Args:
-        path: the file.
-        model: pydantic model or type adapter.
         format_version: supported version; a file without one counts as version 1. None: files have no version.
         hidden: names of the model's alternatives, which are not keys of the file.
 
@@ -189,9 +187,7 @@ def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:
     """Write a model as TOML; the file appears whole or not at all.
 
     Args:
-        path: the file.
         model: the model; None values are left out.
-        heading: lines before its keys.
 
     Raises:
         FileError: it cannot be written.

@@ -46,10 +46,8 @@ class ClaimRecord:
     """A part that a person works on.
 
     Attributes:
-        part_id: id of the part.
         holder: as in `Person.holder`.
         who: the person's name; empty if unknown yet.
-        until: time at which the claim expires.
     """
 
     part_id: str
@@ -63,7 +61,6 @@ class AuditFigures:
     """Results of audits of accepted parts that were drawn since a time.
 
     Attributes:
-        drawn: number of audits.
         waiting: number of parts that nobody has read yet.
         disputed: number read differently that wait for the deciding review.
         not_judged: number that people could not read.

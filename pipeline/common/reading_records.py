@@ -22,7 +22,6 @@ class CandidateRecord:
     """One candidate for one place.
 
     Attributes:
-        char: the character.
         probability: posterior probability, 0 to 1.
         score: fit of its template, 1 is perfect; 0 without a template.
     """
@@ -46,7 +45,6 @@ class CharacterRecord:
         action: action for the mark; empty if none is needed, or it was not graded.
         depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
         depth_mean_mm: mean depth, likewise.
-        depth_sd_mm: standard deviation of the mean depth.
         burr_mm: height of the rim beside its strokes above the land; None if unknown.
         no_depth: why touch measured no depth: "font" (name it), "not felt" or "saturated"; else empty.
     """
@@ -93,7 +91,6 @@ class RivalRecord:
     """Another serial that the format allows.
 
     Attributes:
-        text: the serial.
         probability: probability that it is the right one.
     """
 
@@ -107,7 +104,6 @@ class LineRecord:
 
     Attributes:
         name: its name in the settings; empty for a line that the settings do not name.
-        text: text of the line.
         confidence: probability that all of it is right, 0 to 1.
         box_mm: x0, y0, x1, y1; None if the photograph's scale or the line's place is unknown.
         box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
@@ -126,7 +122,6 @@ class FieldRecord:
 
     Attributes:
         name: text element or application identifier: SER, 21.
-        value: value of the field.
     """
 
     name: str
@@ -160,7 +155,6 @@ class PassRecord:
         direction_deg: direction of travel, 0, 90, 180, 270.
         line_mm: position of each whisker's line: y for passes along x, x for passes along y.
         along_mm: (least, greatest) coordinate along the lines.
-        speed_mm_s: speed of the stage.
         preload_mm: depth below the land at which the free tip ran.
         stage_s: stage seconds from the start of the first pass to the end of this one.
         why: the reason for choosing it, in words; empty if none is known.
@@ -190,9 +184,6 @@ class ReadingRecord:
         text: the serial; empty if nothing was found.
         decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
-        characters: its characters in order.
-        messages: remarks for people.
-        font: font whose templates fit best.
         height_mm: character height; None if it or the photograph's scale is unknown.
         rotation_deg: rotation of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty if no text was expected.
@@ -200,7 +191,6 @@ class ReadingRecord:
         seconds: time from the opening of the files to the decision: with the download of URLs, without the making
             of the reader and the time on a stage.
         at: time of the reading; the store sets its own.
-        part: name of the part.
         error: why there is no reading; empty if there is one.
         height_px: character height in pixels of a photograph whose scale is unknown; else None.
         raised: raised marks.
@@ -210,7 +200,6 @@ class ReadingRecord:
         lines: the part's other lines: those that the settings name first, then the rest.
         codes: Data Matrix and QR codes in its photographs.
         fields: named fields of the marking, such as SER KB74 or (21)KB74, on any of its lines.
-        program: version of the program that read it.
         settings: hash of the settings that it was read with.
         photos: number of photographs read; 0 for touch alone.
         passes: passes of active touch in order, in the frame of the boxes.
@@ -267,13 +256,8 @@ class ScanPlanRecord:
     Attributes:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
         directions_deg: directions of travel, 0, 180, 90, 270.
-        passes: passes of the array.
         line_pitch_mm: distance of neighbouring traces.
-        sample_pitch_mm: distance of samples along a trace.
-        speed_mm_s: speed of the stage.
         preload_mm: depth below the land at which the free tip runs.
-        seconds: duration of the scan.
-        height_mm: assumed character height.
         reason: why touch is needed, in words.
         middle_mm: x, y of the photograph's middle in the region's frame, by which a stage finds the region; None if
             the scale is unknown: the region is then the stage's whole field.

@@ -72,11 +72,8 @@ class EvidenceRecord:
     """One file kept for a part.
 
     Attributes:
-        kind: kind of file.
         sha256: SHA-256 of its content, hexadecimal; the file is stored under that name.
-        n_bytes: size of the file.
         name: the sender's name for it; never used as a path.
-        media_type: media type for the browser.
         meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
         at: time; set by the store.
         gone: whether the file has expired and was deleted.
@@ -98,11 +95,7 @@ class ReviewRecord:
 
     Attributes:
         action: confirm, correct or unreadable.
-        before: text before the review.
-        after: text after it.
-        who: name that the person gave.
         token: name of the token used; empty if none is required.
-        note: the person's remark.
         at: time; set by the store.
     """
 
@@ -120,7 +113,6 @@ class EventRecord:
     """An event in the history of a part.
 
     Attributes:
-        at: time of the event.
         kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, review_undone, enrolled,
             serial_alarm, serial_again, evidence_expired.
         data: details, which depend on the kind.
@@ -188,10 +180,7 @@ class PartRecord:
     Attributes:
         id: made by the store; sorts by time.
         name: the line's name for it; not unique.
-        state: state of the part.
         text: the current serial: as reviewed, else as last read; empty while touch is needed.
-        created_at: time of its receipt.
-        changed_at: time of the last change.
         reading: the last reading; None before the first.
         expected: text that it should have; empty if unknown.
         database: glyph database asked for; empty for the built-in fonts.
@@ -227,9 +216,6 @@ class TokenRecord:
     """A token, without its secret.
 
     Attributes:
-        name: unique name.
-        scopes: scopes of the token.
-        created_at: time of creation.
         expires_at: time from which it is refused; None: never.
         revoked_at: time at which it was revoked; None: it was not.
     """
@@ -247,10 +233,6 @@ class Delivery:
 
     Attributes:
         id: rises with time.
-        target: webhook or mqtt.
-        part_id: id of its part.
-        payload: content to send.
-        attempts: number of failed attempts.
     """
 
     id: int
@@ -265,7 +247,6 @@ class WaitingResults:
     """Results in the outbox for one target.
 
     Attributes:
-        n: their number.
         since: time at which the oldest was put there.
     """
 
@@ -288,7 +269,6 @@ class PartStory(History):
     """A part and all its events at one moment.
 
     Attributes:
-        part: the part with its present state.
         opinions: each person's latest opinion since the last review, oldest first.
         audit: its last audit, with the accepted text and the person's; None before the first.
         awaits_audit: whether it was drawn for an audit that is still open.
@@ -324,13 +304,9 @@ class Statistics:
     """The dashboard's numbers for a period.
 
     Attributes:
-        since: its beginning.
-        parts: number of parts received.
         by_camera: number of them accepted by the camera alone.
         fell_back: number of them sent to touch.
-        by_state: number of parts in each state.
         rejects: number of parts whose last reading was a reject.
-        reviewed: number of parts that a person reviewed.
         right_before_review: number of them whose reading was confirmed unchanged.
         characters_reviewed, characters_right: number of characters in the reviewed parts' texts, and of right ones.
         seconds: (p50, p99) of the reading time by source; sources without readings are left out.
@@ -360,7 +336,6 @@ class AlertRecord:
     Attributes:
         name: reject_rate, review_rate, drift, drift:JOB, bench, watched_folder, golden or golden_overdue.
         part_id: the latest part when it was raised.
-        at: time at which it was raised.
         message: description of the problem, for a person.
     """
 

@@ -42,8 +42,6 @@ class Objection:
     """Reason to send a part to review although it was read with certainty.
 
     Attributes:
-        alarm: kind of the objection.
-        why: reason in words.
         of: id of the part that already has the serial; empty otherwise.
     """
 
@@ -62,9 +60,7 @@ class NumberedSerial(NamedTuple):
     """A serial with a number that counts: KX407251 is KX, 407251.
 
     Attributes:
-        head, tail: text before and after it.
         number: the number that counts up, the last one in the serial.
-        digits: number of its digits.
     """
 
     head: str
@@ -83,7 +79,6 @@ class ProductionOrder:
     """The serials of an order.
 
     Attributes:
-        name: name of its file.
         serials: single serials, without blanks.
         ranges: first and last serial of each range, such as KX400000..KX409999.
     """
@@ -130,7 +125,6 @@ class SerialRules:
         """The objection to a serial that is out of sequence.
 
         Args:
-            text: serial of the present part.
             before: (number of parts back, serial) of the parts read with certainty, the latest first.
         """
         place = split_serial(text)

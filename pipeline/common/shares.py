@@ -12,8 +12,6 @@ class Share:
     """k of n, with its interval.
 
     Attributes:
-        count: number of cases.
-        total: number of trials.
         low: lower end of the 95 % interval; 0 without trials.
         high: upper end; 1 without trials.
 
@@ -40,7 +38,6 @@ def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, f
     """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself.
 
     Args:
-        count: number of cases.
         total: number of trials; for 0 the bounds are 0 and 1.
         confidence: confidence of each bound, between 0 and 1.
 

@@ -56,7 +56,6 @@ class Certification:
     Attributes:
         certificate: the certificate; None if no threshold is proven to keep the risk.
         tests: one test per threshold.
-        parts: number of parts.
         errors: number of these that could not be read.
         without_truth: number of parts that are not in the truth, and were not read.
         missing: estimated number of further parts for a certificate; None if there is one, or if no number suffices.
@@ -85,13 +84,10 @@ def certify(
 
     Args:
         inputs: files, folders, globs, URLs and manifests.
-        truth: CSV with the columns part and text.
         settings: read settings, for which the certificate will hold.
-        workers: settings of the workers that read.
         out: certificate file to write; the journal of the parts already read is kept beside it.
         risk: largest share of wrong readings among the accepted, between 0 and 1.
         confidence: confidence level of the test, between 0 and 1.
-        manifests: tables of parts.
 
     Raises:
         FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.

@@ -53,13 +53,10 @@ class Journal(Generic[Kept]):
 
     Attributes:
         kind: kind of run, in one word.
-        version: version of the stored form.
         keeps: type stored for a part; pydantic writes and reads it.
         facts: columns beside it, which can be read without it; see `facts_of`.
         file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
-        path: journal file.
         description: description of the run, in plain JSON values.
-        names: names of the parts that are done.
         again: names of the parts that have a second result.
         resumed: whether an interrupted run is resumed.
     """
@@ -146,8 +143,6 @@ class Journal(Generic[Kept]):
         """Store the result of a part, and return it; the last one of a part counts.
 
         Args:
-            name: name of the part.
-            kept: its result.
             again: whether it is a second result, which is stored beside the first.
 
         Raises:
@@ -159,7 +154,6 @@ class Journal(Generic[Kept]):
         """Store the results of several parts, by name, and return them; a kill leaves all of them stored, or none.
 
         Args:
-            kept: result of each part.
             again: as in `keep`.
 
         Raises:
@@ -323,14 +317,9 @@ def resumable(
     Results that arrive together are stored together.
 
     Args:
-        journal: journal of the parts that are done.
-        parts: all parts.
-        executor: executor of the work.
         work: makes a result of (order, part).
-        order: order for all parts.
         lost: makes the result of a part whose work failed or whose worker died.
         kept: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
-        name: attribute that names a part.
         again: whether the parts are done a second time.
     """
     named, done = attrgetter(name), journal.again if again else journal.names

@@ -201,7 +201,6 @@ def export(
     """Write the table of a run in order, with unnamed parts last, and end the run.
 
     Args:
-        journal: the run.
         order: names of the parts; names without a record are skipped.
         final: makes the record that is written from each stored one.
 

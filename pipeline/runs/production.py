@@ -61,9 +61,6 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
 
     Args:
         inputs: files, folders, globs, URLs and manifests.
-        settings: read settings.
-        options: checks and outputs.
-        executor: executor that reads the parts.
 
     Returns:
         0, or 1 if a part could not be read or its expected text is not confirmed.

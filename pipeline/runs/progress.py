@@ -25,7 +25,6 @@ class Progress:
         """Begin.
 
         Args:
-            total: number of parts of the run.
             done: number of these that an earlier run has read.
         """
         self._total, self._done, self._before = total, done, done

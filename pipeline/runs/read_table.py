@@ -41,7 +41,6 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
     """Lay out the table.
 
     Args:
-        records: one for each part.
         width: columns of the terminal; None: as many as are needed.
     """
     cells = [_cells(record) for record in records]

@@ -42,13 +42,9 @@ class Run:
     """A run with the outputs of its rows.
 
     Attributes:
-        journal: the run on the disk.
         quarantine: table of the parts that could not be read.
-        store: store that keeps the parts as well.
         second: second pass, with the shapes learned from the lot.
-        rules: checks of the serials of this lot.
         watch: compares the parts read now with those of a certificate.
-        progress: progress display.
         on_row: called with every final row, including those from before a resumption.
         summary: summary of all these rows.
         read_now: number of parts read since the run was opened.
@@ -144,7 +140,6 @@ def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: b
     """Open a new run with its table, or resume an interrupted one.
 
     Args:
-        options: output files and other options.
         description: settings on which the answers depend, in plain JSON values.
         second_pass: whether to run a second pass.
 

@@ -60,7 +60,6 @@ class SecondPass:
     """Learn the shapes of a lot's own die, and use them to read the parts again that were not accepted.
 
     Attributes:
-        database: glyph database to be made.
         always: whether it is made even if no part needs another reading.
         learned: what was learned; None before, and if nothing was.
         again: number of parts read again since the run was opened.
@@ -84,10 +83,6 @@ class SecondPass:
         Parts whose second reading is in the journal are left out.
 
         Args:
-            journal: first readings.
-            parts: parts of the lot.
-            job: job of the first readings.
-            executor: executor that cuts out characters.
             say: called with a message: what was learned, or why nothing was.
         """
         from recognition.decide.evidence import EVEN  # slow to import

@@ -31,9 +31,7 @@ class Summary:
     """Counts over any number of rows.
 
     Attributes:
-        parts: rows counted.
         decisions: number of parts with each decision; errors have none.
-        verdicts: number of parts with each verdict.
         errors: number of parts that could not be read.
         reasons: number of parts not accepted for each reason; a part may have several.
         faults: number of parts with each kind of error.
@@ -87,8 +85,6 @@ class Summary:
 
         Args:
             elapsed_s: seconds since the run began or was resumed.
-            read_now: number of parts read in that time.
-            workers: number of workers that read them.
         """
         lines = [self.counts()]
         for title, counter in (("not accepted", self.reasons), ("errors", self.faults)):

@@ -50,7 +50,6 @@ class LineForm:
     """A kind of table to which lines can be appended.
 
     Attributes:
-        head: first line.
         encode: makes the line of a record; raises ValueError for a record that no table can hold.
     """
 
@@ -63,7 +62,6 @@ def write_table(lines: Iterable[bytes], path: Path) -> None:
 
     Args:
         lines: lines of records in the table's form.
-        path: path of the table.
 
     Raises:
         FileError: it cannot be written.

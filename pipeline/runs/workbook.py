@@ -62,7 +62,6 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
 
     Args:
         records: at most `MOST_PARTS`.
-        path: path of the workbook.
         about: facts of the run by name; `settings` is a nested mapping.
 
     Raises:

@@ -190,9 +190,6 @@ class Service:
         """Open store and folders, and start to warm up the workers.
 
         Args:
-            settings: settings of the service.
-            reading: settings of the reader.
-            workers: settings of the worker processes.
             machine: limits that follow from the machine. Default: those of this machine.
             started_s: start of the program, by the monotonic clock. Default: now.
 

@@ -122,9 +122,7 @@ class Client:
         Args:
             photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several photographs under different lights, read as one.
             scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); bytes are read as a recording.
-            name: name of the part on the line.
             expected: text that the part should read; `part.reading.verdict` then says whether it does.
-            database: glyph database to read with.
             job: job that holds the read settings, database included.
             touch: what happens if the camera is unsure. "stage": the service's stage feels the part at once. "asked":
                 the stage feels it after a call of `touch`. Without a stage, both send the part to a person.
@@ -177,11 +175,7 @@ class Client:
         """Review a part: confirm or correct its serial, or mark it unreadable.
 
         Args:
-            part_id: id of the part.
             action: confirm, correct or unreadable.
-            text: the correct serial.
-            who: name of the reviewer.
-            note: free text.
             before: text that the reviewer saw; if it has changed since, a ServiceError with status 409 is raised.
 
         Raises:

@@ -87,7 +87,6 @@ class NewPart:
     """Data of a part beside its files.
 
     Attributes:
-        name: name on the line.
         expected: text that it should read; empty if unknown.
         database: name of the glyph database; empty for the service's own.
         job: name of the job that says how to read; empty for the service's own settings.
@@ -113,7 +112,6 @@ class Received:
     """The outcome of a request.
 
     Attributes:
-        part: the part with its present state.
         replayed: whether the same request had been answered before.
     """
 
@@ -129,7 +127,6 @@ class Intake:
         on_part: called with every part that was read.
         on_review: called with every part that a person has decided, in any thread.
         draining: the service is stopping and accepts no more parts.
-        policy: rules for review by people.
         targets: targets of results: webhook, mqtt; none in shadow mode.
     """
 
@@ -199,9 +196,7 @@ class Intake:
         """Read a new part.
 
         Args:
-            new: data of the part.
             sent: photographs, a recording or a height map, in the request's work folder.
-            idempotency: key of the request.
             call: the call that brings the part, while which it may be felt.
             keep_unreadable: if the files cannot be read, a person gets the part; otherwise the sender gets the Problem.
             unreadable: why the files cannot even be taken; a person gets the part without them.
@@ -287,9 +282,6 @@ class Intake:
         """Photograph the part under the camera, read it with a job, and feel it if the camera is unsure.
 
         Args:
-            name: name of the part.
-            job: name of its job.
-            expected: text that it should read.
             within_s: seconds that the caller waits: the part may be felt that long.
 
         Raises:

@@ -51,7 +51,6 @@ class RecentFiles:
     """The files of one folder with one suffix, without hidden ones.
 
     Attributes:
-        folder: folder of the files.
         needed: name of one that the settings name.
     """
 
@@ -136,7 +135,6 @@ class JobAnswer:
     """A job in the list.
 
     Attributes:
-        name: name that requests use.
         settings: reading settings as its file states them; files by name only, a glyph database as requests name it.
         problem: why the file cannot be used as it is now; empty if it can.
     """
@@ -164,9 +162,6 @@ class JobFolder(RecentFiles):
     """Jobs by name. Threads may share it.
 
     Attributes:
-        folder: folder of the files.
-        own: settings of parts that name no job.
-        databases: glyph databases that a job may name.
         lock: held while a job is changed from its present content; reading parts does not need it.
         call: calls a function in a worker, as `call(check_job, path, written)`; raises Problem if it cannot.
     """
@@ -184,7 +179,6 @@ class JobFolder(RecentFiles):
 
         Args:
             folder: folder of the files; it need not exist.
-            own: settings of parts that name no job.
             databases: glyph databases that a job may name (default: those in the jobs' folder).
             needed: job that the service's own settings name; a missing file of it is expected to come back.
             call: calls a function in a worker (default: in this process).
@@ -266,10 +260,6 @@ class JobFolder(RecentFiles):
 
     def save(self, name: str, written: Mapping[str, Any]) -> bool:
         """Write a job, and return whether it is new.
-
-        Args:
-            name: name of the job.
-            written: settings for the file.
 
         Raises:
             OwnProblem: a file that the job names cannot be used.
@@ -417,12 +407,6 @@ def text_to_edit(jobs: JobFolder, name: str) -> str:
 def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
     """Save the text of a job; files that it already names may stay.
 
-    Args:
-        jobs: jobs of the service.
-        name: name of the job.
-        text: edited text.
-        before: text that was shown.
-
     Raises:
         Problem: no such job, one that has changed meanwhile, invalid settings.
     """
@@ -453,10 +437,7 @@ def teach(
     """Add a line that a person has marked to a job; a new job starts with the service's own fonts and thresholds.
 
     Args:
-        jobs: jobs in which it is kept.
-        name: name of the job.
         line: the line, without a name for the serial.
-        text: text that stands there.
         height_mm: height of the serial's characters; None to measure it.
         database: glyph database of the serial; empty for none.
         replace: whether a line of that name may stand there already.

@@ -30,7 +30,6 @@ class ServiceProcess:
     """A running service.
 
     Attributes:
-        url: address of the service.
         process: the web server; its workers are its children.
     """
 

@@ -16,7 +16,6 @@ async def repeat(what: str, work: Callable[[], Awaitable[object]], *, every_s: f
 
     Args:
         what: the work, for the log.
-        work: work to be done.
         every_s: rest between the end of the work and its next beginning.
     """
     failure = ""

@@ -51,14 +51,10 @@ class TouchQueue:
     """Let the stage feel waiting parts.
 
     Attributes:
-        store: store of the waiting parts.
         feel: has the stage feel a part in a call, and keeps what was read; raises Problem, StageError.
         give_up: leaves a part to a person, and says why.
-        line: line whose parts the stage feels.
         stage: folder, bench or driver of the stage, for the log.
         knows_place: the stage can say whether a part lies under the whiskers.
-        wait_s: time that a part waits.
-        retry_s: time between two attempts at a part.
     """
 
     store: Store
@@ -94,7 +90,6 @@ class TouchQueue:
 
         Args:
             part: it is known to lie under the whiskers: its own call has brought it there, or it was released.
-            call: that is known while this lasts.
 
         Raises:
             Problem, StageError: it could not be felt.

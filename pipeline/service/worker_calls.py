@@ -52,10 +52,7 @@ class WorkerCalls:
     """Functions called in the pool's workers.
 
     Attributes:
-        pool: pool of workers.
         jobs: settings of reading and glyph databases, by name.
-        limits: limits of files.
-        metrics: counters.
     """
 
     pool: WorkPool
@@ -133,8 +130,6 @@ class WorkerCalls:
 
         Args:
             part: its files; the settings are those of the job.
-            job: name of its job.
-            database: name of its glyph database.
             felt_by: stage and order, to feel the part pass by pass while it is read.
 
         Raises:

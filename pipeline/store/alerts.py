@@ -50,7 +50,6 @@ def look_for_alerts(
     """Raise and clear alerts that are due, and put them in the outbox.
 
     Args:
-        tx: the transaction.
         limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
         window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
         drifts: differences of the parts from the certified ones, by job; empty if none, None if not known

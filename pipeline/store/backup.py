@@ -50,9 +50,7 @@ class Backup:
 
     Attributes:
         made_at: time at which its rows were copied, ISO 8601.
-        program: version of this program.
         sha256: SHA-256 of its store.db; kept elsewhere, it shows whether a backup was changed.
-        rows: in every table.
         last_delivery: highest number that any delivery has had.
         files, n_bytes: number and bytes of evidence files.
         lost: hashes of files that were missing or damaged when it was made.
@@ -72,8 +70,6 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
     """Copy a store and its files into a new folder; the service may run.
 
     Args:
-        store: store to be copied.
-        files: its evidence.
         to: the folder, not there yet.
         previous: backup on the same disk; files that it has are linked, not copied once more.
 

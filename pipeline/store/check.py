@@ -70,9 +70,7 @@ class Finding:
     """One problem.
 
     Attributes:
-        fault: its kind.
         subject: id of a part, hash of a file, or name of a target.
-        what: is wrong with it.
     """
 
     fault: Fault
@@ -85,10 +83,8 @@ class CheckReport:
     """Result of a check.
 
     Attributes:
-        parts: number of parts checked.
         files: number of evidence files found whole, or only found where they were not read.
         findings: the first thousand findings of each kind.
-        counts: number of all findings of each kind.
     """
 
     parts: int = 0
@@ -114,8 +110,6 @@ def check(
     """Check a store and its files.
 
     Args:
-        store: store to check.
-        files: its evidence.
         read_files: compare what they hold with their hashes; else only see whether they are there.
         against: backup of this store: all that it holds must still be there, unchanged.
 

@@ -75,7 +75,6 @@ class Transaction:
     """One transaction of the store.
 
     Attributes:
-        connection: connection to the database.
         now: time of all that the operation writes, in UTC.
     """
 
@@ -119,7 +118,6 @@ class Database:
     * While PostgreSQL does not answer, one transaction at a time waits for it, and the others are refused.
 
     Attributes:
-        shown: its address without the password.
         write_failed: whether the database has failed the last write.
     """
 

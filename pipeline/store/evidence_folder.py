@@ -64,7 +64,6 @@ class EvidenceFolder:
     """A folder of files named by the hash of their content.
 
     Attributes:
-        root: the folder.
         incoming: folder for uploads and work files, on the same disk.
     """
 
@@ -189,7 +188,6 @@ class EvidenceFolder:
 
         Args:
             sha256: hash of the file.
-            other: folder that has the file.
             link: make a hard link if both are on the same disk; otherwise copy.
 
         Returns:

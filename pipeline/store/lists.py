@@ -57,19 +57,13 @@ def find_parts(
     """Parts, newest first.
 
     Args:
-        tx: the transaction.
-        state: their state.
         agreement: with the line's own reader, of parts read in shadow mode.
         would_be: state that they would have outside shadow mode.
         text: text that their serial contains, in upper or lower case.
         name: text that their name contains, in upper or lower case.
         whole_name: whether it is the whole name.
-        job: job that they were read by.
-        line: line that they come from.
-        since: earliest time at which they were received.
         until: time from which on they are not wanted.
         before: id of the last part of the page before.
-        limit: most of them.
     """
     same = {"state": state, "agreement": agreement, "would_be": would_be, "job": job, "line": line}
     wanted = [parts.c[column] == fit(value, "what is sought") for column, value in same.items() if value]
@@ -110,7 +104,6 @@ def next_in_queue(
     """The oldest part to review after that one, otherwise the oldest, otherwise None.
 
     Args:
-        tx: the transaction.
         after: id of the part before.
         person: the reader; parts that another person has open or that need another reader are skipped.
         audits: parts to be audited, not those to be reviewed.

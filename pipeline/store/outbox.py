@@ -48,11 +48,8 @@ def lease(
     An owner gets its own leased deliveries again, and those of others once their lease is over.
 
     Args:
-        tx: the transaction.
         owner: name of a dispatcher that no other has.
-        target: target that it sends to.
         lease_s: time for which the others leave it alone, at most `LONGEST_LEASE_S`.
-        limit: most of them.
     """
     # services on different machines share the database's clock; theirs may differ by more than a lease
     now = tx.execute(sa.select(sa.func.now())).scalar_one() if tx.postgresql else tx.now

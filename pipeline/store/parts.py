@@ -68,14 +68,11 @@ class Added(TypedDict, total=False):
     """Data added to a part in one transaction.
 
     Attributes:
-        state: state of the part after them.
         readings: the first one first; the last one counts.
-        evidence: files that are kept already.
         plan: plan to scan; with a reading by touch it says that the part was scanned because of it.
         touch: way in which a new part waits, with TOUCH_NEEDED.
         not_felt: reason why a new part is not felt though the camera is unsure.
         targets: targets to publish to, also that touch is needed.
-        idempotency: key of the request.
         shadow: comparison with the line's own reader, in shadow mode.
         audit: have a person read it as well, if it is accepted.
         rules: checks of its serial, if it is accepted; with an objection a person gets it.
@@ -108,13 +105,7 @@ def add_part(
     """Add a part with its readings.
 
     Args:
-        tx: the transaction.
         part_id: number from `pipeline.common.part_id.new_part_id`.
-        name: the line's name for it.
-        expected: text it should read.
-        database: glyph database asked for.
-        job: job that it was read by.
-        line: line that it comes from.
         added: readings and all that comes with them, as `Added`.
 
     Raises:
@@ -224,11 +215,8 @@ class Waiting(NamedTuple):
     """A part that waits for touch.
 
     Attributes:
-        part_id: number of the part.
-        changed_at: time of its last change.
         until: time limit; None without one.
         by_stage: whether the stage of its line is to feel it.
-        line: line that it comes from.
     """
 
     part_id: str
@@ -283,7 +271,6 @@ class IdempotencyKey:
 
         Args:
             run: hash of what the run's readings depend on.
-            part: name of the part.
             digest: SHA-256 of what its files hold.
         """
         return cls(f"run {run} {digest} {part}", f"{_KEPT}{digest}")
@@ -324,7 +311,6 @@ def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | N
     """Delete idempotency keys; return their number.
 
     Args:
-        tx: the transaction.
         before: time before which keys of requests are deleted.
         files_before: time before which keys of files were last renewed that are deleted; None: none of them.
     """
@@ -365,7 +351,6 @@ def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[O
 
     Args:
         tx: the transaction that writes the part.
-        rules: rules to check.
         part: the part with its serial; a part read again under the same name is not a duplicate.
     """
     found = [rules.by_order(part.text)]

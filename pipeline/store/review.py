@@ -61,9 +61,6 @@ def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool
     """Claim a part, or renew a claim; if another person has claimed it, return that claim.
 
     Args:
-        tx: the transaction.
-        part_id: id of the part.
-        person: the claimant.
         take_over: take the part over from another person, after checking that it is not being worked on.
 
     Returns:
@@ -129,12 +126,8 @@ def review(
     With two readers a part is reviewed when two people agree; until then it waits for review, its text as it was read.
 
     Args:
-        tx: the transaction.
-        part_id: id of the part.
-        person: the reviewer.
         action: action of the person; an unreadable part has no text, whatever is given.
         text: the correct text; to confirm, the present text or an empty one.
-        note: free text.
         before: the text that the person saw.
         targets: targets to which the part is published, once it is reviewed.
         readers: number of people that must agree, 1 or 2.
@@ -181,9 +174,6 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
     The review stays in the part's history.
 
     Args:
-        tx: the transaction.
-        part_id: id of the part.
-        person: the reviewer of the part.
         targets: targets to which the part is published.
 
     Raises:

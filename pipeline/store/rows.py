@@ -30,8 +30,6 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
     """Read a part.
 
     Args:
-        tx: the transaction.
-        part_id: id of the part.
         lock: lock the part against other writers until the transaction ends.
 
     Raises:
@@ -103,7 +101,6 @@ def write_part(
 
     Args:
         tx: the transaction; it has the part locked unless it is new.
-        part: the part with its present state.
         happened: in order.
         targets: targets to publish to; a part that was read in shadow mode is never published.
         new: insert it.

@@ -65,7 +65,6 @@ class Outcome(Generic[T, R]):
     """Result of a task, or its error.
 
     Attributes:
-        task: the task.
         result: result of the function; None with an error.
         error: exception of the function, or WorkerLostError.
         more: whether another outcome is ready, so that the next one comes at once.

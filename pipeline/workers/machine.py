@@ -36,7 +36,6 @@ class Machine:
         """The limits for a number of workers on this machine.
 
         Args:
-            workers: number of workers.
             memory_mb: memory for the data of each, in MB; 0: no limit. Default: its share of the machine's.
         """
         share_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))

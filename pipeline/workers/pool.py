@@ -96,7 +96,6 @@ class WorkPool(Executor):
         """Start the workers; they warm up in the background, see `ready`.
 
         Args:
-            workers: number of processes.
             queue: maximum number of waiting jobs (default: enough to keep the workers busy).
             timeout_s: longest time of a job; its process is then replaced.
             memory_mb: memory limit of a worker; 0: no limit (default: its share of the machine's).
@@ -135,8 +134,6 @@ class WorkPool(Executor):
         """Let a worker call the function before all waiting jobs, and return its result.
 
         Args:
-            function: function to call.
-            args: its arguments.
             free_s: longest wait for a worker, seconds.
             timeout_s: longest time of the call, seconds.
 
@@ -165,8 +162,6 @@ class WorkPool(Executor):
         """Let a worker call the function.
 
         Args:
-            function: function to call.
-            args: its arguments.
             timeout_s: seconds that the job may take (default: the limit of the pool).
             first: whether it goes before the waiting jobs.
 

@@ -226,7 +226,6 @@ def pickled_call(function: Callable[..., Any], *args: Any) -> bytes:
 
     Args:
         function: function of a module that the process can import.
-        args: its arguments.
 
     Raises:
         Exception: it cannot be pickled.

@@ -69,7 +69,6 @@ class OpcUaPort:
     """The OPC UA server.
 
     Attributes:
-        host: address that it listens on.
         port: port that it listens on; with port 0 the real one once it is started.
     """
 

@@ -101,7 +101,6 @@ async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) 
     """Load the model, and set up its device.
 
     Args:
-        server: an initialised server.
         methods: Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names.
 
     Returns:
@@ -190,9 +189,7 @@ class GuardedServer(Server):
     """An asyncua server behind these limits.
 
     Attributes:
-        users: users that may sign in.
         sessions: maximum number of connections that have signed in.
-        log: log of callers' errors.
     """
 
     def __init__(self, users: Users, *, sessions: int) -> None:

@@ -168,7 +168,6 @@ class TcpPort:
     """The trigger port.
 
     Attributes:
-        host: address that it listens on.
         port: port that it listens on; with port 0 the real one once it is started.
     """
 

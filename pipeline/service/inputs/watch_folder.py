@@ -83,7 +83,6 @@ class WatchedPart:
         files: size and time of each file, by path.
         moved: keys of the same files, wherever they are moved to.
         since_s: time since which they stand unchanged, by the monotonic clock.
-        expected: text that it should read.
     """
 
     name: str

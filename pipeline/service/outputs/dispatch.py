@@ -44,8 +44,6 @@ class Connection:
 
     Attributes:
         key: mqtt, webhook, tcp or opcua.
-        name: in words.
-        since: begin of the state.
         address: address of a listening port; empty for a target.
         error: why a target cannot be reached; empty while it can, as far as is known.
         refused: why a target does not take results, by their numbers.

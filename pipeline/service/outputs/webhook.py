@@ -44,9 +44,7 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
 
     Args:
         secret: any text, or whsec_ followed by the key in base64.
-        webhook_id: value of the header webhook-id.
         timestamp: value of the header webhook-timestamp, s.
-        body: body of the request.
 
     Raises:
         SettingsError: a whsec_ secret that is no base64.

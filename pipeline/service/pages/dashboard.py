@@ -93,11 +93,9 @@ class Chart:
     """Bars or lines over the steps of a trend; the template draws them.
 
     Attributes:
-        title: title of the chart.
         tick: distance of the lines across, in parts or per cent.
         top: value at the top, a multiple of `tick`.
         every: number of steps from one label to the next.
-        bars: a value each step.
         lines: values by name; None at a step without parts.
     """
 
@@ -114,7 +112,6 @@ def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
 
     Args:
         trend: hours or days, in order.
-        each: hour or day.
     """
     if len(trend) < 2:
         return ()

@@ -157,8 +157,6 @@ def page_of(found: Sequence[PartRecord], path: str, asked: dict[str, str], befor
 
     Args:
         found: parts from this page on, one more than the page shows if there are more.
-        path: path of the list.
-        asked: query of the list.
         before: last part of the page before; empty on the first page.
     """
     shown = found[:PARTS_SHOWN]

@@ -95,7 +95,6 @@ class PictureBox:
     Attributes:
         place: place of the part's reading that is chosen with it; None where none matches it.
         char, doubt: character and doubt of the reading that has found the box.
-        x, y, width, height: pixels.
     """
 
     place: int | None
@@ -112,15 +111,12 @@ class PictureView:
     """A picture on the page.
 
     Attributes:
-        which: photo or edges.
-        title: title for its head.
         href: address; empty if there is none to be shown.
         note: why there is none, or what to know about it.
         frame: None if unknown.
         source: source of the reading whose boxes are drawn; empty if none are.
         turns: quarters counterclockwise by which it is turned.
         whole, line: views of the whole picture and of the line.
-        boxes: boxes of the characters.
         takes_room: whether there is a picture, or one to come or lost; an edge map that nobody waits for takes no room.
     """
 

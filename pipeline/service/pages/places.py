@@ -54,7 +54,6 @@ class Cell:
     """One character of a text.
 
     Attributes:
-        char: the character.
         place: it is read at; None where no place of the reading answers to it.
         doubt: doubt of that place.
     """

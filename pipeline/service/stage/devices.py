@@ -44,7 +44,6 @@ class ScanOrder:
     """Order to a stage to scan a part.
 
     Attributes:
-        part_name: name of the part on the line.
         plan: region, directions, pitches.
     """
 
@@ -90,10 +89,6 @@ class Stage(Protocol):
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
         """Feel the part that lies under the whiskers, and write a recording.
-
-        Args:
-            order: order to scan.
-            into: folder for the recording.
 
         Returns:
             The recording (.h5), in the frame of the order's region.

@@ -160,7 +160,6 @@ class LinkedStage:
     """The stage in a worker, with the one session that it opens.
 
     Attributes:
-        address: address of the connection.
         fitting: fitting reported by the driver, once it is open.
     """
 
@@ -213,7 +212,6 @@ class StageLink:
     """The service's end: serve one session of a driver to one worker.
 
     Attributes:
-        stage: stage for the worker.
         down: fault that kept the driver from answering; None if it has answered every call.
     """
 

@@ -70,7 +70,6 @@ class StageWork:
     """The stage at work.
 
     Attributes:
-        there: there is a stage.
         thread: thread that its driver is called in; knows its faults.
         by_pass: it feels parts pass by pass; else it scans the whole plan.
         knows_place: its driver can say whether a part lies under the whiskers.
@@ -92,7 +91,6 @@ class StageWork:
         """Lend the stage to a worker while a part lies under the whiskers.
 
         Args:
-            part_name: name of the part.
             call: it is known to lie there while this lasts.
 
         Raises:
@@ -192,8 +190,6 @@ class CameraWork:
         """Photograph the part of that name, and copy the photographs into the folder.
 
         Args:
-            name: name of the part.
-            folder: folder for the copies.
             known: those of some pictures' keys that already belong to a part.
 
         Raises:

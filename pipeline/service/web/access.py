@@ -128,10 +128,6 @@ def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:
     """Whether a connection comes from a program of the user that runs this one.
 
     True where that cannot be determined: on systems other than Linux, and for callers without a socket.
-
-    Args:
-        client: address and port of the caller.
-        server: address and port that it has called.
     """
     uid = user_of(client, server)
     return uid is None or uid == os.geteuid()

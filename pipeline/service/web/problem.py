@@ -34,13 +34,7 @@ log = structlog.get_logger("tactile-marks")
 
 
 class Problem(Exception):  # noqa: N818 - an answer, more than an exception
-    """A request that is answered with a problem.
-
-    Attributes:
-        status: HTTP status.
-        detail: the problem and its remedy.
-        headers: headers of the response.
-    """
+    """A request that is answered with a problem."""
 
     def __init__(self, status: int, detail: str, *, headers: dict[str, str] | None = None) -> None:
         super().__init__(detail)

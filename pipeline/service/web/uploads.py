@@ -79,9 +79,6 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
     """Write an upload into the folder.
 
     Args:
-        sent: the part of the form.
-        role: photo or scan.
-        folder: folder of this request.
         number: number of the photograph, if there are several.
 
     Raises:
@@ -112,7 +109,6 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
     """The suffix for the kind of a file: from its first bytes for a photograph, from its name for a scan.
 
     Args:
-        role: photo or scan.
         name: name of the file, for messages and scans.
         head: its first bytes, as many as `HEAD_BYTES`.
 

@@ -135,7 +135,6 @@ def patient_protocol(
     """Make the factory of HTTP protocols, with time limits for handshakes, request heads and answers.
 
     Args:
-        room: counts the connections.
         tls: certificate and key; None: no TLS.
         head_s: seconds for a handshake, and for the head of a request.
         write_s: seconds within which a caller must read what is written.
