@@ -133,7 +133,6 @@ def backup(
     to: Path,
     /,
     *,
-    previous: Path | None = None,
     at: AtStore = STORE,
 ) -> int:
     """Copy the store and its files, while the service runs.
@@ -145,13 +144,11 @@ def backup(
     ----------
     to
         New folder for the backup.
-    previous
-        Earlier backup on the same disk: files that it holds are linked, and take no further space.
     """
     with at.open_store(as_it_is=True) as store:
         from pipeline.store.backup import back_up
 
-        made = back_up(store, at.evidence, to, previous=previous)
+        made = back_up(store, at.evidence, to)
     print(f"wrote {to}: {made.rows['parts']:,} parts, {made.files:,} files, {made.n_bytes / 1e6:,.1f} MB")
     print(f"sha256 of its store.db: {made.sha256}")
     return _report_lost(made.lost)
@@ -183,7 +180,6 @@ def restore(
 def check(
     *,
     files: bool = True,
-    against: Path | None = None,
     json_output: Annotated[bool, Parameter(name="--json", negative="")] = False,
     at: AtStore = STORE,
 ) -> int:
@@ -195,15 +191,13 @@ def check(
     ----------
     files
         Read every file and compare it with its hash; otherwise only check that it exists.
-    against
-        A backup of this store: everything in it must still be in the store, unchanged.
     json_output
         Print JSON.
     """
     with at.open_store(as_it_is=True) as store:
         from pipeline.store.check import check as check_store
 
-        report = check_store(store, at.evidence, read_files=files, against=against)
+        report = check_store(store, at.evidence, read_files=files)
     print(_as_json(report) if json_output else "\n".join(_lines(report)))
     return 0 if report.well else FAILED
 

@@ -66,12 +66,11 @@ class Backup:
     lost: Sequence[str]
 
 
-def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | None = None) -> Backup:
+def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
     """Copy a store and its files into a new folder; the service may run.
 
     Args:
         to: the folder, not there yet.
-        previous: backup on the same disk; files that it has are linked, not copied once more.
 
     Raises:
         FileError: the folder is there already, is being written by another, or cannot be written.
@@ -79,8 +78,6 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
     """
     if to.exists():
         raise FileError(to, "is there already", "name a new folder for every backup")
-    if previous is not None:
-        read_manifest(previous)
     partial = to.with_name(to.name + ".partial")
     with file_errors(partial), contextlib.ExitStack() as stack:
         private_folder(partial)
@@ -88,13 +85,12 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
             raise FileError(to, "is being written by another backup", "wait for it, or name another folder")
         for left in partial.glob(f"{_STORE}*"):
             left.unlink()
-        linked = None if previous is None else EvidenceFolder(previous / _FILES)
         with _open_store(partial / _STORE) as copied:
             with store.read_transaction() as source, copied.write_transaction() as target:
                 copy_rows(source, target)
                 made_at, last = source.now.isoformat(), last_delivery(source)
                 rows = {table.name: target.count(table) for table in _TABLES}
-            counts = _take_all(copied, EvidenceFolder(partial / _FILES), files, linked=linked, live=store)
+            counts = _take_all(copied, EvidenceFolder(partial / _FILES), files, live=store)
         made = Backup(made_at, program_version(), file_sha256(partial / _STORE), rows, last, *counts)
         manifest = {"format_version": FORMAT_VERSION, **asdict(made)}
         (partial / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
@@ -205,14 +201,12 @@ def _take_all(
     files: EvidenceFolder,
     source: EvidenceFolder,
     *,
-    linked: EvidenceFolder | None = None,
     live: Store | None = None,
 ) -> tuple[int, int, list[str]]:
     """Copy every file that a store names; return their number, bytes, and the hashes of unavailable ones."""
     n_files, n_bytes, lost = 0, 0, list[str]()
     for sha256 in copied.every_needed_hash():
-        whole = linked is not None and files.take(sha256, linked, link=True) is FileState.WHOLE
-        if whole or files.take(sha256, source) is FileState.WHOLE:
+        if files.take(sha256, source) is FileState.WHOLE:
             n_files, n_bytes = n_files + 1, n_bytes + files.path(sha256).stat().st_size
         elif live is not None and not live.needed_hashes((sha256,)):  # its time was up meanwhile
             with copied.write_transaction() as tx:

@@ -11,19 +11,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from enum import StrEnum
-from pathlib import Path
 from typing import Self
 
 import sqlalchemy as sa
 
 from pipeline.common.reading_records import ReadingRecord, from_json
 from pipeline.common.records import PartRecord, PartState, ReviewRecord
-from pipeline.store.backup import unpacked
 from pipeline.store.database import AnyRow, Transaction
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 from pipeline.store.rows import READ, REVIEWED, search_columns
 from pipeline.store.store import Store
-from pipeline.store.tables import events, evidence, outbox, parts
+from pipeline.store.tables import events, outbox, parts
 
 # longest wait of a result to be sent, and of a part for touch beyond its time
 LATE = timedelta(hours=1)
@@ -56,7 +54,6 @@ class Fault(StrEnum):
     MISSING = "missing", f"{_COPY} into the service's"
     DAMAGED = "damaged", f"{_COPY} over the service's, and check the disk"
     DERIVED = "derived", f"{_WRITTEN}: compare the part with a backup"
-    CHANGED = "changed", f"{_WRITTEN} since the backup: find out who"
     STUCK = "stuck", "start the service of its line, or send a scan of the part"
     UNDELIVERED = (
         "undelivered",
@@ -104,26 +101,20 @@ class CheckReport:
         return not any(n for fault, n in self.counts.items() if fault is not Fault.ORPHANS)
 
 
-def check(
-    store: Store, files: EvidenceFolder, *, read_files: bool = True, against: Path | None = None
-) -> CheckReport:
+def check(store: Store, files: EvidenceFolder, *, read_files: bool = True) -> CheckReport:
     """Check a store and its files.
 
     Args:
         read_files: compare what they hold with their hashes; else only see whether they are there.
-        against: backup of this store: all that it holds must still be there, unchanged.
 
     Raises:
         StoreError: the store does not answer.
-        FileError: it is not a backup, or it is damaged.
     """
     report = CheckReport()
     _check_database(store, report)
     _check_parts(store, report)
     _check_outbox(store, report)
     _check_files(store, files, report, read_files=read_files)
-    if against is not None:
-        _check_against(store, against, report)
     return report
 
 
@@ -213,15 +204,3 @@ def _check_files(store: Store, files: EvidenceFolder, report: CheckReport, *, re
         orphans += len(set(names) - store.needed_hashes(names))
     if orphans:
         report.add(Fault.ORPHANS, str(files.root), f"{orphans} files belong to no part", n=orphans)
-
-
-def _check_against(store: Store, backup: Path, report: CheckReport) -> None:
-    with unpacked(backup) as (made, copied):
-        for tx, found in _pages(copied):
-            then = _by_part(tx, found, events, evidence)
-            with store.read_transaction() as now_tx:
-                now = _by_part(now_tx, found, events, evidence)
-            for part_id, rows in sorted(then.items()):
-                if any(row not in now.get(part_id, ()) for row in rows):
-                    what = "is not" if part_id in now else "is gone, and was"
-                    report.add(Fault.CHANGED, part_id, f"{what} as it was on {made.made_at[:16]}")

@@ -183,12 +183,8 @@ class EvidenceFolder:
                 _log.error("the file %s kept as evidence is %s", name, state.value)
         return tuple(found)
 
-    def take(self, sha256: str, other: EvidenceFolder, *, link: bool = False) -> FileState:
-        """Copy or link a file from another folder; the caller then flushes the disk (`os.sync`).
-
-        Args:
-            sha256: hash of the file.
-            link: make a hard link if both are on the same disk; otherwise copy.
+    def take(self, sha256: str, other: EvidenceFolder) -> FileState:
+        """Copy a file from another folder; the caller then flushes the disk (`os.sync`).
 
         Returns:
             The file's state here, or its state in the other folder if it cannot be taken.
@@ -204,10 +200,6 @@ class EvidenceFolder:
         with file_errors(target):
             target.parent.mkdir(mode=0o700, exist_ok=True)
             target.unlink(missing_ok=True)
-            if link:
-                with contextlib.suppress(OSError):
-                    os.link(other.path(sha256), target)
-                    return state
             part = self.incoming / sha256
             shutil.copyfile(other.path(sha256), part)
             part.chmod(0o600)
