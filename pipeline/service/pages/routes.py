@@ -1,11 +1,10 @@
-"""The operator's pages, made on the server; they work without script and internet.
+"""The operator's pages, made on the server; they work without internet, and all but /docs without script.
 
 /review  /review/{id}  /audit  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /docs  /login  /static/{name}
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from datetime import UTC, date, datetime, time, timedelta
 from typing import Annotated, Any, Literal
 from urllib.parse import urlencode
@@ -26,8 +25,6 @@ from pipeline.service.touch_queue import RETRY_S
 from pipeline.service.web.access import COOKIE
 from pipeline.store.access import SIGNED_IN_S
 
-Described = Mapping[str, Any]
-_KINDS = {"string": "text", "integer": "whole number", "number": "number", "boolean": "true or false"}
 Wanted = Annotated[str, Field(max_length=200)]
 Day = Annotated[date, Field(lt=date(9999, 1, 1))] | Literal[""]
 
@@ -158,49 +155,8 @@ def own_address(to: str) -> str:
 
 
 def add_interface_page(router: APIRouter, frame: Frame) -> None:
-    """The route of the page about the HTTP interface: every address with its inputs and answers.
-
-    It loads nothing from elsewhere, so it works without internet.
-    """
+    """The route of the page about the HTTP interface, Swagger UI; its files come with the program."""
 
     @router.get("/docs")
     def interface(request: Request) -> Response:
-        made = request.app.openapi()
-        groups: dict[str, list[Described]] = {}
-        for path, methods in made["paths"].items():
-            for method, one in methods.items():
-                operation = {**one, "path": path, "method": method.upper(), "takes": list(_fields(one, made))}
-                groups.setdefault(one["tags"][0].capitalize(), []).append(operation)
-        return frame.render(request, "interface.html.j2", groups=groups, made=made)
-
-
-def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, str, bool, str]]:
-    for one in operation.get("parameters", ()):
-        words = one.get("description") or one["schema"].get("description", "")
-        yield one["name"], one["in"], _kind(one["schema"], made), one.get("required", False), words
-    for media, content in operation.get("requestBody", {}).get("content", {}).items():
-        schema = _resolve(content["schema"], made)
-        for name, one in schema.get("properties", {}).items():
-            kind, needed = _kind(one, made), name in schema.get("required", ())
-            yield name, "body (JSON)" if "json" in media else "form", kind, needed, one.get("description", "")
-
-
-def _resolve(schema: Described, made: Described) -> Described:
-    for one in (schema, *schema.get("allOf", ())):
-        if "$ref" in one:
-            found: Described = made["components"]["schemas"][one["$ref"].rpartition("/")[2]]
-            return {**found, **{key: value for key, value in schema.items() if key not in ("$ref", "allOf")}}
-    return schema
-
-
-def _kind(schema: Described, made: Described) -> str:
-    schema = _resolve(schema, made)
-    if several := [one for one in schema.get("anyOf", ()) if one.get("type") != "null"]:
-        return " or ".join(dict.fromkeys(_kind(one, made) for one in several))
-    if "enum" in schema:
-        return " | ".join(map(str, schema["enum"]))
-    if schema.get("type") == "array":
-        return f"{_kind(schema.get('items', {}), made)}, may be repeated"
-    if schema.get("format") == "binary" or schema.get("contentMediaType"):
-        return "file"
-    return _KINDS.get(schema.get("type", ""), schema.get("title", "") or "any")
+        return frame.render(request, "interface.html.j2", tokens=frame.service.access.required)

@@ -395,6 +395,12 @@ def wait_for_value(page: Any, field: str, value: str) -> None:
     expect(page.locator(field)).to_have_value(value, timeout=30_000)
 
 
+def test_the_interface_is_shown_without_internet(service: Service, sit_down: Sit) -> None:
+    page = sit_down("/docs")
+    page.wait_for_selector("#operations-parts-read_part_v1_parts_post", timeout=60_000)
+    assert page.locator(".opblock").count() >= 20
+
+
 def test_a_job_is_taught_by_a_box_and_a_text(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251", name="tray-7/housing-left-0012", around=200)
     page = sit_down(f"/parts/{part_id}")
