@@ -63,8 +63,8 @@ def is_machine_error(error: BaseException) -> bool:
 
 def describe_fault(error: Exception, *, longest: int = 300) -> str:
     """Describe an unexpected error on one line: its kind and message."""
-    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return f"fault of the program ({' '.join(said.split())[:longest]})"
+    described = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"fault of the program ({' '.join(described.split())[:longest]})"
 
 
 def is_url(text: str | Path) -> bool:

@@ -32,13 +32,13 @@ def _open_bench(settings: BenchSettings) -> Iterator[Bench]:
 
     before = {}
     if threading.current_thread() is threading.main_thread():
-        before = {one: signal.signal(one, end) for one in (signal.SIGTERM, signal.SIGHUP)}
+        before = {sign: signal.signal(sign, end) for sign in (signal.SIGTERM, signal.SIGHUP)}
     try:
         with Bench(settings) as bench:
             yield bench
     finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
+        for sign, handler in before.items():
+            signal.signal(sign, handler)
 
 
 def check(bench: Path, /) -> None:
@@ -104,9 +104,9 @@ def calibrate(bench: Path, /) -> None:
     )
     with _open_bench(settings) as opened:
         opened.home()
-        found = opened.calibrate(order)
+        gains = opened.calibrate(order)
     print("gains_known = true")
-    print(f"volt_per_n_mm = [{', '.join(f'{g:.5g}' for g in found.gain)}]")
+    print(f"volt_per_n_mm = [{', '.join(f'{g:.5g}' for g in gains.gain)}]")
 
 
 def scan(
@@ -172,13 +172,13 @@ def scan(
         session = opened.session(part_id)
         if active:
             return scan_actively(session, out, height_mm=fitting.height_mm, budget_s=budget_s, format=format)
-        made = feel_all(
+        felt = feel_all(
             session,
             passes,
             on_pass=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
         )
         session.close()
-    save_scan(made, out)
+    save_scan(felt, out)
     print(f"wrote {out}")
 
 
@@ -189,12 +189,12 @@ def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> N
 
     preload = settings.touch().preload_mm
     moves = [moves_of(order, settings, preload_mm=preload) for order in passes]
-    for k, (order, one) in enumerate(zip(passes, moves, strict=True), start=1):
-        (x0, y0), (x1, y1) = one.begin_mm, one.end_mm
+    for k, (order, move) in enumerate(zip(passes, moves, strict=True), start=1):
+        (x0, y0), (x1, y1) = move.begin_mm, move.end_mm
         print(
             f"{k:4d}  {int(order.direction):3d}°  x {x0:.2f} to {x1:.2f}, y {y0:.2f} to {y1:.2f}, "
-            f"z {one.lift_z_mm:.2f} down to {one.touch_z_mm:.2f} mm, {one.speed_mm_s:.1f} mm/s, "
-            f"{one.ramp.duration_s:.2f} s"
+            f"z {move.lift_z_mm:.2f} down to {move.touch_z_mm:.2f} mm, {move.speed_mm_s:.1f} mm/s, "
+            f"{move.ramp.duration_s:.2f} s"
         )
     save_figure(moves_figure(moves, settings), picture)
     print(f"{len(moves)} passes, all within the stage's travel; wrote {picture}; nothing has moved")

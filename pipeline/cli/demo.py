@@ -81,15 +81,15 @@ def _read(out: Path, settings: ReadSettings) -> int:
     print(f"{'part':<13} {'stamped':<9} {'read':<9} {'':<6} {'decision':<9} confidence  font", flush=True)
     reader, parts = Reader(format="********", orientation=Orientation.UPRIGHT), []
     for number, (name, stamping) in enumerate(PLATES.items()):
-        made = stamp(**stamping, seed=(_SEED, number))
-        write_npz(out / f"{name}.npz", made.height_map)
+        plate = stamp(**stamping, seed=(_SEED, number))
+        write_npz(out / f"{name}.npz", plate.height_map)
         array = replace(virtual_array(settings), seed=_SEED + number)
-        scan = VirtualBench.mount(made.height_map, made.height_mm, array, part_id=name).scan()
+        scan = VirtualBench.mount(plate.height_map, plate.height_mm, array, part_id=name).scan()
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
         save_calibration(recording, calibrate_scan(scan).calibration)
         reading = reader.read(load_scan(recording))
-        part = SheetPart(name, stamping["text"], reading, level(made.height_map))
+        part = SheetPart(name, stamping["text"], reading, level(plate.height_map))
         parts.append(part)
         print(
             f"{name:<13} {part.truth:<9} {reading.text or 'nothing':<9} {'right' if part.right else 'WRONG':<6} "

@@ -139,21 +139,21 @@ def design(
     within: Any = {"limits": limits, "section": section}
     tuned = None if sensitive_to is None else tune(math.radians(sensitive_to), request, **within)
     try:
-        made = tuned.design if tuned else design_whisker(request, **within)
+        chosen = tuned.design if tuned else design_whisker(request, **within)
     except NoWhiskerError as error:
         raise DesignError(explain_failure(error)) from error
-    trades = (slide_trade_off(made), speed_trade_off(made)) if trade_offs and tuned is None else ()
-    print_report(made, trades=trades, tuned=tuned)
+    trades = (slide_trade_off(chosen), speed_trade_off(chosen)) if trade_offs and tuned is None else ()
+    print_report(chosen, trades=trades, tuned=tuned)
     if out is not None:
-        write_whisker_file(out, _file(made))
+        write_whisker_file(out, _file(chosen))
         print(f"wrote {out}")
     if drawing is not None:
-        save_drawing(_file(made), drawing)
+        save_drawing(_file(chosen), drawing)
         print(f"wrote {drawing}")
     if picture is not None:
         from pipeline.plots.design_picture import design_figure
 
-        write_picture(design_figure(made, trades=trades, tuned=tuned), picture)
+        write_picture(design_figure(chosen, trades=trades, tuned=tuned), picture)
 
 
 def _report_built(path: Path, request: Request, limits: Limits) -> None:
@@ -170,8 +170,8 @@ def _report_built(path: Path, request: Request, limits: Limits) -> None:
     if built.whisker.is_straight:
         raise CommandError(f"{path} is a straight whisker", hint="it is a profiler: F is 1 on every wall")
     known = built.known or Knowledge((), np.zeros((0, 0)))
-    found = predictions(built.whisker, built.touch, known, more=fitness(request))
-    print("\n".join(prediction_lines(found, measured=built.known is not None)))
+    predicted = predictions(built.whisker, built.touch, known, more=fitness(request))
+    print("\n".join(prediction_lines(predicted, measured=built.known is not None)))
     print_limits(check(built.whisker, request, limits, preload_mm=built.touch.preload_mm).rows())
 
 
@@ -197,20 +197,20 @@ def _sizes(text: str) -> tuple[int, ...]:
     return tuple(sizes)
 
 
-def _file(made: Design) -> WhiskerFile:
+def _file(built: Design) -> WhiskerFile:
     """The design as a whisker file; the stage is set up at the nominal friction, if it is in the range."""
     from pipeline.formats.whisker_file import WhiskerFile
     from whisker_array.whisker.defaults import NOMINAL_FRICTION
     from whisker_array.whisker.touch import Touch
 
-    whisker, (least, most) = made.whisker, made.request.mu
+    whisker, (least, most) = built.whisker, built.request.mu
     friction = min(max(NOMINAL_FRICTION, least), most)
     tip, words = whisker.tip_model(), whisker.describe()
     return WhiskerFile(
         whisker=whisker,
-        touch=Touch(tip, made.preload_mm, made.request.tip_radius_mm, friction, words),
-        character_height_mm=made.request.character_height_mm,
-        line_pitch_mm=made.request.line_pitch_mm,
-        sample_pitch_mm=made.request.sample_pitch_mm,
-        speed_mm_s=made.speed_mm_s,
+        touch=Touch(tip, built.preload_mm, built.request.tip_radius_mm, friction, words),
+        character_height_mm=built.request.character_height_mm,
+        line_pitch_mm=built.request.line_pitch_mm,
+        sample_pitch_mm=built.request.sample_pitch_mm,
+        speed_mm_s=built.speed_mm_s,
     )

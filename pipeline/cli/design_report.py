@@ -187,11 +187,11 @@ def _room(constraint: Constraint, *, rounding: float = 5e-3) -> str:
 def _print_trade(trade: TradeOff) -> None:
     rows = (
         (
-            f"{at:.3g}",
+            f"{angle:.3g}",
             "none" if contrast is None else f"{contrast:.3f}",
-            "as designed" if at == trade.at else "",
+            "as designed" if angle == trade.at else "",
         )
-        for at, contrast in zip(trade.allowed, trade.contrast, strict=True)
+        for angle, contrast in zip(trade.allowed, trade.contrast, strict=True)
     )
     print()
     print_table((f"{trade.name}, {trade.unit}", "worst edge contrast", ""), rows, ("",))
@@ -200,13 +200,16 @@ def _print_trade(trade: TradeOff) -> None:
 def _print_tuned(tuned: Tuned) -> None:
     low, middle, high = tuned.table_mu
     places = ", ".join(f"{math.degrees(p):.1f}" for p in tuned.place_rad)
-    at = f"{math.degrees(tuned.alpha_rad):g} deg"
+    angle = f"{math.degrees(tuned.alpha_rad):g} deg"
     if tuned.kind is Kind.NULL:
         print(
-            f"null at {at}: the moment vanishes there and changes sign, gentler walls one way, steeper ones the other"
+            f"null at {angle}: the moment vanishes there and changes sign, "
+            "gentler walls one way, steeper ones the other"
         )
     else:
-        print(f"threshold at {at}: no other whisker grows faster there; steeper walls than {at} may jam it")
+        print(
+            f"threshold at {angle}: no other whisker grows faster there; steeper walls than {angle} may jam it"
+        )
     print(
         f"{'the moment vanishes' if tuned.kind is Kind.NULL else 'it would jam'} at {places} deg at friction "
         f"{low:.2g}, {middle:.2g}, {high:.2g}: friction shifts the place of every whisker by its friction angle\n"
@@ -251,9 +254,9 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
 
 
 def _describe_section(whisker: LShaped) -> str:
-    section, made = whisker.section, whisker.material.name
+    section, material = whisker.section, whisker.material.name
     if isinstance(section, Rectangle):
-        return f"{made} ribbon {section.thickness_mm:.3f} mm thick, {section.width_mm:.2f} mm wide"
+        return f"{material} ribbon {section.thickness_mm:.3f} mm thick, {section.width_mm:.2f} mm wide"
     if isinstance(section, Round):
-        return f"round {made} {section.diameter_mm:.3f} mm"
-    return f"{made}, {section}"
+        return f"round {material} {section.diameter_mm:.3f} mm"
+    return f"{material}, {section}"

@@ -167,9 +167,9 @@ def run(
     with _at_work(len(source.items()), out, jobs, cluster) as (progress, executor):
         trials = run_benchmark(tried, out, executor=executor, progress=progress)
         progress.step("drawing the report")
-        document, files, found = write_report(tried, trials, out, certificate=vouching, executor=executor)
+        document, files, result = write_report(tried, trials, out, certificate=vouching, executor=executor)
     print_document(document, files)
-    _check_stable(found)
+    _check_stable(result)
 
 
 def export(
@@ -206,12 +206,12 @@ def export(
 
     exam = DesignedParts(design_named(design), parts)
     if check:
-        found = exporting.check(exam, folder)
-        for path, problem in found.items():
+        differences = exporting.check(exam, folder)
+        for path, problem in differences.items():
             print(f"{path}: {problem}")
-        if found:
+        if differences:
             hint = "run the export again, and remove files that are not in the manifest"
-            raise CommandError(f"the folder differs from its manifest, files: {len(found)}", hint=hint)
+            raise CommandError(f"the folder differs from its manifest, files: {len(differences)}", hint=hint)
         print(f"{folder} matches its manifest")
         return
     with _at_work(len(exam.items()), folder, jobs, cluster) as (progress, executor):
@@ -277,9 +277,9 @@ def score(
     else:
         source = DesignedParts(design_named(design or ""), parts)
         items = designed_items(source)
-    given = parse_given(give)
+    senses = parse_given(give)
     read = {
-        reader: load_answers(path, items, reader=reader, given=given)
+        reader: load_answers(path, items, reader=reader, given=senses)
         for reader, path in zip(names, readings, strict=True)
     }
     for reader, answers in read.items():
@@ -325,13 +325,13 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs
 
 
 @contextmanager
-def _at_work(n: int, kept: Path, jobs: int, cluster: str | None) -> Iterator[tuple[Progress, Executor]]:
+def _at_work(n: int, journal: Path, jobs: int, cluster: str | None) -> Iterator[tuple[Progress, Executor]]:
     from pipeline.runs.progress import Progress
     from pipeline.workers.options import WorkerSettings
 
     with (
         Progress() as progress,
-        resumable(kept),
+        resumable(journal),
         WorkerSettings(jobs=jobs, cluster=cluster).opened(n) as executor,
     ):
         yield progress, executor
@@ -359,8 +359,8 @@ def _parts(
         what = f"benchmark: --design and --{words.get(more[0], more[0])} both describe the parts"
         raise UsageError(what, "leave one of them out")
     if inputs is not None and truth is not None:
-        made = ["parts"] * (parts is not None) + ["give"] * bool(give)
-        if extra := [*made, *(name for name in levels if name not in ("severity", "font", "format"))]:
+        part_flags = ["parts"] * (parts is not None) + ["give"] * bool(give)
+        if extra := [*part_flags, *(name for name in levels if name not in ("severity", "font", "format"))]:
             raise UsageError(f"benchmark: --{words.get(extra[0], extra[0])} is for parts that are made")
         formats, severities = levels.get("format", ("",)), levels.get("severity", (None,))
         if len(formats) > 1 or len(severities) > 1:
@@ -379,14 +379,14 @@ def _numbers(text: str) -> tuple[float, ...]:
         raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 
 
-def _check_stable(found: Statistics) -> None:
+def _check_stable(statistics: Statistics) -> None:
     """Report every accepted serial that a perturbation changed into another accepted serial.
 
     Single experts and other programs make no decisions: only the report shows their changes.
     """
     from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 
-    deciding = [s for s in found.stability if s.perturbation and s.key.mode not in {*EXPERTS, *PEERS}]
+    deciding = [s for s in statistics.stability if s.perturbation and s.key.mode not in {*EXPERTS, *PEERS}]
     faults = [(s.key.reader, f) for s in deciding for f in s.faults]
     for reader, f in faults:
         print(f"FAULT: {f.part}, {reader}: accepted as {f.before}, and under {f.perturbation} as {f.after}")

@@ -55,7 +55,7 @@ def failures_reported() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def resumable(kept: str | Path | None, *, hint: str = "") -> Iterator[None]:
+def resumable(output: str | Path | None, *, hint: str = "") -> Iterator[None]:
     """After an interrupt, report where finished parts are kept, or the hint; None: nothing is kept.
 
     Raises:
@@ -64,9 +64,9 @@ def resumable(kept: str | Path | None, *, hint: str = "") -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as error:
-        if kept is None:
+        if output is None:
             raise
-        hint = hint or f"finished parts are kept in {kept}, run the same command again to continue"
+        hint = hint or f"finished parts are kept in {output}, run the same command again to continue"
         raise CommandError("interrupted", hint=hint, status=INTERRUPTED) from error
 
 

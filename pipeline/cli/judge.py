@@ -83,13 +83,13 @@ def certify(
 
     check_writable(out)
     with resumable(out.parent, hint=_GO_ON):
-        found = certification.certify(
+        result = certification.certify(
             inputs, truth, reading, workers, out=out, risk=greatest_risk, confidence=confidence,
             manifests=manifest,
         )  # fmt: skip
-    _print_tests(found, confidence)
-    if found.certificate is None:
-        print(_what_is_missing(found, greatest_risk, confidence))
+    _print_tests(result, confidence)
+    if result.certificate is None:
+        print(_what_is_missing(result, greatest_risk, confidence))
         if out.exists():
             old = load_certificate(out)
             print(
@@ -97,22 +97,22 @@ def certify(
             )
         return FAILED
     page = out.with_suffix(".html")
-    write_certificate(found.certificate, out)
-    write_certificate_page(found.certificate, page)
-    print(f"{found.certificate.describe()}\nwrote {out}\nwrote {page}")
+    write_certificate(result.certificate, out)
+    write_certificate_page(result.certificate, page)
+    print(f"{result.certificate.describe()}\nwrote {out}\nwrote {page}")
     return 0
 
 
-def _print_tests(found: Certification, confidence: float) -> None:
+def _print_tests(result: Certification, confidence: float) -> None:
     from pipeline.cli.shared import print_table
 
-    words = [f"{found.parts:,} labelled parts"]
-    words += [f"{found.errors:,} with an error"] if found.errors else []
-    words += [f"{found.without_truth:,} without a label left out"] if found.without_truth else []
+    words = [f"{result.parts:,} labelled parts"]
+    words += [f"{result.errors:,} with an error"] if result.errors else []
+    words += [f"{result.without_truth:,} without a label left out"] if result.without_truth else []
     print(", ".join(words))
     rows = (
         (f"{test.threshold:g}", f"{test.accepted:,}", test.wrong, f"{test.bound:.3%}", test.shown.value)
-        for test, after in zip(found.tests, (*found.tests[1:], None), strict=True)
+        for test, after in zip(result.tests, (*result.tests[1:], None), strict=True)
         # the last of the thresholds that accept the same parts
         if after is None or after.accepted != test.accepted or after.shown is not test.shown
     )
@@ -120,15 +120,15 @@ def _print_tests(found: Certification, confidence: float) -> None:
     print_table(headings, rows, ("risk",))
 
 
-def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
+def _what_is_missing(result: Certification, risk: float, confidence: float) -> str:
     from pipeline.common.accepted_risk import parts_needed
     from recognition.decide.risk_text import risk_in_words
 
     needed = parts_needed(risk, confidence=confidence)
     more = (
         "parts like these are accepted wrongly too often, or never accepted: more will not help"
-        if found.missing is None
-        else f"about {found.missing:,} more parts like these are missing"
+        if result.missing is None
+        else f"about {result.missing:,} more parts like these are missing"
     )
     return (
         f"not certified: a risk of {risk_in_words(risk)} at {confidence:.0%} confidence takes {needed:,} accepted "
@@ -182,11 +182,11 @@ def study(
 
     with resumable(out, hint=_GO_ON):
         plan = StudyPlan(with_flags(reading, parts), repeats, arrays)
-        found, document, written = run_study(
+        result, document, written = run_study(
             plan, inputs, out, WorkerSettings(jobs=jobs), reviewers=reviewers, truth=truth
         )
     print_document(document, written)
-    errors = {m.part for m in found.measured if m.error}
+    errors = {m.part for m in result.measured if m.error}
     if errors:
         what = f"{len(errors)} parts could not be read in every trial; they are in readings.csv"
         print(f"{what}: {first_of(sorted(errors))}", file=sys.stderr)

@@ -154,9 +154,9 @@ for _words, _group, _function, _line, _ in _COMMANDS:
     _within.command(_found, name=_name, help=_line, group=_panel, help_format="markdown")
 
 
-def _command_of(given: Sequence[str]) -> tuple[list[str], App]:
+def _command_of(arguments: Sequence[str]) -> tuple[list[str], App]:
     words, command = [], app
-    for word in given:
+    for word in arguments:
         if word.startswith("-") or word not in command:
             break
         words.append(word)
@@ -164,11 +164,11 @@ def _command_of(given: Sequence[str]) -> tuple[list[str], App]:
     return words, command
 
 
-def _show_less(given: Sequence[str]) -> Callable[[], None]:
+def _show_less(arguments: Sequence[str]) -> Callable[[], None]:
     """Let help show only the most important commands and flags; the returned function reports how much was left out."""
     from cyclopts.help.formatters import DefaultFormatter
 
-    words, _ = _command_of(given)
+    words, _ = _command_of(arguments)
     flags = next((flags for name, *_, flags in _COMMANDS if name == " ".join(words)), None)
     shown = {f"--{flag}" for flag in (flags or "").split()}
     left_out = 0
@@ -177,12 +177,12 @@ def _show_less(given: Sequence[str]) -> Callable[[], None]:
         def __call__(self, console: Any, options: Any, panel: Any) -> None:
             nonlocal left_out
             if flags is None:
-                kept = [e for e in panel.entries if words or not {*e.names} & {*_MORE}]
+                entries = [e for e in panel.entries if words or not {*e.names} & {*_MORE}]
             else:
-                kept = [e for e in panel.entries if e.required or e.positional_label or shown & {*e.names}]
-            left_out += len(panel.entries) - len(kept)
-            panel.entries = kept
-            if kept:
+                entries = [e for e in panel.entries if e.required or e.positional_label or shown & {*e.names}]
+            left_out += len(panel.entries) - len(entries)
+            panel.entries = entries
+            if entries:
                 super().__call__(console, options, panel)
 
     app.help_formatter = Short()
@@ -264,9 +264,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain("interrupted", INTERRUPTED)
 
 
-def _worker_of(given: Sequence[str]) -> contextlib.AbstractContextManager[None]:
+def _worker_of(arguments: Sequence[str]) -> contextlib.AbstractContextManager[None]:
     """Start a worker that imports the reader's libraries while this process parses arguments; only for `read`."""
-    if given[:1] != ["read"] or any(word.partition("=")[0] in (*_HELP, "--cluster") for word in given):
+    if arguments[:1] != ["read"] or any(
+        word.partition("=")[0] in (*_HELP, "--cluster") for word in arguments
+    ):
         return contextlib.nullcontext()
     from pipeline.workers.process import started_early
 
@@ -308,16 +310,16 @@ def _open_streams() -> None:
                 os.close(null)
             setattr(sys, name, open(number, "r" if name == "stdin" else "w"))  # noqa: SIM115
     for name in ("stdout", "stderr"):
-        given = getattr(sys, name)
-        if isinstance(given, io.TextIOWrapper):  # a file's name may hold bytes that are not text
-            given.reconfigure(errors="backslashreplace")
-        if type(given) is io.TextIOWrapper:  # not a test's replacement
+        standard = getattr(sys, name)
+        if isinstance(standard, io.TextIOWrapper):  # a file's name may hold bytes that are not text
+            standard.reconfigure(errors="backslashreplace")
+        if type(standard) is io.TextIOWrapper:  # not a test's replacement
             stream = _Output(
-                given.buffer, given.encoding, given.errors,
-                line_buffering=given.line_buffering, write_through=given.write_through,
+                standard.buffer, standard.encoding, standard.errors,
+                line_buffering=standard.line_buffering, write_through=standard.write_through,
             )  # fmt: skip
             setattr(sys, name, stream)
-            given.detach()
+            standard.detach()
 
 
 def _explain(error: CycloptsError) -> str:
@@ -328,10 +330,10 @@ def _explain(error: CycloptsError) -> str:
     if isinstance(error, UnknownOptionError):
         from pipeline.cli.settings import unknown_flag_hint
 
-        given = error.token.keyword or error.token.value.partition("=")[0]
+        flag = error.token.keyword or error.token.value.partition("=")[0]
         flags = [name for argument in error.argument_collection if argument.parse for name in argument.names]
         return " ".join(
-            (f"Unknown option: {given}.", unknown_flag_hint(given, flags), f"(see {PROGRAM} --help)")
+            (f"Unknown option: {flag}.", unknown_flag_hint(flag, flags), f"(see {PROGRAM} --help)")
         )
     return f"{error} (see {PROGRAM} --help)"
 

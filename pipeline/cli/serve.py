@@ -123,9 +123,9 @@ def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettin
     room = Room(an_address=connections_of_address(most), most=most, proxies=settings.trusted_proxies)
     with contextlib.ExitStack() as until_served:
         bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
-        for one, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
-            if one.port:  # tried here, so that the error is one line and not a running server's
-                listening(one.host, one.port, option=option).close()
+        for line_port, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
+            if line_port.port:  # tried here, so that the error is one line and not a running server's
+                listening(line_port.host, line_port.port, option=option).close()
         service = RunningService(settings, reading, workers, started_s=STARTED_S)
         until_served.pop_all()
     set_up_logs("text" if sys.stderr.isatty() else "json")
@@ -146,8 +146,8 @@ def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettin
     )
     host, port = bound.getsockname()[:2]
     scheme = "http" if tls is None else "https"
-    at = f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
-    _say(f"tactile-marks serves at {at} (page: /, interface: /openapi.json); Ctrl-C ends it")
+    address = f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
+    _say(f"tactile-marks serves at {address} (page: /, interface: /openapi.json); Ctrl-C ends it")
     if settings.shadow:
         _say(
             "shadow mode: parts are read and compared with the line's own reader; nothing is decided or published"

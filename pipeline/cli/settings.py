@@ -130,11 +130,11 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
     for argument in (a for a in arguments if a.hint in MODELS):
         fields = _leaves(argument)
         if argument.hint is ReadSettings and job is not None:
-            said = read_job_file(job).settings.model_dump(exclude_unset=True)
-            given = [(name, value, f"{name} in {job}") for name, value in said.items()]
+            settings_of_job = read_job_file(job).settings.model_dump(exclude_unset=True)
+            values = [(name, value, f"{name} in {job}") for name, value in settings_of_job.items()]
         else:
-            given = [*_of_environment(argument.hint), *_of_file(argument.hint, file, written)]
-        for name, value, source in given:
+            values = [*_of_environment(argument.hint), *_of_file(argument.hint, file, written)]
+        for name, value, source in values:
             if not fields[name].has_tokens:
                 _give(fields[name], argument.hint.leaves()[name], value, source)
         for token in fields["database"].tokens if argument.hint is ReadSettings else ():
@@ -145,8 +145,8 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
 
 def with_flags(settings: S, *flags: Settings) -> S:
     """Settings from file and environment, with those that have a flag on the command line."""
-    given = {name: value for group in flags for name, value in group if name in group.model_fields_set}
-    return settings.model_copy(update=given)
+    flagged = {name: value for group in flags for name, value in group if name in group.model_fields_set}
+    return settings.model_copy(update=flagged)
 
 
 def explained(error: CycloptsError) -> str:
@@ -165,35 +165,35 @@ def flag_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def unknown_flag_hint(given: str, flags: Sequence[str]) -> str:
+def unknown_flag_hint(unknown: str, flags: Sequence[str]) -> str:
     """A sentence on what an unknown flag may mean; empty if that is unclear.
 
     It may be a former name, a setting without a flag, one written with its table's name, or a misspelling.
     """
-    name = given[2:].replace("-", "_")
+    name = unknown[2:].replace("-", "_")
     for model in MODELS:
         written = model.replaced.get(name, "")
         if written and flag_of(written.split()[0]) in flags:
             setting, _, value = written.partition(" = ")
             return f"Did you mean {f'{flag_of(setting)} {value}'.rstrip()}?"
-        if given not in flags and name in model.leaves():
+        if unknown not in flags and name in model.leaves():
             return (
                 f"Set {f'{model.table}.{name}'.lstrip('.')} in {DEFAULT_FILE} or as {model.variable(name)}."
             )
-        plain = re.sub(rf"^--{model.table}[.-]", "--", given) if model.table else given
+        plain = re.sub(rf"^--{model.table}[.-]", "--", unknown) if model.table else unknown
         if plain in flags:
             return f"Did you mean {plain}?"
-    first_word = [flag for flag in flags if flag[2:].split("-")[0] == given[2:].split("-")[0]]
-    near = (*difflib.get_close_matches(given, flags, n=1, cutoff=_ALIKE), *first_word)
+    first_word = [flag for flag in flags if flag[2:].split("-")[0] == unknown[2:].split("-")[0]]
+    near = (*difflib.get_close_matches(unknown, flags, n=1, cutoff=_ALIKE), *first_word)
     return f"Did you mean {near[0]}?" if near else ""
 
 
 def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:
-    found: dict[str, Argument] = {}
+    leaves: dict[str, Argument] = {}
     for child in argument.children:
         name = f"{within}{child.keys[-1]}"
-        found |= _leaves(child, f"{name}.") if child.children else {name: child}
-    return found
+        leaves |= _leaves(child, f"{name}.") if child.children else {name: child}
+    return leaves
 
 
 def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None:
@@ -214,7 +214,7 @@ def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None
 def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
     prefix, names = model.variable(""), {model.variable(name): name for name in model.leaves()}
     others = tuple(
-        one.variable("") for one in MODELS if one.variable("").startswith(prefix) and one is not model
+        other.variable("") for other in MODELS if other.variable("").startswith(prefix) and other is not model
     )
     for variable, value in os.environ.items():
         if variable.upper().startswith(prefix) and not variable.upper().startswith(others):
@@ -224,12 +224,12 @@ def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
 
 
 def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    tables = {one.table for one in MODELS}
-    own = (
+    tables = {other.table for other in MODELS}
+    table = (
         written.get(model.table, {}) if model.table else {k: v for k, v in written.items() if k not in tables}
     )
-    for name, value in _flat(own, model, file, model.table):
-        others = [one.table for one in MODELS if one.table != model.table and name in one.leaves()]
+    for name, value in _flat(table, model, file, model.table):
+        others = [other.table for other in MODELS if other.table != model.table and name in other.leaves()]
         if others and name not in model.leaves():
             place = f"under [{others[0]}]" if others[0] else "above the first table"
             raise SettingsError(f"{name} in {file} is in the wrong place", hint=f"write it {place}")
@@ -245,10 +245,10 @@ def _of_file(model: type[Settings], file: Path, written: dict[str, Any]) -> Iter
 def _unknown_section(name: str, file: Path) -> SettingsError:
     leaves = {f"{model.table}.{leaf}" for model in MODELS if model.table for leaf in model.leaves()}
     sections = sorted({leaf.rpartition(".")[0] for leaf in leaves} | {"line"})
-    own = name.rpartition(".")[2]
-    near = [one for one in sections if one.rpartition(".")[2] == own]
+    name_alone = name.rpartition(".")[2]
+    near = [section for section in sections if section.rpartition(".")[2] == name_alone]
     near = near or difflib.get_close_matches(name, sections, n=1, cutoff=_ALIKE)
-    known = ", ".join(f"[{one}]" for one in sections)
+    known = ", ".join(f"[{section}]" for section in sections)
     hint = f"did you mean [{near[0]}]?" if near else f"the sections are {known}"
     return SettingsError(f"unknown section [{name}] in {file}", hint=hint)
 

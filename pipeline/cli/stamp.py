@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,7 +55,7 @@ def show(*font: str, out: Path | None = None) -> None:
 
     out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
     check_writable(out, PICTURES)
-    fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
+    fonts = list(chain.from_iterable(map(_fonts_of, font or BUILTIN_FONTS)))
     write_picture(sheet_figure(fonts), out)
 
 
@@ -140,17 +141,17 @@ def synth(
     spec = SynthSpec(**vars(stamping), soiling=Soiling(split_commas(soil), dirt, mixture=mixture))
     with WorkerSettings(jobs=jobs).opened(parts) as executor:
         each = partial(ordered_map, executor)
-        made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
-    print(f"wrote {len(made)} part{'s' if len(made) != 1 else ''} and truth.csv to {out}")
+        written = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
+    print(f"wrote {len(written)} part{'s' if len(written) != 1 else ''} and truth.csv to {out}")
 
 
 def _amounts(mix: str, kinds: Iterable[str]) -> dict[str, float]:
     try:
-        found = {
-            kind.strip(): float(amount) for kind, amount in (one.split("=") for one in split_commas(mix))
+        amounts = {
+            kind.strip(): float(amount) for kind, amount in (words.split("=") for words in split_commas(mix))
         }
     except ValueError as error:
         raise UsageError(f"--mix is {mix!r}", "write kinds and amounts, such as grime=0.5,oil=0") from error
-    if unknown := [kind for kind in found if kind not in kinds]:
+    if unknown := [kind for kind in amounts if kind not in kinds]:
         raise UsageError(f"--mix has the unknown kind {unknown[0]!r}", f"the kinds are {', '.join(kinds)}")
-    return found
+    return amounts

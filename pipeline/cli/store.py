@@ -48,8 +48,8 @@ class StoreOptions:
     @property
     def settings(self) -> ServiceSettings:
         """Settings of the service, at this folder and store."""
-        given = {"store": self.store, "folder": self.folder}
-        return self.service.model_copy(update={k: v for k, v in given.items() if v is not None})
+        changes = {"store": self.store, "folder": self.folder}
+        return self.service.model_copy(update={k: v for k, v in changes.items() if v is not None})
 
     @property
     def evidence(self) -> EvidenceFolder:
@@ -108,11 +108,11 @@ def add(
 def list_tokens(*, at: AtStore = STORE) -> None:
     """List the tokens, without their secrets."""
     with at.open_store() as store:
-        found = store.tokens()
-    for token in found:
+        tokens = store.tokens()
+    for token in tokens:
         scopes = ", ".join(sorted(token.scopes))
         print(f"{token.name:<24} {scopes:<20} made {token.created_at:%Y-%m-%d}  {_status(token)}")
-    if not found:
+    if not tokens:
         print("no tokens; make one with `tactile-marks tokens add NAME --scope read`", file=sys.stderr)
 
 
@@ -148,10 +148,12 @@ def backup(
     with at.open_store(as_it_is=True) as store:
         from pipeline.store.backup import back_up
 
-        made = back_up(store, at.evidence, to)
-    print(f"wrote {to}: {made.rows['parts']:,} parts, {made.files:,} files, {made.n_bytes / 1e6:,.1f} MB")
-    print(f"sha256 of its store.db: {made.sha256}")
-    return _report_lost(made.lost)
+        manifest = back_up(store, at.evidence, to)
+    print(
+        f"wrote {to}: {manifest.rows['parts']:,} parts, {manifest.files:,} files, {manifest.n_bytes / 1e6:,.1f} MB"
+    )
+    print(f"sha256 of its store.db: {manifest.sha256}")
+    return _report_lost(manifest.lost)
 
 
 def restore(
@@ -172,9 +174,11 @@ def restore(
         from pipeline.store.backup import restore as restore_backup
 
         private_folder(at.settings.folder)
-        made = restore_backup(backup, store, at.evidence)
-    print(f"restored {made.rows['parts']:,} parts as they were on {made.made_at[:16].replace('T', ' ')} UTC")
-    return _report_lost(made.lost)
+        manifest = restore_backup(backup, store, at.evidence)
+    print(
+        f"restored {manifest.rows['parts']:,} parts as they were on {manifest.made_at[:16].replace('T', ' ')} UTC"
+    )
+    return _report_lost(manifest.lost)
 
 
 def check(
@@ -224,8 +228,8 @@ def _lines(report: CheckReport) -> list[str]:
         lines = [f"{report.parts:,} parts checked, {report.files:,} files intact"]
     for fault, n in report.counts.items():
         lines.append(f"{fault.value}: {n:,}; {fault.todo}")
-        of_kind = [found for found in report.findings if found.fault is fault]
-        lines += [f"  {found.subject}  {found.what}" for found in of_kind[:_MOST_SHOWN]]
+        of_kind = [finding for finding in report.findings if finding.fault is fault]
+        lines += [f"  {finding.subject}  {finding.what}" for finding in of_kind[:_MOST_SHOWN]]
         if len(of_kind) > _MOST_SHOWN:
             lines.append("  and more; --json names them")
     return lines

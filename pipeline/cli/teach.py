@@ -105,8 +105,8 @@ def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
     from pipeline.plots.fonts_picture import exemplars_figure
 
     held = load_database(database)
-    own = [one for one in held.exemplars if one.font_name == report.font]
-    write_picture(exemplars_figure(held.fonts[report.font], own, report.set_aside), picture)
+    exemplars = [exemplar for exemplar in held.exemplars if exemplar.font_name == report.font]
+    write_picture(exemplars_figure(held.fonts[report.font], exemplars, report.set_aside), picture)
 
 
 def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
@@ -115,14 +115,14 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
 
     texts, listed = load_truth(truth), discover(inputs)
     listed.report_passed_over([truth])
-    found = []
+    parts = []
     for part in listed:
         text = texts.text_of(part.name)
         if part.problem is not None:
             raise part.problem
         if text and part.felt:
-            found.append(replace(part, expected=text))
-    return found
+            parts.append(replace(part, expected=text))
+    return parts
 
 
 def _of_store(
@@ -136,7 +136,7 @@ def _of_store(
     from pipeline.formats.part_files import PartFiles
 
     since = None if since_days is None else datetime.now(UTC) - timedelta(days=since_days)
-    found: list[PartFiles] = []
+    parts: list[PartFiles] = []
     left_out, before = 0, None
     while page := opened.parts(state=PartState.REVIEWED, before=before, limit=_PAGE):
         before = page[-1].id
@@ -155,7 +155,7 @@ def _of_store(
                         link.symlink_to(path.absolute())
                     files[record.kind.value] = str(link)
             if files:
-                found.append(PartFiles(part.id, expected=part.text, **files))
+                parts.append(PartFiles(part.id, expected=part.text, **files))
             else:
                 left_out += 1
-    return found[::-1], left_out
+    return parts[::-1], left_out

@@ -112,10 +112,10 @@ def scan(
     mu = touch.friction if friction is None else friction
     if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
         print(f"warning: {warning}", file=sys.stderr)
-    made = bench.scan(plan)
-    save_scan(made, out)
+    scanned = bench.scan(plan)
+    save_scan(scanned, out)
     print(
-        f"wrote {out}: characters {height:.2f} mm, preload {made.touch.preload_mm:.2f} mm, "
+        f"wrote {out}: characters {height:.2f} mm, preload {scanned.touch.preload_mm:.2f} mm, "
         f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
     )
     if built is not None and built.known is not None and not built.whisker.is_straight:
@@ -146,16 +146,15 @@ def scan_actively(
     from recognition.reader import Reader
     from whisker_array.scan.recording import save_scan
 
-    found = read_and_log(Reader(format=format).touch, session, budget_s=budget_s)
+    reading = read_and_log(Reader(format=format).touch, session, budget_s=budget_s)
     session.close()
-    if found.scan is None:
-        raise CommandError(f"scan: no pass could be scanned: {found.problem}", hint="check the stage")
-    for one in found.passes:
-        print(
-            f"{one.stage_s:6.1f} s  {one.order.describe()}{f'  {one.text} {one.confidence:.2f}' if one.text else ''}"
-        )
-    save_scan(found.scan, out)
-    print(f"wrote {out}: characters {height_mm:.2f} mm; {found.describe()}")
+    if reading.scan is None:
+        raise CommandError(f"scan: no pass could be scanned: {reading.problem}", hint="check the stage")
+    for felt in reading.passes:
+        text = f"  {felt.text} {felt.confidence:.2f}" if felt.text else ""
+        print(f"{felt.stage_s:6.1f} s  {felt.order.describe()}{text}")
+    save_scan(reading.scan, out)
+    print(f"wrote {out}: characters {height_mm:.2f} mm; {reading.describe()}")
 
 
 def calibrate(recording: Path, /, *, out: Path | None = None, in_place: bool = False) -> None:
@@ -229,15 +228,15 @@ def identify(
 
     if figure is not None:
         check_writable(figure, PICTURES)
-    found, drawn = in_a_worker(identify_recording, recording, piece, whisker)
-    print("\n".join(table_of(found)))
+    report, drawn = in_a_worker(identify_recording, recording, piece, whisker)
+    print("\n".join(table_of(report)))
     if out is not None and drawn is not None:
-        write_found(out, found, drawn)
+        write_found(out, report, drawn)
         print(f"wrote {out}")
     if figure is not None:
         from pipeline.plots.bench_picture import identified_figure
 
-        write_picture(identified_figure(found), figure)
+        write_picture(identified_figure(report), figure)
 
 
 def import_traces(
@@ -320,14 +319,14 @@ def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:
     from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio
 
     try:
-        found = linear_error(whisker, lift_mm=lift_mm, mu=mu)
+        deviation = linear_error(whisker, lift_mm=lift_mm, mu=mu)
     except ElasticaError as error:
         return f"linear beam theory (Assumption 1) cannot be checked at a lift of {lift_mm:.3g} mm: {error}"
     ratio = deflection_ratio(whisker, preload_mm=lift_mm, mu=mu)
-    if found.worst <= LINEAR_ERROR_LIMIT and ratio <= DEFLECTION_LIMIT:
+    if deviation.worst <= LINEAR_ERROR_LIMIT and ratio <= DEFLECTION_LIMIT:
         return ""
     return (
         f"at the largest lift, {lift_mm:.3g} mm, the tip bends by {100 * ratio:.1f} % of l1, and linear beam "
-        f"theory (Assumption 1) is wrong by {100 * found.force:+.1f} % in force and "
-        f"{100 * found.moment:+.1f} % in moment: lower the preload, or take a longer whisker or a smaller k"
+        f"theory (Assumption 1) is wrong by {100 * deviation.force:+.1f} % in force and "
+        f"{100 * deviation.moment:+.1f} % in moment: lower the preload, or take a longer whisker or a smaller k"
     )

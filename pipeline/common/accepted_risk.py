@@ -123,7 +123,7 @@ def threshold_tests(
         columns += [
             column_of(values[inside], wrong[inside], risk=group_factor * risk)
             for name in sorted(set[str]().union(*groups))
-            if (inside := np.array([name in own for own in groups])).any()
+            if (inside := np.array([name in names for names in groups])).any()
         ]
     tests, going = [], True
     for k, threshold in enumerate(thresholds):

@@ -80,12 +80,12 @@ SIGMAS = 2.0
 
 def wear_messages(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:
     """Changes beyond their limits, each with a remedy; empty if there are none."""
-    found = []
+    faults = []
     for name, limit in _LIMITS.items():
         if name not in now.measures or name not in reference.measures:
             continue
         here, then = now.measures[name], reference.measures[name]
         off, sd = here.value - then.value, (here.sd**2 + then.sd**2) ** 0.5
         if abs(off) > limit.by * (abs(then.value) if limit.relative else 1.0) + SIGMAS * sd:
-            found.append(f"{limit.what.format(now=here.value, then=then.value, off=abs(off))}; {limit.todo}")
-    return tuple(found)
+            faults.append(f"{limit.what.format(now=here.value, then=then.value, off=abs(off))}; {limit.todo}")
+    return tuple(faults)

@@ -145,8 +145,8 @@ def wrong_key(error: ValidationError, hidden: Collection[str] = ()) -> tuple[str
         return f"lacks the key {key}", "add it"
     if first["type"].startswith("union_tag"):
         tag, place = first["ctx"]["discriminator"].strip("'"), f" in [{key}]" if key else ""
-        given = first["input"].get(tag) if isinstance(first["input"], Mapping) else first["input"]
-        says = f"has the {tag} {shown(given)}{place}" if given else f"has no {tag}{place}"
+        value = first["input"].get(tag) if isinstance(first["input"], Mapping) else first["input"]
+        says = f"has the {tag} {shown(value)}{place}" if value else f"has no {tag}{place}"
         tags = first["ctx"].get("expected_tags")
         return says, f"write {tag} = one of {tags}" if tags else f"add {tag}"
     mend = advice(first)

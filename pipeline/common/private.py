@@ -40,9 +40,9 @@ def close_to_others(path: Path) -> None:
     """
     with contextlib.suppress(FileNotFoundError, PermissionError):
         mode = stat.S_IMODE(path.stat().st_mode)
-        kept = mode & ~0o007 if mode & stat.S_IWGRP else mode & ~0o077
-        if kept != mode:
-            path.chmod(kept)
+        for_owner = mode & ~0o007 if mode & stat.S_IWGRP else mode & ~0o077
+        if for_owner != mode:
+            path.chmod(for_owner)
 
 
 def open_no_link(path: Path) -> BufferedReader:

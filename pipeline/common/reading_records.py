@@ -285,8 +285,8 @@ def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
 
 def to_json(record: Any) -> dict[str, Any]:
     """The record as JSON values: enums and times as text, tuples as lists."""
-    made: dict[str, Any] = _adapter(type(record)).dump_python(record, mode="json")
-    return made
+    values: dict[str, Any] = _adapter(type(record)).dump_python(record, mode="json")
+    return values
 
 
 def to_json_bytes(record: Any) -> bytes:
@@ -301,5 +301,5 @@ def from_json(kind: type[T], data: Any) -> T:
         ValueError: the data are not such a record.
     """
     adapter = _adapter(kind)
-    made: T = adapter.validate_json(data) if isinstance(data, str) else adapter.validate_python(data)
-    return made
+    record: T = adapter.validate_json(data) if isinstance(data, str) else adapter.validate_python(data)
+    return record

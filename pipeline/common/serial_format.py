@@ -29,8 +29,8 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
     try:
         return Grammar.parse(*settings.format, lexicon=words)
     except FormatError as error:
-        given = [key for key in ("format", "lexicon") if getattr(settings, key)]
-        raise SettingsError(f"{' and '.join(given)} cannot be met: {error.what}", hint=error.hint) from error
+        keys = [key for key in ("format", "lexicon") if getattr(settings, key)]
+        raise SettingsError(f"{' and '.join(keys)} cannot be met: {error.what}", hint=error.hint) from error
 
 
 def outside_format(text: str, settings: ReadSettings) -> str:

@@ -128,14 +128,17 @@ class SerialRules:
             before: (number of parts back, serial) of the parts read with certainty, the latest first.
         """
         place = split_serial(text)
-        known = [(back, found) for back, one in before if (found := split_serial(one)) is not None][:WINDOW]
+        serials = ((back, split_serial(other)) for back, other in before)
+        known = [(back, serial) for back, serial in serials if serial is not None][:WINDOW]
         if not self.jump or len(known) < _MOST:
             return None
-        ((head, tail), n_alike), *_ = Counter((one.head, one.tail) for _, one in known).most_common()
+        ((head, tail), n_alike), *_ = Counter((serial.head, serial.tail) for _, serial in known).most_common()
         # the present part's number, as each of them predicts it
-        said = [one.number + back for back, one in known if (one.head, one.tail) == (head, tail)]
-        middle = median_low(said)
-        if n_alike < _MOST or sum(abs(one - middle) <= self.jump for one in said) < _MOST:
+        predicted = [
+            serial.number + back for back, serial in known if (serial.head, serial.tail) == (head, tail)
+        ]
+        middle = median_low(predicted)
+        if n_alike < _MOST or sum(abs(number - middle) <= self.jump for number in predicted) < _MOST:
             return None  # they form no series
         row = f"{head}...{tail}"
         if place is None or (place.head, place.tail) != (head, tail):

@@ -50,13 +50,13 @@ class Settings(BaseModel):
     @classmethod
     def leaves(cls) -> dict[str, FieldInfo]:
         """Every setting by its name, those of a section as section.name."""
-        found: dict[str, FieldInfo] = {}
+        settings: dict[str, FieldInfo] = {}
         for name, field in cls.model_fields.items():
             if isinstance(field.annotation, type) and issubclass(field.annotation, Settings):
-                found |= {f"{name}.{leaf}": below for leaf, below in field.annotation.leaves().items()}
+                settings |= {f"{name}.{leaf}": below for leaf, below in field.annotation.leaves().items()}
             else:
-                found[name] = field
-        return found
+                settings[name] = field
+        return settings
 
     @classmethod
     def of(cls, **given: Any) -> Self:
@@ -118,10 +118,10 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     if first["type"] in ("dataclass_type", "model_type"):
         what = f"{called(name)} is {shown(first['input'])}, but it is a group of settings"
         return SettingsError(what, hint="write one of them after a dot, such as watch.folder or tcp.port")
-    given = first["input"]
-    if isinstance(given, (list, tuple)) and len(given) == 1:
-        (given,) = given  # a flag that may be repeated, given once
-    return SettingsError(f"{called(name)} is {shown(given)}: {advice(first)}")
+    value = first["input"]
+    if isinstance(value, (list, tuple)) and len(value) == 1:
+        (value,) = value  # a flag that may be repeated, given once
+    return SettingsError(f"{called(name)} is {shown(value)}: {advice(first)}")
 
 
 def _by_commas(value: Any) -> Any:
@@ -189,10 +189,10 @@ class NamedLine:
         place, sign, written = (piece.strip() for piece in text.partition("="))
         if not (sign and written):
             raise ValueError(f"{text!r} is not a line; write NAME=FORMAT, such as lot=AAA99")
-        name, at, region = place.partition("@")
+        name, at_sign, region = place.partition("@")
         if not _LINE_NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a name for a line; write letters, digits, _ and -")
-        return cls(name, written, _region(_by_commas(region)) if at else None)
+        return cls(name, written, _region(_by_commas(region)) if at_sign else None)
 
     def __str__(self) -> str:
         region = "" if self.region is None else "@" + ",".join(f"{share:g}" for share in self.region)

@@ -38,9 +38,9 @@ def without_blanks(text: str) -> str:
     return "".join(text.split())
 
 
-def same_text(one: str, other: str) -> bool:
+def same_text(text: str, other: str) -> bool:
     """Whether two serials are the same; spaces are not stamped."""
-    return without_blanks(one) == without_blanks(other)
+    return without_blanks(text) == without_blanks(other)
 
 
 def split_commas(text: str) -> tuple[str, ...]:

@@ -31,13 +31,13 @@ def library_versions(names: Iterable[str]) -> dict[str, str]:
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
+    versions = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
     for name in names:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 @cache
@@ -63,12 +63,12 @@ def reader_versions() -> dict[str, str]:
     """Versions that readings depend on: of the program, and hashes of networks and fitted numbers."""
     import recognition
 
-    found = {"tactile-marks": program_version()}
+    hashes = {"tactile-marks": program_version()}
     folder = Path(str(recognition.__file__)).parent
     weights = (p for p in folder.rglob("*") if p.name.endswith((".onnx", "library.npz", ".fit.json")))
     for path in sorted(weights):
-        found[path.relative_to(folder).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    return found
+        hashes[path.relative_to(folder).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return hashes
 
 
 def key_of(description: Mapping[str, Any]) -> str:

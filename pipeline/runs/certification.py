@@ -99,16 +99,16 @@ def certify(
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")
     known = load_truth(truth)
-    found = parts_for(inputs, settings, manifests=manifests)
-    found.report_passed_over([*files_of(settings), truth])
-    texts = ((part.name, known.text_of(part.name)) for part in found)
+    listing = parts_for(inputs, settings, manifests=manifests)
+    listing.report_passed_over([*files_of(settings), truth])
+    texts = ((part.name, known.text_of(part.name)) for part in listing)
     labels = {name: without_blanks(text) for name, text in texts if text is not None}
-    parts = [part for part in found if part.name in labels]
+    parts = [part for part in listing if part.name in labels]
     if not parts:
         raise FileError(truth, "has no row for any of the parts", "name the parts as their files")
-    if own := next((part.name for part in parts if part.format or part.font), ""):
+    if special := next((part.name for part in parts if part.format or part.font), ""):
         raise SettingsError(
-            f"{own} has a format or font of its own, but a certificate holds for one way of reading",
+            f"{special} has a format or font of its own, but a certificate holds for one way of reading",
             hint="certify the parts of each format separately, with --format and --font",
         )
     open_reader(settings)  # refuse invalid settings before anything is read
@@ -156,7 +156,7 @@ def certify(
             )
         journal.remove()
     errors = sum(bool(part.record.error) for part in read.values())
-    return Certification(certificate, tests, len(read), errors, len(found) - len(parts), missing)
+    return Certification(certificate, tests, len(read), errors, len(listing) - len(parts), missing)
 
 
 def _read_all(

@@ -72,11 +72,11 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         ValueError: the settings, a font, the format or the database cannot be used.
     """
     options.check()
-    found = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)
+    listing = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)
     tables = [table for table in (options.verify, options.order, options.truth) if table is not None]
     used = [*files_of(settings), *tables]
     if options.out is not None and options.store is None:
-        check_number(Path(options.out), len(found))
+        check_number(Path(options.out), len(listing))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
     grammar = None
     if options.order is not None or options.truth is not None or options.verify is not None:
@@ -92,7 +92,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     expected = None
     if options.verify is not None:
         expected = load_expected(options.verify, grammar)
-    parts: Sequence[PartFiles] = found
+    parts: Sequence[PartFiles] = listing
     if expected is not None:
         by_part = expected.text_of if isinstance(expected, PartTexts) else lambda _: expected
         parts = [replace(p, expected=by_part(p.name) or p.expected) for p in parts]
@@ -154,7 +154,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         "read_now": run.read_now,
         "read_again": run.second.again if run.second is not None else 0,
         "elapsed_s": round(elapsed_s, 3),
-        "passed_over": dict(sorted(found.passed_over.without(used).counts.items())),
+        "passed_over": dict(sorted(listing.passed_over.without(used).counts.items())),
         "workers": workers,
         **({"drift": watch.first} if watch is not None else {}),
         **{key: description[key] for key in ("program", "settings", "inputs")},
@@ -162,7 +162,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if run.summary.parts > 1:
         lines = run.summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)
         print("\n".join(map(visible, lines)))
-    found.report_passed_over(used)
+    listing.report_passed_over(used)
     _print_outputs(run, options, counts)
     if scores is not None:
         print("\n".join(map(visible, scores.lines())))

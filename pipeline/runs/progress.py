@@ -36,9 +36,9 @@ class Progress:
 
         step = progress.TextColumn("{task.description}", markup=False)
         many = (step, progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
-        one = (progress.SpinnerColumn(), step, progress.TimeElapsedColumn())
+        single = (progress.SpinnerColumn(), step, progress.TimeElapsedColumn())
         self._bar = progress.Progress(
-            *(many if total > 1 else one),
+            *(many if total > 1 else single),
             console=Console(stderr=True),
             transient=True,
             redirect_stdout=False,

@@ -81,10 +81,10 @@ def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> 
     """The columns that fit beside names of a usual length; optional ones are left out if needed."""
     least = {**widths, "part": min(widths["part"], _USUAL_NAME)}
     for count in range(len(_SPARE) + 1):
-        kept = [h for h in headings if h not in _SPARE[:count]]
-        if _total(kept, least) <= width:
+        shown = [h for h in headings if h not in _SPARE[:count]]
+        if _total(shown, least) <= width:
             break
-    return kept
+    return shown
 
 
 def _total(headings: Sequence[str], widths: Mapping[str, int]) -> int:
@@ -114,25 +114,25 @@ def _share(record: ReadingRecord) -> str:
 
 def notes(record: ReadingRecord) -> str:
     """Notes on a reading, in words."""
-    found = list(record.messages)
+    messages = list(record.messages)
     if not record.verdict:  # a verification names its own places
         # do not repeat places that the messages name
-        asked = {k for reason in record.reasons for k in reason.places}
+        places = {k for reason in record.reasons for k in reason.places}
         states = (
             f"place {k}: {_state(c)}"
             for k, c in enumerate(record.characters, start=1)
-            if c.state not in ("", "read") and k not in asked
+            if c.state not in ("", "read") and k not in places
         )
-        found.append(", ".join(states))
+        messages.append(", ".join(states))
     row = row_of(record)
     if record.verdict == "refuted":
-        found.append(f"expected {record.expected}")
+        messages.append(f"expected {record.expected}")
     if record.verdict == "undecided":
-        found.append(f"{record.expected} with probability {record.verify_probability or 0.0:.3f}")
+        messages.append(f"{record.expected} with probability {record.verify_probability or 0.0:.3f}")
     if record.rivals and record.decision != "accept":
-        found.append(f"may also be {row['rivals']}")
-    found.append(row["action"])
-    return "; ".join(part for part in found if part)
+        messages.append(f"may also be {row['rivals']}")
+    messages.append(row["action"])
+    return "; ".join(part for part in messages if part)
 
 
 def _state(place: CharacterRecord) -> str:

@@ -112,17 +112,17 @@ class Run:
         return ReadPart((reviewed(record, objection),), measures=read.measures)
 
     def _keep(self, part: PartFiles, read: ReadPart) -> ReadPart:
-        kept = self._in_order(read)
+        checked = self._in_order(read)
         if self.store is not None:
             try:
-                self.known += not self.store.keep(part, replace(read, readings=kept.readings))
+                self.known += not self.store.keep(part, replace(read, readings=checked.readings))
             # a value that the store cannot hold must not end the run, now or when it is resumed
             except UnfitError as error:
                 problem = f"{part.name}: cannot be stored ({' '.join(str(error).split())[:500]})"
-                kept = ReadPart((ReadingRecord.failed(part.name, problem),), measures=read.measures)
+                checked = ReadPart((ReadingRecord.failed(part.name, problem),), measures=read.measures)
         if self.watch is not None:
-            self.watch.add(kept.record.source, kept.measures)
-        return kept
+            self.watch.add(checked.record.source, checked.measures)
+        return checked
 
     def _final(self, record: ReadingRecord, repeats: Repeats) -> ReadingRecord:
         objection = repeated(record, repeats)

@@ -152,8 +152,8 @@ class _Sheet:
 def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
     for number, place in enumerate(record.characters, start=1):
         candidates: list[Any] = []
-        for one in islice(place.candidates, _CANDIDATES):
-            candidates += [one.char, one.probability]
+        for candidate in islice(place.candidates, _CANDIDATES):
+            candidates += [candidate.char, candidate.probability]
         candidates += [None] * (2 * _CANDIDATES - len(candidates))
         yield (
             record.part, number, *candidates,
@@ -163,8 +163,8 @@ def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
 
 def _about(about: Mapping[str, Any], times: Sequence[datetime]) -> Iterator[tuple[str, str]]:
     settings = about.get("settings", {})
-    for name, at in zip(("first part read", "last part read"), times, strict=False):
-        yield name, at.isoformat(timespec="seconds")
+    for name, time in zip(("first part read", "last part read"), times, strict=False):
+        yield name, time.isoformat(timespec="seconds")
     yield "written", datetime.now(UTC).isoformat(timespec="seconds")
     for name, value in about.items():
         if name != "settings" and value:

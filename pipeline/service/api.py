@@ -122,7 +122,7 @@ Database = Annotated[str, _text("name of a glyph database; /v1/databases lists t
 JobName = Annotated[
     str, _text("name of a job with the settings of reading; /v1/jobs lists them", examples=["housing-left"])
 ]
-Time = Annotated[datetime, AfterValidator(lambda at: at if at.tzinfo else at.replace(tzinfo=UTC))]
+Time = Annotated[datetime, AfterValidator(lambda time: time if time.tzinfo else time.replace(tzinfo=UTC))]
 PartId = Annotated[
     str, Path(max_length=64, description="id of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
 ]
@@ -223,7 +223,9 @@ def parts_router(service: Service) -> APIRouter:
         new = NewPart(name=name, expected=expected.strip(), database=database, job=job, touch=touch)
         with intake.work_folder() as folder:
             check_count(len(photo or ()))
-            sent = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
+            sent = [
+                await receive(upload, "photo", folder, number=n) for n, upload in enumerate(photo or (), 1)
+            ]
             sent += [await receive(scan, "scan", folder)] if scan is not None else []
             key = _idempotency(request, caller, idempotency_key, sent, *vars(new).values())
             done = await intake.receive(new, sent, idempotency=key, call=await _touch_call(request))
@@ -246,9 +248,9 @@ def parts_router(service: Service) -> APIRouter:
 
     def replied(done: Received, status: int) -> Response:
         # encoded here: FastAPI would validate once more what the store has validated
-        made = to_json_bytes(answer(done.part, root_path))
+        body = to_json_bytes(answer(done.part, root_path))
         headers = {"Idempotent-Replayed": "true"} if done.replayed else None
-        return Response(made, 200 if done.replayed else status, headers, media_type="application/json")
+        return Response(body, 200 if done.replayed else status, headers, media_type="application/json")
 
     @router.post("/parts/{part_id}/touch")
     async def touch_part(request: Request, part_id: PartId, caller: Caller = Writes) -> PartAnswer:
@@ -267,8 +269,8 @@ def parts_router(service: Service) -> APIRouter:
             raise Problem(
                 422, f"{text!r}: {against}; if the part reads so, send it with outside_format: true"
             )
-        said = {"action": body.action, "text": text, "note": body.note, "before": body.before}
-        return answer(intake.review(part_id, caller.person(body.who), **said), root_path)
+        review = {"action": body.action, "text": text, "note": body.note, "before": body.before}
+        return answer(intake.review(part_id, caller.person(body.who), **review), root_path)
 
     @router.delete("/parts/{part_id}/review")
     def undo_review(
@@ -290,8 +292,8 @@ def parts_router(service: Service) -> APIRouter:
             raise Problem(
                 403, "the scope write looks up parts by their whole name: give name, or a token to read"
             )
-        found = store.parts(**sought.model_dump(), whole_name=not reads)
-        return [answer(part, root_path) for part in found]
+        parts = store.parts(**sought.model_dump(), whole_name=not reads)
+        return [answer(part, root_path) for part in parts]
 
     @router.get(
         "/parts.csv", response_class=StreamingResponse, responses={200: {"content": {"text/csv": {}}}}

@@ -165,13 +165,13 @@ class Ports:
             if on_review is not None:
                 self._intake.on_review = lambda part: asyncio.run_coroutine_threadsafe(on_review(part), loop)
             stack.push_async_callback(self._dispatcher.stop, grace_s=SEND_GRACE_S)
-            for key, one in self._inputs.items():
-                place = await one.start()
-                stack.push_async_callback(one.stop, grace_s=GRACE_S)
-                log.info(one.title, **place)
+            for key, port in self._inputs.items():
+                place = await port.start()
+                stack.push_async_callback(port.stop, grace_s=GRACE_S)
+                log.info(port.title, **place)
                 if "port" in place:
                     address = f"{place['host']}:{place['port']}"
-                    self._open.append(Connection(key, one.title, datetime.now(UTC), address))
+                    self._open.append(Connection(key, port.title, datetime.now(UTC), address))
             yield
 
 
@@ -255,7 +255,7 @@ class Service:
         gauge(
             "targets_troubled",
             "Targets of results that cannot be reached or refuse results.",
-            lambda: sum(bool(one.why) for one in self.ports.connections()),
+            lambda: sum(bool(connection.why) for connection in self.ports.connections()),
         )
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
@@ -303,19 +303,19 @@ class Service:
 
     def state(self) -> dict[str, str]:
         """Answer of /readyz: targets, drift, bench, what is unusable, and parts not felt yet."""
-        targets = [one for one in self.ports.connections() if not one.address]
+        targets = [connection for connection in self.ports.connections() if not connection.address]
         bench, troubles = self.intake.bench, self.intake.calls.troubles
-        found = {
-            "status": "ready" if not any(one.why for one in targets) else "degraded",
+        answer = {
+            "status": "ready" if not any(target.why for target in targets) else "degraded",
             "mode": "shadow" if self.settings.shadow else "",
-            **{one.key: one.summary for one in targets},
+            **{target.key: target.summary for target in targets},
             "drift": (self.jobs.drift or "none") if self.jobs.drifts() else "",
             "bench": (bench.message() or "none") if bench.parts else "",
             "unusable": without_folders("; ".join(troubles.values())),
             "touch": self.intake.touching.trouble,
             "sweep": self.sweeps.trouble,
         }
-        return {name: text for name, text in found.items() if text}
+        return {name: text for name, text in answer.items() if text}
 
     def look_for_alerts(self) -> None:
         """Raise and clear alerts, and have them sent.

@@ -137,7 +137,7 @@ class Client:
         """
         fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
         photos = [photo] if isinstance(photo, (str, bytes, Path)) else list(photo or ())
-        files = [("photo", _read(one, "photo")) for one in photos]
+        files = [("photo", _read(picture, "photo")) for picture in photos]
         if scan is not None:
             files.append(("scan", _read(scan, "scan.h5")))
         if not files:
@@ -181,8 +181,13 @@ class Client:
         Raises:
             ServiceError: refused, or not reached in time.
         """
-        said = {"text": text, "who": who, "note": note, "before": before}
-        body = {"action": ReviewAction(action).value, **said}
+        body = {
+            "action": ReviewAction(action).value,
+            "text": text,
+            "who": who,
+            "note": note,
+            "before": before,
+        }
         answer = self._send("POST", f"{_path(part_id)}/review", json=body, repeatable=False)
         return _record(PartRecord, answer)
 

@@ -61,9 +61,9 @@ class GoldenPart:
         if self._relief is None:
             return {}
         scans = self.scans(limit=1)
-        found: dict[str, str | None] = {GOLDEN: "; ".join(self.worn(scans)) if scans else None}
+        faults: dict[str, str | None] = {GOLDEN: "; ".join(self.worn(scans)) if scans else None}
         if self._every:
             late = not scans or datetime.now(UTC) - scans[0].at > self._every
             hours = self._every.total_seconds() / 3600.0
-            found[OVERDUE] = f"the golden part was not scanned for {hours:g} h; scan it" if late else ""
-        return found
+            faults[OVERDUE] = f"the golden part was not scanned for {hours:g} h; scan it" if late else ""
+        return faults

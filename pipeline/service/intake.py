@@ -459,10 +459,12 @@ class Intake:
         part: NewPart | PartRecord,
     ) -> PartRecord:
         def keep() -> tuple[PartRecord, str]:
-            files = [_evidence(one, self.evidence.keep(one.path, sha256=one.sha256)) for one in sent]
+            files = [
+                _evidence(upload, self.evidence.keep(upload.path, sha256=upload.sha256)) for upload in sent
+            ]
             files += [
-                replace(_evidence(one, self.evidence.keep_content(one.content)), meta=one.meta)
-                for one in done.pictures
+                replace(_evidence(picture, self.evidence.keep_content(picture.content)), meta=picture.meta)
+                for picture in done.pictures
             ]
             written = write(
                 **self._decide(done, part),
@@ -476,10 +478,10 @@ class Intake:
             drifts = watch is not None and watch.add(done.record.source, done.measures)
             return written, watch.message() if watch is not None and drifts else ""
 
-        kept, drift = await asyncio.to_thread(keep)
-        self._announce(kept)
-        self._count(kept, done, drift)
-        return kept
+        stored, drift = await asyncio.to_thread(keep)
+        self._announce(stored)
+        self._count(stored, done, drift)
+        return stored
 
     def _count(self, part: PartRecord, done: ReadPart, drift: str) -> None:
         for reason in part.reading.reasons if part.reading is not None else ():
@@ -548,5 +550,5 @@ def _unread(why: str) -> ReadPart:
     )
 
 
-def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:
-    return EvidenceRecord(file.kind, *kept, file.name, file.media_type)
+def _evidence(file: Upload | Picture, content: tuple[str, int]) -> EvidenceRecord:
+    return EvidenceRecord(file.kind, *content, file.name, file.media_type)

@@ -66,14 +66,14 @@ class RecentFiles:
 
     def files(self) -> dict[str, Path]:
         """The present files by stem, without those whose name is not text."""
-        found = {}
+        files = {}
         try:
             paths = sorted(self.folder.glob(f"[!.]*{self._suffix}"))
-            found = {path.stem: path for path in paths if is_text(path.name) and path.is_file()}
+            files = {path.stem: path for path in paths if is_text(path.name) and path.is_file()}
         except OSError as error:
             log.warning("folder cannot be looked at", folder=str(self.folder), why=str(error))
-        self._seen_s |= dict.fromkeys(found, time.monotonic())
-        return found
+        self._seen_s |= dict.fromkeys(files, time.monotonic())
+        return files
 
     def find(self, name: str) -> Path:
         """The file of a name.
@@ -230,9 +230,9 @@ class JobFolder(RecentFiles):
         """Every job, by name."""
         known = {name: self._refresh(name) for name in self.files()}
         return [
-            JobAnswer(name, without_paths(one.job.written if one.job else {}), one.problem)
-            for name, one in known.items()
-            if one is not None
+            JobAnswer(name, without_paths(job.job.written if job.job else {}), job.problem)
+            for name, job in known.items()
+            if job is not None
         ]
 
     def answer(self, name: str) -> JobAnswer:
@@ -241,10 +241,10 @@ class JobFolder(RecentFiles):
         Raises:
             Problem: 404, there is none.
         """
-        found = {job.name: job for job in self.listed()}
-        if name not in found:
+        jobs = {job.name: job for job in self.listed()}
+        if name not in jobs:
             raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
-        return found[name]
+        return jobs[name]
 
     def written(self, name: str) -> dict[str, Any] | None:
         """Content of a job's file, with lines as `ReadSettings.line`; None if there is no file.
@@ -340,12 +340,12 @@ class JobFolder(RecentFiles):
         except MarksError as error:
             problem = without_folders(str(error))
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
-            found = replace(before or _Known(state, None, None), state=state, problem=problem)
+            checked = replace(before or _Known(state, None, None), state=state, problem=problem)
         else:
             log.info("job", job=name, sha256=job.sha256)
-            found = _Known(state, job, watch)
-        self._known[name] = found
-        return found
+            checked = _Known(state, job, watch)
+        self._known[name] = checked
+        return checked
 
 
 def without_paths(written: Mapping[str, Any]) -> dict[str, Any]:
@@ -367,16 +367,16 @@ def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, D
         raise FileError(path, describe_fault(error), "remove it and report this") from error
 
 
-def written_job(jobs: JobFolder, asked: Any) -> dict[str, Any]:
+def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
     """Convert requested settings to those of a job's file.
 
     Raises:
         Problem: invalid settings, or settings that name a file of the service's machine.
     """
-    if not isinstance(asked, dict):
+    if not isinstance(body, dict):
         raise Problem(422, "the body is not a JSON object of settings")
     try:
-        settings: ReadSettings = jobs.call(partial(ReadSettings.of, **asked))
+        settings: ReadSettings = jobs.call(partial(ReadSettings.of, **body))
     except MarksError as error:
         raise Problem(422, str(error)) from error
     written: dict[str, Any] = settings.model_dump(mode="json", exclude_unset=True, exclude_none=True)
@@ -414,14 +414,14 @@ def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
         if text_to_edit(jobs, name) != before:
             raise Problem(409, f"the job {name} has changed meanwhile; load the page again")
         try:
-            asked = tomllib.loads(text)
+            keys = tomllib.loads(text)
         except (ValueError, RecursionError) as error:
             raise Problem(422, f"this is not TOML: {str(error)[:200]}") from error
-        kept = (jobs.written(name) or {}) if before else {}
-        shown = without_paths(kept)
-        files = {key: kept[key] for key in FILES if key in kept and asked.get(key) == shown[key]}
-        rest = {key: value for key, value in asked.items() if key not in files}
-        jobs.save(name, {**written_job(jobs, rest), **files})
+        present = (jobs.written(name) or {}) if before else {}
+        shown = without_paths(present)
+        files = {key: present[key] for key in FILES if key in present and keys.get(key) == shown[key]}
+        settings = {key: value for key, value in keys.items() if key not in files}
+        jobs.save(name, {**written_job(jobs, settings), **files})
 
 
 def teach(
@@ -456,9 +456,9 @@ def teach(
     with jobs.lock:
         written = jobs.written(name)
         if written is None:
-            own = with_whole_paths(jobs.own, Path())
-            written = own.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
-        lines = {one.name: one for one in map(NamedLine.parse, written.get("line", ()))}
+            settings = with_whole_paths(jobs.own, Path())
+            written = settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
+        lines = {line.name: line for line in map(NamedLine.parse, written.get("line", ()))}
         taken = (written.get("format") or written.get("region")) if serial else line.name in lines
         if taken and not replace:
             which = "a serial" if serial else f"the line {line.name}"

@@ -42,6 +42,6 @@ def set_up_logs(form: Literal["json", "text"] = "json") -> None:
     root.setLevel(logging.INFO)
     for noisy in ("asyncua", "uvicorn.access", "httpx", "httpcore", "alembic", "RapidOCR"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
-    for own in map(logging.getLogger, ("uvicorn", "uvicorn.error")):
-        own.handlers.clear()
-        own.propagate = True
+    for logger in map(logging.getLogger, ("uvicorn", "uvicorn.error")):
+        logger.handlers.clear()
+        logger.propagate = True

@@ -54,9 +54,9 @@ def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
     with log.open("wb") as stream:
         process = subprocess.Popen(command, stderr=stream, stdout=stream)
     try:
-        while not (url := _ready_at(said := log.read_text(encoding="utf-8", errors="replace"))):
+        while not (url := _ready_at(logged := log.read_text(encoding="utf-8", errors="replace"))):
             if process.poll() is not None or time.monotonic() > until:
-                words = " | ".join(said.splitlines()[-5:])
+                words = " | ".join(logged.splitlines()[-5:])
                 raise NotServingError(f"the service does not start: {words or 'it logged nothing'}")
             time.sleep(0.05)
         yield ServiceProcess(url, process)
@@ -69,10 +69,10 @@ def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
             process.wait()
 
 
-def _ready_at(said: str) -> str:
+def _ready_at(logged: str) -> str:
     import httpx
 
-    found = _SERVES.search(said)
+    address = _SERVES.search(logged)
     with contextlib.suppress(httpx.TransportError):
-        return found[1] if found and httpx.get(f"{found[1]}/readyz", timeout=5.0).is_success else ""
+        return address[1] if address and httpx.get(f"{address[1]}/readyz", timeout=5.0).is_success else ""
     return ""

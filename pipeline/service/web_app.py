@@ -43,7 +43,7 @@ def create_app(service: Service) -> FastAPI:
     )
     app.state.problem_page = frame.refusal
     add_problem_handlers(app)
-    app.openapi = lambda: _describe_api(app, asked=service.access.required)  # type: ignore[method-assign]
+    app.openapi = lambda: _describe_api(app, tokens_required=service.access.required)  # type: ignore[method-assign]
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
     # the one added last is outermost
@@ -57,20 +57,21 @@ def create_app(service: Service) -> FastAPI:
     return app
 
 
-def _describe_api(app: FastAPI, *, asked: bool) -> dict[str, Any]:
+def _describe_api(app: FastAPI, *, tokens_required: bool) -> dict[str, Any]:
     if app.openapi_schema:
         return app.openapi_schema
-    made = FastAPI.openapi(app)
-    for one in (one for methods in made["paths"].values() for one in methods.values()):
+    document = FastAPI.openapi(app)
+    for operation in (each for methods in document["paths"].values() for each in methods.values()):
         # the first sentence of a route's docstring is its summary
-        summary, _, rest = one.pop("description", "").partition("\n\n")
-        one |= ({"summary": summary.rstrip(".")} if summary else {}) | ({"description": rest} if rest else {})
-    made["components"]["schemas"][ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
+        summary, _, description = operation.pop("description", "").partition("\n\n")
+        words = {"summary": summary.rstrip("."), "description": description}
+        operation |= {name: text for name, text in words.items() if text}
+    document["components"]["schemas"][ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
     about = "tactile-marks tokens add NAME --scope write"
-    made["components"]["securitySchemes"] = {
+    document["components"]["securitySchemes"] = {
         "token": {"type": "http", "scheme": "bearer", "description": about},
         "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "operator page login"},
     }
-    if asked:
-        made["security"] = [{"token": []}, {"page": []}]
-    return made
+    if tokens_required:
+        document["security"] = [{"token": []}, {"page": []}]
+    return document

@@ -78,8 +78,8 @@ def token(tx: Transaction, secret: str) -> TokenRecord | None:
 
 def _token_of_hash(tx: Transaction, secret_hash: str) -> TokenRecord | None:
     valid = sa.or_(tokens.c.expires_at.is_(None), tokens.c.expires_at > tx.now)
-    asked = sa.select(tokens).where(tokens.c.secret_hash == secret_hash, tokens.c.revoked_at.is_(None), valid)
-    row = tx.execute(asked).one_or_none()
+    query = sa.select(tokens).where(tokens.c.secret_hash == secret_hash, tokens.c.revoked_at.is_(None), valid)
+    row = tx.execute(query).one_or_none()
     return None if row is None else record_of(TokenRecord, row)
 
 
@@ -116,12 +116,12 @@ def open_session(tx: Transaction, secret: str) -> str | None:
 
 def session_token(tx: Transaction, cookie: str) -> TokenRecord | None:
     """The token of the session with that cookie; None if there is none now."""
-    found = sa.select(sessions.c.token_hash).where(
+    query = sa.select(sessions.c.token_hash).where(
         sessions.c.cookie_hash == token_hash(cookie),
         sessions.c.created_at > tx.now - timedelta(seconds=SIGNED_IN_S),
     )
-    kept = tx.execute(found).scalar_one_or_none()
-    return None if kept is None else _token_of_hash(tx, kept)
+    hash_of_token = tx.execute(query).scalar_one_or_none()
+    return None if hash_of_token is None else _token_of_hash(tx, hash_of_token)
 
 
 def close_session(tx: Transaction, cookie: str) -> None:

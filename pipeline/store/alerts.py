@@ -85,13 +85,13 @@ def look_for_alerts(
         told |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
         put_in_outbox(tx, alert.part_id, targets, told)
 
-    found = {
+    faults = {
         REJECT_RATE: rate(REJECT_RATE, sum(row.rejected for row in latest)),
         REVIEW_RATE: rate(REVIEW_RATE, sum(row.state != PartState.ACCEPTED for row in latest)),
         **{f"{DRIFT}:{job}" if job else DRIFT: message for job, message in drifts.items()},
         **others,
     }
-    for name, message in sorted(found.items()):
+    for name, message in sorted(faults.items()):
         if message and name not in standing:
             alert = AlertRecord(name, latest[0].id, tx.now, cleaned(message))
             if tx.insert_if_new(alerts, vars(alert)):

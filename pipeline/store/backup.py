@@ -91,15 +91,15 @@ def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
                 made_at, last = source.now.isoformat(), last_delivery(source)
                 rows = {table.name: target.count(table) for table in _TABLES}
             counts = _take_all(copied, EvidenceFolder(partial / _FILES), files, live=store)
-        made = Backup(made_at, program_version(), file_sha256(partial / _STORE), rows, last, *counts)
-        manifest = {"format_version": FORMAT_VERSION, **asdict(made)}
+        backup = Backup(made_at, program_version(), file_sha256(partial / _STORE), rows, last, *counts)
+        manifest = {"format_version": FORMAT_VERSION, **asdict(backup)}
         (partial / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
         for left in partial.glob("*.lock"):
             left.unlink()
         _sync()
         os.rename(partial, to)
         sync_folder(to.parent)
-    return made
+    return backup
 
 
 def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
@@ -110,7 +110,7 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
         ConflictError: the store is not empty.
         StoreError: the store does not answer, or the backup's version is not known.
     """
-    with unpacked(backup) as (made, copied):
+    with unpacked(backup) as (manifest, copied):
         with store.read_transaction() as tx:
             _refuse_unless_empty(tx, store)
         _, _, lost = _take_all(copied, files, EvidenceFolder(backup / _FILES))
@@ -119,8 +119,8 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
             _refuse_unless_empty(target, store)
             copy_rows(source, target)
             target.execute(sa.update(outbox).values(owner=None, leased_until=None))
-            _count_on(target, outbox, made.last_delivery + SKIPPED_DELIVERIES)
-        return replace(made, lost=lost)
+            _count_on(target, outbox, manifest.last_delivery + SKIPPED_DELIVERIES)
+        return replace(manifest, lost=lost)
 
 
 @contextlib.contextmanager
@@ -131,16 +131,16 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
         FileError: it is no backup, or damaged.
         StoreError: its version is not known.
     """
-    made = read_manifest(backup)
+    manifest = read_manifest(backup)
     with file_errors(backup):
-        if file_sha256(backup / _STORE) != made.sha256:
+        if file_sha256(backup / _STORE) != manifest.sha256:
             raise FileError(backup / _STORE, "has changed since it was written", "take another backup")
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
         copy = Path(folder) / _STORE
         with file_errors(copy):
             shutil.copy(backup / _STORE, copy)
         with _open_store(copy) as copied:
-            yield made, copied
+            yield manifest, copied
 
 
 def read_manifest(backup: Path) -> Backup:
@@ -152,10 +152,10 @@ def read_manifest(backup: Path) -> Backup:
     path = backup / _MANIFEST
     try:
         require_file(path, most_bytes=MOST_BYTES)
-        found = json_of(path.read_bytes())
-        version = found.pop("format_version")
+        manifest = json_of(path.read_bytes())
+        version = manifest.pop("format_version")
         if version == FORMAT_VERSION:
-            return Backup(**found)
+            return Backup(**manifest)
     except (FileError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(backup, f"is not a complete backup ({error})", "name the folder of one") from error
     raise FileError(path, f"has format version {version}; this program reads {FORMAT_VERSION}", "update it")

@@ -46,9 +46,9 @@ class Fault(StrEnum):
 
     def __new__(cls, name: str, todo: str) -> Self:
         """Make a kind of fault from its name and remedy."""
-        made = str.__new__(cls, name)
-        made._value_, made.todo = name, todo
-        return made
+        fault = str.__new__(cls, name)
+        fault._value_, fault.todo = name, todo
+        return fault
 
     DATABASE = "database", "stop the service and restore the last good backup"
     MISSING = "missing", f"{_COPY} into the service's"
@@ -122,17 +122,17 @@ def _check_database(store: Store, report: CheckReport) -> None:
     with store.read_transaction() as tx:
         if tx.postgresql:
             return  # it checks its own pages (data_checksums)
-        for found in tx.connection.exec_driver_sql("PRAGMA integrity_check(20)").scalars():
-            if found != "ok":
-                report.add(Fault.DATABASE, "store.db", str(found))
+        for message in tx.connection.exec_driver_sql("PRAGMA integrity_check(20)").scalars():
+            if message != "ok":
+                report.add(Fault.DATABASE, "store.db", str(message))
         for row in tx.connection.exec_driver_sql("PRAGMA foreign_key_check"):
             report.add(Fault.DATABASE, "store.db", f"row {row[1]} of {row[0]} belongs to no row of {row[2]}")
 
 
 def _check_parts(store: Store, report: CheckReport) -> None:
-    for tx, found in _pages(store):
-        happened = _by_part(tx, found, events)
-        for row in found:
+    for tx, rows in _pages(store):
+        happened = _by_part(tx, rows, events)
+        for row in rows:
             report.parts += 1
             try:
                 part = from_json(PartRecord, row.record)
@@ -149,21 +149,21 @@ def _check_parts(store: Store, report: CheckReport) -> None:
 
 def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
     after = ""
-    asked = sa.select(parts).order_by(parts.c.id).limit(_PAGE)
+    query = sa.select(parts).order_by(parts.c.id).limit(_PAGE)
     while True:
         with store.read_transaction() as tx:
-            found = tx.execute(asked.where(parts.c.id > after)).all()
-            if not found:
+            rows = tx.execute(query.where(parts.c.id > after)).all()
+            if not rows:
                 return
-            yield tx, found
-            after = found[-1].id
+            yield tx, rows
+            after = rows[-1].id
 
 
-def _by_part(tx: Transaction, found: Sequence[AnyRow], *tables: sa.Table) -> dict[str, list[AnyRow]]:
+def _by_part(tx: Transaction, rows: Sequence[AnyRow], *tables: sa.Table) -> dict[str, list[AnyRow]]:
     of_part: dict[str, list[AnyRow]] = {}
     for table in tables:
         columns = [column for column in table.c if column.name != "gone"]
-        mine = sa.select(*columns).where(table.c.part_id.between(found[0].id, found[-1].id))
+        mine = sa.select(*columns).where(table.c.part_id.between(rows[0].id, rows[-1].id))
         for row in tx.execute(mine.order_by(table.c.id)):
             of_part.setdefault(row.part_id, []).append(row)
     return of_part
@@ -184,9 +184,9 @@ def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[
 def _check_outbox(store: Store, report: CheckReport) -> None:
     target, since, error = outbox.c.target, sa.func.min(outbox.c.created_at), sa.func.max(outbox.c.error)
     with store.read_transaction() as tx:
-        asked = sa.select(target, sa.func.count(), since, error).where(outbox.c.created_at < tx.now - LATE)
-        for name, n, first, said in tx.execute(asked.group_by(target).order_by(target)):
-            why = f"last error: {said}" if said else "none was tried"
+        query = sa.select(target, sa.func.count(), since, error).where(outbox.c.created_at < tx.now - LATE)
+        for name, n, first, last_error in tx.execute(query.group_by(target).order_by(target)):
+            why = f"last error: {last_error}" if last_error else "none was tried"
             what = f"{n} results wait, the first since {first:%Y-%m-%d %H:%M} UTC; {why}"
             report.add(Fault.UNDELIVERED, name, what, n=n)
 

@@ -99,8 +99,8 @@ class Transaction:
     def insert_if_new(self, table: sa.Table, row: Mapping[str, Any]) -> bool:
         """Insert a row, unless there is one with its key; waits for a racing transaction with that key."""
         insert = postgresql.insert if self.postgresql else sqlite.insert
-        asked = insert(table).on_conflict_do_nothing().returning(*table.primary_key)
-        return self.execute(asked, row).one_or_none() is not None
+        statement = insert(table).on_conflict_do_nothing().returning(*table.primary_key)
+        return self.execute(statement, row).one_or_none() is not None
 
 
 def utc_now() -> datetime:
@@ -339,27 +339,27 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_ADVISORY_LOCK)))
         options = {"version_table": VERSION_TABLE, "render_as_batch": True}
         context = MigrationContext.configure(connection, opts=options)
-        found = context.get_current_revision()
-        if found == script.get_current_head():
+        current = context.get_current_revision()
+        if current == script.get_current_head():
             return
         try:
-            script.get_revision(found or "base")
+            script.get_revision(current or "base")
         except CommandError as error:
             raise StoreError(
-                f"the store {shown} is of a version ({found}) that this tactile-marks does not know",
+                f"the store {shown} is of a version ({current}) that this tactile-marks does not know",
                 hint="install the one that made it, or name another store",
             ) from error
         if as_it_is:
-            what = f"is of an older version ({found})" if found else "has no tables"
+            what = f"is of an older version ({current})" if current else "has no tables"
             raise StoreError(
                 f"the store {shown} {what}",
                 hint="start the service of this version once, or use the tactile-marks that made it",
             )
-        if found is None:
+        if current is None:
             METADATA.create_all(connection, checkfirst=False)
         else:
             with Operations.context(context):
-                for revision in reversed([*script.iterate_revisions("head", found)]):
+                for revision in reversed([*script.iterate_revisions("head", current)]):
                     revision.module.upgrade()
         context.stamp(script, "head")
 

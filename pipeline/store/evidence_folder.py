@@ -175,13 +175,13 @@ class EvidenceFolder:
 
     def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
         """Paths of the kept files whose contents match their hashes; the others are logged."""
-        found = []
+        paths = []
         for name in hashes:
             if (state := self.state(name)) is FileState.WHOLE:
-                found.append(self.path(name))
+                paths.append(self.path(name))
             else:
                 _log.error("the file %s kept as evidence is %s", name, state.value)
-        return tuple(found)
+        return tuple(paths)
 
     def take(self, sha256: str, other: EvidenceFolder) -> FileState:
         """Copy a file from another folder; the caller then flushes the disk (`os.sync`).

@@ -158,7 +158,7 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
         **total,
         by_state={state: n for state, n in by_state.items() if n},
         seconds=_seconds(tx, since),
-        trend=tuple(_trend_step(at, rows.get(at.strftime(_WRITTEN[step]), nothing)) for at in steps),
+        trend=tuple(_trend_step(begin, rows.get(begin.strftime(_WRITTEN[step]), nothing)) for begin in steps),
         awaiting=tx.count(parts, parts.c.state == PartState.REVIEW),
     )
 
@@ -178,7 +178,10 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
     counted: _Counted = {
         "parts": n,
         "compared": n.filter(kind != Agreement.ALONE),
-        **{one.value: n.filter(kind == one) for one in (Agreement.SAME, Agreement.OTHER, Agreement.NOTHING)},
+        **{
+            value.value: n.filter(kind == value)
+            for value in (Agreement.SAME, Agreement.OTHER, Agreement.NOTHING)
+        },
         "accepted": n.filter(would),
         "accepted_other": n.filter(would, kind != Agreement.SAME),
     }
@@ -199,8 +202,8 @@ def _by_step(
     columns = (what.label(sa.quoted_name(name, quote=True)) for name, what in counted.items())
     # by position, because PostgreSQL regards the same function with other parameters as another expression
     place: sa.ColumnElement[str] = sa.literal_column("1")
-    asked = sa.select(begin.label("begin"), *columns).where(where).group_by(place).order_by(place)
-    return [dict(row) for row in tx.execute(asked).mappings()]
+    query = sa.select(begin.label("begin"), *columns).where(where).group_by(place).order_by(place)
+    return [dict(row) for row in tx.execute(query).mappings()]
 
 
 def _of(state: PartState) -> str:
@@ -214,16 +217,16 @@ def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, floa
     ms = sa.func.round(events.c.seconds * 1000.0).label("ms")
     read = sa.select(events.c.actor, ms).where(events.c.kind == READ, events.c.at >= since).subquery()
     kinds = (read.c.actor, read.c.ms)
-    found: dict[str, dict[float, int]] = {}
+    times: dict[str, dict[float, int]] = {}
     for source, took_ms, n in tx.execute(sa.select(*kinds, sa.func.count()).group_by(*kinds)):
-        found.setdefault(source, {})[took_ms / 1000.0] = n
+        times.setdefault(source, {})[took_ms / 1000.0] = n
     ranks = {
         source: np.quantile(list(counts), (0.5, 0.99), weights=list(counts.values()), method="inverted_cdf")
-        for source, counts in sorted(found.items())
+        for source, counts in sorted(times.items())
     }
     return {source: (float(p50), float(p99)) for source, (p50, p99) in ranks.items()}
 
 
-def _trend_step(at: datetime, row: Mapping[str, int]) -> TrendStep:
+def _trend_step(begin: datetime, row: Mapping[str, int]) -> TrendStep:
     review = row[_of(PartState.REVIEW)] + row[_of(PartState.REVIEWED)]
-    return TrendStep(at, row["parts"], row[_of(PartState.ACCEPTED)], review, row["rejects"])
+    return TrendStep(begin, row["parts"], row[_of(PartState.ACCEPTED)], review, row["rejects"])

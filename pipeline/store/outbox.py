@@ -65,10 +65,10 @@ def lease(
         until > now + timedelta(seconds=2.0 * LONGEST_LEASE_S),
     )
     is_due = sa.or_(due <= tx.now, due > tx.now + timedelta(seconds=LONGEST_WAIT_S))
-    asked = sa.select(outbox).where(outbox.c.target == target, free, is_due, ~waits)
-    asked = asked.order_by(due, outbox.c.id).limit(limit)
+    query = sa.select(outbox).where(outbox.c.target == target, free, is_due, ~waits)
+    query = query.order_by(due, outbox.c.id).limit(limit)
     # another may be about to lease them
-    if rows := tx.execute(asked.with_for_update(skip_locked=True)).all():
+    if rows := tx.execute(query.with_for_update(skip_locked=True)).all():
         taken = sa.update(outbox).where(outbox.c.id.in_([row.id for row in rows]))
         ends = now + timedelta(seconds=min(lease_s, LONGEST_LEASE_S))
         tx.execute(taken.values(owner=fit(owner, "the owner", limit=32), leased_until=ends))
@@ -101,8 +101,8 @@ def postpone(tx: Transaction, delivery_id: int, owner: str, *, error: str, wait_
 
 def waiting_results(tx: Transaction) -> Mapping[str, WaitingResults]:
     """Results that wait to be sent, by target."""
-    asked = sa.select(outbox.c.target, sa.func.count(), sa.func.min(outbox.c.created_at))
-    return {name: WaitingResults(n, since) for name, n, since in tx.execute(asked.group_by(outbox.c.target))}
+    query = sa.select(outbox.c.target, sa.func.count(), sa.func.min(outbox.c.created_at))
+    return {name: WaitingResults(n, since) for name, n, since in tx.execute(query.group_by(outbox.c.target))}
 
 
 def still_waiting(tx: Transaction, ids: Collection[int]) -> frozenset[int]:

@@ -114,7 +114,7 @@ def add_part(
     """
     if not is_part_id(part_id):
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
-    given: dict[str, Any] = {
+    received: dict[str, Any] = {
         "name": fit(name, "the name"),
         "expected": fit(expected, "the text expected"),
         "database": fit(database, "the name of the database"),
@@ -123,9 +123,11 @@ def add_part(
     }
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
-    part = PartRecord(id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **given)
+    part = PartRecord(
+        id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **received
+    )
     part, happened, changed = _read(tx, replace(part, not_felt=added.get("not_felt", "")), added)
-    happened = [("received", given), *happened]
+    happened = [("received", received), *happened]
     if part.not_felt:
         happened.append(("not_felt", {"why": part.not_felt}))
     figures = {"fell_back": False, "by_camera": False, **changed}
@@ -167,13 +169,13 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
     alarms: list[Event] = []
     if part.state is PartState.ACCEPTED and readings and rules.any:
         last = readings[-1]
-        for one in objections(tx, rules, replace(part, text=cleaned(last.text))):
+        for objection in objections(tx, rules, replace(part, text=cleaned(last.text))):
             part = replace(part, state=PartState.REVIEW)
-            readings[-1] = with_objection(readings[-1], one)
-            alarms.append(_alarm(one))
-            if one.of:  # of two parts with one serial either may be the wrong one
-                part_by_id(tx, one.of, lock=True)
-                add_events(tx, one.of, [("serial_again", {"part": part.id, "text": last.text})])
+            readings[-1] = with_objection(readings[-1], objection)
+            alarms.append(_alarm(objection))
+            if objection.of:  # of two parts with one serial either may be the wrong one
+                part_by_id(tx, objection.of, lock=True)
+                add_events(tx, objection.of, [("serial_again", {"part": part.id, "text": last.text})])
     waits, by_touch = part.state is PartState.TOUCH_NEEDED, [r.source != "vision" for r in readings]
     happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
     if plan is not None or waits:
@@ -229,8 +231,8 @@ class Waiting(NamedTuple):
 def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waiting, ...]:
     """All parts that wait for touch by the stage or the sender, oldest first."""
     columns = (parts.c.id, parts.c.changed_at, parts.c.touch_until, parts.c.touch_by_stage, parts.c.line)
-    asked = sa.select(*columns).where(parts.c.state == PartState.TOUCH_NEEDED)
-    return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(limit)))
+    query = sa.select(*columns).where(parts.c.state == PartState.TOUCH_NEEDED)
+    return tuple(Waiting(*row) for row in tx.execute(query.order_by(parts.c.id).limit(limit)))
 
 
 def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
@@ -284,19 +286,19 @@ class IdempotencyKey:
 
 def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
     """(fingerprint, part id) of the request with that idempotency key; None if there was none."""
-    asked = sa.select(keys.c.fingerprint, keys.c.part_id).where(keys.c.key_hash == _hash(key))
-    row = tx.execute(asked).one_or_none()
+    query = sa.select(keys.c.fingerprint, keys.c.part_id).where(keys.c.key_hash == _hash(key))
+    row = tx.execute(query).one_or_none()
     return None if row is None else (row.fingerprint, row.part_id)
 
 
-def known_keys(tx: Transaction, asked: Iterable[str]) -> frozenset[str]:
+def known_keys(tx: Transaction, files: Iterable[str]) -> frozenset[str]:
     """Those of the keys that already belong to a part."""
-    hashes = {_hash(key): key for key in asked}
-    wanted, found = list(hashes), list[str]()
+    hashes = {_hash(key): key for key in files}
+    wanted, present = list(hashes), list[str]()
     for k in range(0, len(wanted), MAX_ROWS):
         some = keys.c.key_hash.in_(wanted[k : k + MAX_ROWS])
-        found += tx.execute(sa.select(keys.c.key_hash).where(some)).scalars()
-    return frozenset(hashes[one] for one in found)
+        present += tx.execute(sa.select(keys.c.key_hash).where(some)).scalars()
+    return frozenset(hashes[key_hash] for key_hash in present)
 
 
 def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> None:
@@ -320,15 +322,15 @@ def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | N
     return tx.execute(sa.delete(keys).where(old)).rowcount
 
 
-def _claim_key(tx: Transaction, asked: IdempotencyKey | None, part_id: str) -> None:
+def _claim_key(tx: Transaction, key: IdempotencyKey | None, part_id: str) -> None:
     """Claim a key for a part; wait for a racing request with that key until its outcome is known."""
-    if asked is None:
+    if key is None:
         return
-    fingerprint = fit(asked.fingerprint, "the fingerprint")
-    row = {"key_hash": _hash(asked.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
-    if not tx.insert_if_new(keys, row) and (done := find_request(tx, asked.key)) is not None:
+    fingerprint = fit(key.fingerprint, "the fingerprint")
+    row = {"key_hash": _hash(key.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
+    if not tx.insert_if_new(keys, row) and (done := find_request(tx, key.key)) is not None:
         raise AlreadyDoneError(part_id=done[1], fingerprint=done[0])
-    for file in asked.files:
+    for file in key.files:
         tx.insert_if_new(keys, row | {"key_hash": _hash(file)})
 
 
@@ -353,12 +355,12 @@ def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[O
         tx: the transaction that writes the part.
         part: the part with its serial; a part read again under the same name is not a duplicate.
     """
-    found = [rules.by_order(part.text)]
+    possible = [rules.by_order(part.text)]
     if rules.duplicates:
-        found.append(_read_before(tx, part))
+        possible.append(_read_before(tx, part))
     if rules.jump:
-        found.append(rules.by_place(part.text, _before(tx, part)))
-    return tuple(one for one in found if one is not None)
+        possible.append(rules.by_place(part.text, _before(tx, part)))
+    return tuple(objection for objection in possible if objection is not None)
 
 
 def _read_before(tx: Transaction, part: PartRecord) -> Objection | None:
@@ -397,10 +399,10 @@ def _before(tx: Transaction, part: PartRecord) -> list[tuple[int, str]]:
         .order_by(parts.c.id.desc())
         .limit(_LOOKED_BACK)
     )
-    found = []
+    serials = []
     for back, row in enumerate(tx.execute(query), start=1):
         if row.state == PartState.REVIEWED and row.text:
-            found.append((back, row.text))
+            serials.append((back, row.text))
         elif row.decision == "accept":
-            found.append((back, row.read))
-    return found
+            serials.append((back, row.read))
+    return serials

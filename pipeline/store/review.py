@@ -100,8 +100,8 @@ def _free(tx: Transaction) -> sa.ColumnElement[bool]:
 
 
 def _claims(tx: Transaction, which: sa.ColumnElement[bool]) -> dict[str, ClaimRecord]:
-    asked = sa.select(parts.c.id, parts.c.claim_holder, parts.c.claim_who, parts.c.claim_until).where(which)
-    rows = tx.execute(asked.order_by(parts.c.id).limit(MAX_ROWS))
+    query = sa.select(parts.c.id, parts.c.claim_holder, parts.c.claim_who, parts.c.claim_until).where(which)
+    rows = tx.execute(query.order_by(parts.c.id).limit(MAX_ROWS))
     return {row[0]: ClaimRecord(*row) for row in rows}
 
 
@@ -149,23 +149,23 @@ def review(
     if not person.name.strip():
         raise UnfitError("no name is given", hint="say who reviews the part")
     who, token = fit(person.name, "the person's name"), fit(person.token, "the token's name")
-    said = ReviewRecord(action, part.text, after, who, token, fit(note, "the note", limit=MAX_NOTE), tx.now)
+    answer = ReviewRecord(action, part.text, after, who, token, fit(note, "the note", limit=MAX_NOTE), tx.now)
     unreadable = action is ReviewAction.UNREADABLE
     if audit:
-        found = _NOT_JUDGED if unreadable else _RIGHT if after == part.text else _DISPUTED
-        part = replace(part, state=PartState.REVIEW if found == _DISPUTED else part.state)
-        return write_part(tx, part, [(AUDITED, to_json(said))], figures={"audit": found, **_NOT_CLAIMED})
+        verdict = _NOT_JUDGED if unreadable else _RIGHT if after == part.text else _DISPUTED
+        part = replace(part, state=PartState.REVIEW if verdict == _DISPUTED else part.state)
+        return write_part(tx, part, [(AUDITED, to_json(answer))], figures={"audit": verdict, **_NOT_CLAIMED})
     agrees = readers == 1 or (part.state is PartState.REVIEWED and after == part.text)
     if not agrees and after not in {
-        one.after for one in _opinions(events_of(tx, part_id)) if not person.wrote(one)
+        opinion.after for opinion in _opinions(events_of(tx, part_id)) if not person.wrote(opinion)
     }:
         part = replace(part, state=PartState.REVIEW, touch=None)
-        return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
+        return write_part(tx, part, [(HALF_REVIEWED, to_json(answer))], figures=_NOT_CLAIMED)
     right = part.reading is not None and part.reading.text == after
     judged = _NOT_JUDGED if unreadable else _RIGHT if right else _WRONG
     figures = {"audit": sa.case((parts.c.audit.is_not(None), judged)), **_NOT_CLAIMED}
-    part = replace(part, state=PartState.REVIEWED, text=after, plan=None, touch=None, review=said)
-    return write_part(tx, part, [(REVIEWED, to_json(said))], targets=targets, figures=figures)
+    part = replace(part, state=PartState.REVIEWED, text=after, plan=None, touch=None, review=answer)
+    return write_part(tx, part, [(REVIEWED, to_json(answer))], targets=targets, figures=figures)
 
 
 def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
@@ -180,15 +180,15 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
         ConflictError: the part is not reviewed, or was reviewed by another person.
     """
     part = part_by_id(tx, part_id, lock=True)
-    said = part.review
-    if part.state is not PartState.REVIEWED or said is None:
+    answer = part.review
+    if part.state is not PartState.REVIEWED or answer is None:
         raise ConflictError(f"part {part_id} is not reviewed", hint="there is nothing to undo")
-    if not person.wrote(said):
+    if not person.wrote(answer):
         hint = "who reviewed it can undo it; or review it anew"
-        raise ConflictError(f"part {part_id} was reviewed by {said.who}", hint=hint)
+        raise ConflictError(f"part {part_id} was reviewed by {answer.who}", hint=hint)
     figures = {"audit": sa.case((parts.c.audit.is_not(None), _DISPUTED))}
-    undone = ("review_undone", {"who": person.name, "text": said.before})
-    part = replace(part, state=PartState.REVIEW, text=said.before)
+    undone = ("review_undone", {"who": person.name, "text": answer.before})
+    part = replace(part, state=PartState.REVIEW, text=answer.before)
     return write_part(tx, part, [undone], targets=targets, figures=figures)
 
 
@@ -233,9 +233,9 @@ def _opinions(rows: Sequence[AnyRow]) -> tuple[ReviewRecord, ...]:
 def half_reviewed(tx: Transaction) -> Mapping[str, int]:
     """Parts that wait for another person's reading, and how many people have read them."""
     people = sa.func.count(sa.distinct(events.c.actor))
-    asked = sa.select(parts.c.id, people).join(events, events.c.part_id == parts.c.id)
-    asked = asked.where(parts.c.state == PartState.REVIEW, is_open_opinion()).group_by(parts.c.id)
-    return {row[0]: row[1] for row in tx.execute(asked)}
+    query = sa.select(parts.c.id, people).join(events, events.c.part_id == parts.c.id)
+    query = query.where(parts.c.state == PartState.REVIEW, is_open_opinion()).group_by(parts.c.id)
+    return {row[0]: row[1] for row in tx.execute(query)}
 
 
 def has_opinion_of(person: Person) -> sa.ColumnElement[bool]:

@@ -35,19 +35,19 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
     Raises:
         NotFoundError: no part has that id.
     """
-    asked = sa.select(parts.c.record).where(parts.c.id == _checked(part_id))
-    found = tx.execute(asked.with_for_update() if lock else asked).one_or_none()
-    if found is None:
+    query = sa.select(parts.c.record).where(parts.c.id == _checked(part_id))
+    record = tx.execute(query.with_for_update() if lock else query).one_or_none()
+    if record is None:
         raise _no_part(part_id)
-    return from_json(PartRecord, found.record)
+    return from_json(PartRecord, record.record)
 
 
 def select_parts(
     tx: Transaction, ids: sa.Select[Any], *, newest_first: bool = False
 ) -> tuple[PartRecord, ...]:
     """The parts whose ids a query returns, by id."""
-    found = tx.execute(sa.select(parts.c.record).where(parts.c.id.in_(ids))).scalars()
-    records = (from_json(PartRecord, record) for record in found)
+    texts = tx.execute(sa.select(parts.c.record).where(parts.c.id.in_(ids))).scalars()
+    records = (from_json(PartRecord, record) for record in texts)
     return tuple(sorted(records, key=lambda part: part.id, reverse=newest_first))
 
 
@@ -74,18 +74,18 @@ def search_columns(part: PartRecord) -> dict[str, Any]:
 
 def _how_right(part: PartRecord) -> dict[str, Any]:
     """After review: whether the reading was right, the number of characters, and of right ones."""
-    said = part.review if part.state is PartState.REVIEWED else None
-    if said is None:
+    answer = part.review if part.state is PartState.REVIEWED else None
+    if answer is None:
         return {"was_right": None, "characters": None, "characters_right": None}
-    if said.action is ReviewAction.UNREADABLE:
+    if answer.action is ReviewAction.UNREADABLE:
         # the true characters are unknown, so none is counted
         return {"was_right": False, "characters": 0, "characters_right": 0}
     from pipeline.common.texts import align
 
     read = part.reading.text[: 2 * MAX_TEXT] if part.reading is not None else ""
-    wrong = 0 if read == said.after else sum(not pair.right for pair in align(said.after, read))
-    n = len(said.after)
-    return {"was_right": read == said.after, "characters": n, "characters_right": max(0, n - wrong)}
+    wrong = 0 if read == answer.after else sum(not pair.right for pair in align(answer.after, read))
+    n = len(answer.after)
+    return {"was_right": read == answer.after, "characters": n, "characters_right": max(0, n - wrong)}
 
 
 def write_part(
@@ -157,8 +157,8 @@ def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:
     Raises:
         NotFoundError: there is no such part.
     """
-    asked = sa.select(events).where(events.c.part_id == _checked(part_id)).order_by(events.c.id)
-    rows = tx.execute(asked).all()
+    query = sa.select(events).where(events.c.part_id == _checked(part_id)).order_by(events.c.id)
+    rows = tx.execute(query).all()
     if not rows:  # every part was received
         raise _no_part(part_id)
     return rows
@@ -170,8 +170,8 @@ def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
     Raises:
         NotFoundError: there is no such part.
     """
-    asked = sa.select(evidence).where(evidence.c.part_id == _checked(part_id)).order_by(evidence.c.id)
-    rows = tx.execute(asked).all()
+    query = sa.select(evidence).where(evidence.c.part_id == _checked(part_id)).order_by(evidence.c.id)
+    rows = tx.execute(query).all()
     if not rows:
         part_by_id(tx, part_id)
     return tuple(record_of(EvidenceRecord, row) for row in rows)
@@ -179,8 +179,8 @@ def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
 
 def evidence_before(tx: Transaction, when: datetime, limit: int = 200) -> tuple[tuple[str, str], ...]:
     """(part id, hash) of files from before a time that are still kept, oldest first."""
-    kept = sa.select(evidence.c.part_id, evidence.c.sha256).where(evidence.c.gone.is_(False))
-    rows = tx.execute(kept.where(evidence.c.at < when).order_by(evidence.c.at, evidence.c.id).limit(limit))
+    query = sa.select(evidence.c.part_id, evidence.c.sha256).where(evidence.c.gone.is_(False))
+    rows = tx.execute(query.where(evidence.c.at < when).order_by(evidence.c.at, evidence.c.id).limit(limit))
     return tuple((row.part_id, row.sha256) for row in rows)
 
 
@@ -195,15 +195,15 @@ def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> None:
 
 def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
     """Find the hashes whose files are still needed."""
-    kept = evidence.c.gone.is_(False)
-    asked = sa.select(evidence.c.sha256).where(evidence.c.sha256.in_(list(hashes)), kept)
-    return frozenset(tx.execute(asked.distinct()).scalars())
+    present = evidence.c.gone.is_(False)
+    query = sa.select(evidence.c.sha256).where(evidence.c.sha256.in_(list(hashes)), present)
+    return frozenset(tx.execute(query.distinct()).scalars())
 
 
 def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple[str, ...]:
     """Hashes of files that are still needed, in order, from one on."""
-    asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
-    return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(limit)).scalars())
+    query = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
+    return tuple(tx.execute(query.distinct().order_by(evidence.c.sha256).limit(limit)).scalars())
 
 
 def claim_evidence_folder(tx: Transaction, identity: str) -> str:

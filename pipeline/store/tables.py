@@ -51,8 +51,8 @@ class UtcTime(sa.TypeDecorator[datetime]):
         """From the database."""
         if value is None:
             return None
-        made: datetime = value if value.tzinfo is not None else value.replace(tzinfo=UTC)
-        return made.astimezone(UTC)
+        aware: datetime = value if value.tzinfo is not None else value.replace(tzinfo=UTC)
+        return aware.astimezone(UTC)
 
 
 TEXT, FLAG, NUMBER, JSON, TIME = sa.Text(), sa.Boolean(), sa.Integer(), sa.JSON(), UtcTime()

@@ -99,8 +99,8 @@ class Executor:
         lost: list[T] = []
         tried = False
 
-        def hand_over(given: Iterable[T]) -> None:
-            for task in given:
+        def hand_over(tasks: Iterable[T]) -> None:
+            for task in tasks:
                 future = self.submit(function, shared, task)
                 held[future] = task
                 future.add_done_callback(done.put)

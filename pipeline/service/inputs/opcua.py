@@ -210,7 +210,7 @@ class OpcUaPort:
     async def _of_part(
         self, call: Callable[..., Awaitable[PartRecord]], _parent: Any, *arguments: Any, busy: bool = True
     ) -> Any:
-        names = ["" if one.Value is None else one.Value for one in arguments]
+        names = ["" if argument.Value is None else argument.Value for argument in arguments]
         fits = len(names) in (1, 2) and not any(
             not isinstance(name, str) or has_hidden(name) for name in names
         )

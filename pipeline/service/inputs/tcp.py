@@ -285,12 +285,12 @@ class TcpPort:
             return _error("the line is not UTF-8")
         if has_hidden(words):
             return _error("the line holds control characters")
-        command, _, rest = words.partition(" ")
+        command, _, arguments = words.partition(" ")
         command, equals, expected = command.partition("=")
         verb, colon, job = command.partition(":")
-        part, within_s = rest.strip(), self._limits.answer_s
+        part, within_s = arguments.strip(), self._limits.answer_s
         match verb.upper():
-            case "PING" if not (rest or colon or equals):
+            case "PING" if not (arguments or colon or equals):
                 return b"PONG"
             case "TRIGGER" if (job or not colon) and (expected or not equals):
                 serial = unquote(expected)

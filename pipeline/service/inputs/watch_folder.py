@@ -205,7 +205,7 @@ class WatchedFolder:
         self._present = frozenset([*keys.values(), *moved.values()])
         self._known &= self._present
         self._older = set(keys.values()) if self._older is None else self._older
-        before, self._seen, found = self._seen, {}, list[WatchedPart]()
+        before, self._seen, parts = self._seen, {}, list[WatchedPart]()
 
         def is_new(files: Mapping[str, FileStamp]) -> bool:
             return not all(self._known.intersection((keys[path], moved[path])) for path in files)
@@ -221,11 +221,11 @@ class WatchedFolder:
             stem = Path(name).with_suffix("") if name in now else Path(name)
             part_name = "/".join(map(sent_name, stem.relative_to(self.folder).parts))[-MOST_NAME:]
             expected = _first_line(f"{stem}.txt") if self._settings.expected else ""
-            found.append(
+            parts.append(
                 WatchedPart(part_name, files, tuple(map(moved.__getitem__, files)), since_s, expected)
             )
-        self._known |= self._intake.store.known_keys(key for part in found for key in part.key.files)
-        new = (part for part in found if is_new(part.files))
+        self._known |= self._intake.store.known_keys(key for part in parts for key in part.key.files)
+        new = (part for part in parts if is_new(part.files))
         return sorted(new, key=lambda part: (min(ns for _, ns in part.files.values()), part.name))
 
     def _photographs(self) -> dict[str, os.stat_result] | None:

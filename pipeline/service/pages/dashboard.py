@@ -50,7 +50,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             span=span,
             spans=tuple(SPANS)[:4],
             drift=service.jobs.drift,
-            alerts=[one for one in frame.store.alerts() if not one.name.startswith(DRIFT)],
+            alerts=[alert for alert in frame.store.alerts() if not alert.name.startswith(DRIFT)],
             numbers=numbers,
             states=tuple(PartState),
             charts=charts_of(numbers.trend, each=each),

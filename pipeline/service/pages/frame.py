@@ -129,9 +129,9 @@ class View:
         """The person at the page: by the token, else by the browser and the name that it remembers."""
         if self.caller.token:
             return self.caller.person()
-        kept = self.request.cookies.get(SEAT_COOKIE, "")
+        cookie = self.request.cookies.get(SEAT_COOKIE, "")
         # the cookie is a secret; the store sees its hash
-        seat = hashlib.sha256(kept.encode()).hexdigest()[:32] if kept else ""
+        seat = hashlib.sha256(cookie.encode()).hexdigest()[:32] if cookie else ""
         who = printable_name(unquote(self.request.cookies.get(WHO_COOKIE, "")))
         return Person(who[:MOST_WHO], seat=seat)
 
@@ -153,19 +153,19 @@ class View:
         return answer
 
 
-def page_of(found: Sequence[PartRecord], path: str, asked: dict[str, str], before: str) -> dict[str, Any]:
+def page_of(parts: Sequence[PartRecord], path: str, query: dict[str, str], before: str) -> dict[str, Any]:
     """A page of a list of parts, with the addresses of the first page and of the next.
 
     Args:
         found: parts from this page on, one more than the page shows if there are more.
         before: last part of the page before; empty on the first page.
     """
-    shown = found[:PARTS_SHOWN]
-    older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
+    shown = parts[:PARTS_SHOWN]
+    older = {**query, "before": shown[-1].id} if len(parts) > PARTS_SHOWN else {}
     return {
         "parts": shown,
         "older": f"{path}?{urlencode(older)}" if older else "",
-        "newest": f"{path}?{urlencode(asked)}" if before else "",
+        "newest": f"{path}?{urlencode(query)}" if before else "",
     }
 
 
@@ -198,9 +198,9 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "?", "!")) else ".")
 
 
-def _iso(at: datetime) -> str:
-    return at.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+def _iso(time: datetime) -> str:
+    return time.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-def _utc(at: datetime) -> str:
-    return at.astimezone(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+def _utc(time: datetime) -> str:
+    return time.astimezone(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

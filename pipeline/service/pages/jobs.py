@@ -148,7 +148,7 @@ def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | 
         shown=lesson,
         sides=_SIDES,
         names=[job.name for job in jobs.listed()],
-        databases=[one["name"] for one in jobs.databases.listed()],
+        databases=[database["name"] for database in jobs.databases.listed()],
         most=MOST_TEXT,
         may_replace=problem is not None and problem.status == 409,
     )
@@ -164,12 +164,12 @@ def _edit_page(
 
 def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
     pair = picture_pair(story, frame.service.evidence)
-    found = [one for one in pair if one.href and one.frame is not None]
-    if not found:
+    pictures = [view for view in pair if view.href and view.frame is not None]
+    if not pictures:
         raise Problem(
             404, "there is no picture of this part to draw a box on; teach the job from another part"
         )
-    return sorted(found, key=lambda one: one.which != by)
+    return sorted(pictures, key=lambda view: view.which != by)
 
 
 def _propose_lines(

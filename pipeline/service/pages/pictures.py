@@ -186,13 +186,15 @@ def _view(
 ) -> PictureView:
     part, photo = story.part, kind is EvidenceKind.PHOTO_PICTURE
     which, title = ("photo", "Photograph") if photo else ("edges", "Tactile edge map")
-    kept = [e for e in story.evidence if e.kind is kind]
-    record = next((e for e in reversed(kept) if not e.gone), None)
+    pictures = [e for e in story.evidence if e.kind is kind]
+    record = next((e for e in reversed(pictures) if not e.gone), None)
     if record is None:
         unscanned = "This part has not been scanned yet." if reading is None else "No edge map was kept."
         never = "No photograph was sent with this part." if photo else unscanned
-        note = "This picture is deleted: its time was up." if kept else never
-        return PictureView(which, title, note=note, takes_room=bool(photo or kept or reading or part.touch))
+        note = "This picture is deleted: its time was up." if pictures else never
+        return PictureView(
+            which, title, note=note, takes_room=bool(photo or pictures or reading or part.touch)
+        )
     if absent := _ABSENT.get(folder.state(record.sha256)):
         return PictureView(which, title, note=absent)
     href = f"/v1/parts/{part.id}/pictures/{which}?v={record.sha256[:12]}"

@@ -108,7 +108,7 @@ def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateReco
 def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
     """The characters of a text, each with its place."""
     answered = _place_of_each([p.char for p in places], text)
-    return tuple(Cell(char, at, "" if at is None else places[at].doubt) for char, at in answered)
+    return tuple(Cell(char, place, "" if place is None else places[place].doubt) for char, place in answered)
 
 
 def _place_of_each(chars: Sequence[str], text: str) -> list[tuple[str, int | None]]:
@@ -148,6 +148,8 @@ def expected_cells(part: PartRecord) -> tuple[Cell, ...]:
     """Cells of the expected text; a character that differs from the part's own text there is a mismatch."""
     borne = [char for char in part.text if not char.isspace()]
     return tuple(
-        Cell(char, at, "" if char.isspace() or (at is not None and borne[at] == char) else "mismatch")
-        for char, at in _place_of_each(borne, part.expected)
+        Cell(
+            char, place, "" if char.isspace() or (place is not None and borne[place] == char) else "mismatch"
+        )
+        for char, place in _place_of_each(borne, part.expected)
     )

@@ -100,27 +100,27 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return _page(view, part_id, done=done, remark=remark)
 
     @router.post("/review/{part_id}")
-    def say(part_id: str, said: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
-        part, said = store.part(part_id), said.clean(view.caller.token)
-        fault = said.fault()
-        if not fault and said.action == "save" and said.mode is not ReviewMode.AUDIT:
-            against = frame.service.intake.calls.outside_format(said.text, part.job)
-            if against and said.text != said.outside:
+    def say(part_id: str, form: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
+        part, form = store.part(part_id), form.clean(view.caller.token)
+        fault = form.fault()
+        if not fault and form.action == "save" and form.mode is not ReviewMode.AUDIT:
+            against = frame.service.intake.calls.outside_format(form.text, part.job)
+            if against and form.text != form.outside:
                 todo = "correct it, or save it again if the part reads so"
-                fault = f"{said.text}: {against}. Nothing is saved yet: {todo}."
-                said = said.model_copy(update={"outside": said.text})
+                fault = f"{form.text}: {against}. Nothing is saved yet: {todo}."
+                form = form.model_copy(update={"outside": form.text})
         if fault:
-            return _page(view, part_id, said=said, problem=Problem(422, fault))
+            return _page(view, part_id, form=form, problem=Problem(422, fault))
         try:
-            following = _keep(view, part, said)
+            following = _keep(view, part, form)
         except ClaimedError as error:
             fault = f"{error.what}. Your input is not saved; take the next part, or wait."
-            return _page(view, part_id, said=said, problem=Problem(409, fault))
+            return _page(view, part_id, form=form, problem=Problem(409, fault))
         except ConflictError:
             fault = _describe_change(store.part(part_id))
-            return _page(view, part_id, said=said, problem=Problem(409, fault))
+            return _page(view, part_id, form=form, problem=Problem(409, fault))
         return view.redirect(
-            f"/review/{following.id}?done={part_id}" if following else f"/review?done={part_id}", who=said.who
+            f"/review/{following.id}?done={part_id}" if following else f"/review?done={part_id}", who=form.who
         )
 
     @router.post("/review/{part_id}/undo")
@@ -147,18 +147,18 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return PlainTextResponse(_claim(view, part_id, printable_name(who)[:MOST_WHO]))
 
 
-def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:
-    return view.redirect("/review" if found is None or found.id == after else f"/review/{found.id}")
+def _redirect_to(view: View, part: PartRecord | None, after: str) -> Response:
+    return view.redirect("/review" if part is None or part.id == after else f"/review/{part.id}")
 
 
-def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
-    person, audit = view.named(said.who), said.mode is ReviewMode.AUDIT
-    text = "" if said.action == "unreadable" else said.text
-    before = said.before if said.mode is ReviewMode.OPEN else None
+def _keep(view: View, part: PartRecord, form: ReviewForm) -> PartRecord | None:
+    person, audit = view.named(form.who), form.mode is ReviewMode.AUDIT
+    text = "" if form.action == "unreadable" else form.text
+    before = form.before if form.mode is ReviewMode.OPEN else None
     stands = text == (part.text if before is None else before.strip())
     action = ReviewAction.UNREADABLE if not text else ReviewAction.CONFIRM if stands else ReviewAction.CORRECT
     text = text if action is ReviewAction.CORRECT else ""
-    answer = {"action": action, "text": text, "note": said.note, "before": before, "audit": audit}
+    answer = {"action": action, "text": text, "note": form.note, "before": before, "audit": audit}
     view.frame.service.intake.review(part.id, person, **answer)
     return view.frame.store.next_in_queue(part.id, person=person, audits=audit)
 
@@ -192,7 +192,7 @@ def _page(
     view: View,
     part_id: str,
     *,
-    said: ReviewForm | None = None,
+    form: ReviewForm | None = None,
     done: str = "",
     remark: str = "",
     problem: Problem | None = None,
@@ -208,8 +208,8 @@ def _page(
         part = replace(part, text="", reading=None, review=None, expected="", plan=None)
         readings, pictures = (), (without_reading(pictures[0]), without_reading(pictures[1]))
     places = places_of(part.reading)
-    taken = _claim(view, part.id) if waits and said is None else ""
-    said = said or ReviewForm(text=part.text, who=person.name)
+    taken = _claim(view, part.id) if waits and form is None else ""
+    form = form or ReviewForm(text=part.text, who=person.name)
     return view.page(
         "review.html.j2",
         problem=problem,
@@ -217,9 +217,9 @@ def _page(
         mode=mode.value,
         audit=story.audit,
         waits=waits,
-        said=said,
+        form=form,
         places=places,
-        cells=cells_of(said.text, places),
+        cells=cells_of(form.text, places),
         pictures=pictures,
         felt=last_felt(readings),
         expected=expected_cells(part),

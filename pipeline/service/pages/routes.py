@@ -77,7 +77,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/parts")
     def parts(search: Annotated[Search, Query()], view: View = looks) -> Response:
-        asked = search.model_dump(mode="json", exclude={"before"}, exclude_defaults=True)
+        query = search.model_dump(mode="json", exclude={"before"}, exclude_defaults=True)
         sought: dict[str, Any] = {
             **{name: getattr(search, name).strip() for name in ("text", "name", "job", "line")},
             "state": search.state,
@@ -85,14 +85,14 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             "until": datetime.combine(search.last, time(), UTC) + timedelta(days=1) if search.last else None,
         }
         sought = {name: value for name, value in sought.items() if value}
-        found = store.parts(**sought, before=search.before or None, limit=PARTS_SHOWN + 1)
+        parts = store.parts(**sought, before=search.before or None, limit=PARTS_SHOWN + 1)
         return view.page(
             "parts.html.j2",
             asked=search,
-            searched=bool(asked),
+            searched=bool(query),
             table="/v1/parts.csv?" + urlencode(sought),
             states=tuple(PartState),
-            **page_of(found, "/parts", asked, search.before),
+            **page_of(parts, "/parts", query, search.before),
         )
 
     @router.get("/parts/{part_id}")
@@ -150,8 +150,8 @@ def add_login(router: APIRouter, frame: Frame) -> None:
 
 def own_address(to: str) -> str:
     """An address of this service to open, otherwise that of the queue: never another host."""
-    own = to.startswith("/") and not to.startswith("//") and "\\" not in to and to.isprintable()
-    return to if own else "/review"
+    on_this_host = to.startswith("/") and not to.startswith("//") and "\\" not in to and to.isprintable()
+    return to if on_this_host else "/review"
 
 
 def add_interface_page(router: APIRouter, frame: Frame) -> None:

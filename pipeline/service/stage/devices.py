@@ -270,13 +270,13 @@ def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
     Raises:
         SettingsError: no such module or callable, or a driver without any of the methods.
     """
-    made = load_named(named, what="driver", error=SettingsError)()
-    if not any(callable(getattr(made, verb, None)) for verb in verbs):
+    driver = load_named(named, what="driver", error=SettingsError)()
+    if not any(callable(getattr(driver, verb, None)) for verb in verbs):
         wanted = " or ".join(map(repr, verbs))
         raise SettingsError(
             f"the driver of {named!r} has no method {wanted}", hint="see pipeline.service.stage"
         )
-    return made
+    return driver
 
 
 def _there(folder: Path, what: str) -> Path:

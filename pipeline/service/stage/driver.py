@@ -86,18 +86,18 @@ class DriverThread:
             OSError: raised by the driver.
             StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
         """
-        made = self._submit(work, timeout_s)
-        futures.wait([made.future], made.timeout_s)
-        outcome: T = self._outcome(made.future, made)
+        call = self._submit(work, timeout_s)
+        futures.wait([call.future], call.timeout_s)
+        outcome: T = self._outcome(call.future, call)
         return outcome
 
     async def call_async(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
         """Do the same as `call` in a coroutine."""
-        made = self._submit(work, timeout_s)
-        answer = asyncio.wrap_future(made.future)
+        call = self._submit(work, timeout_s)
+        answer = asyncio.wrap_future(call.future)
         try:
-            await asyncio.wait([answer], timeout=made.timeout_s)
-            outcome: T = self._outcome(answer, made)
+            await asyncio.wait([answer], timeout=call.timeout_s)
+            outcome: T = self._outcome(answer, call)
         finally:
             answer.cancel()  # if its caller is cancelled
         return outcome
@@ -105,33 +105,33 @@ class DriverThread:
     def _submit(self, work: Callable[[], Any], timeout_s: float | None) -> _Call:
         if self.trouble:
             raise self._down(self.trouble)
-        made = _Call(work, self.timeout_s if timeout_s is None else timeout_s)
+        call = _Call(work, self.timeout_s if timeout_s is None else timeout_s)
         with self._starting:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name=self.what, daemon=True)
                 self._thread.start()
         try:
-            self._calls.put_nowait(made)
+            self._calls.put_nowait(call)
         except queue.Full:
             raise self._down(f"{MOST_WAITING} others wait for the {self.what}") from None
-        return made
+        return call
 
-    def _outcome(self, answer: Future[Any] | asyncio.Future[Any], made: _Call) -> Any:
+    def _outcome(self, answer: Future[Any] | asyncio.Future[Any], call: _Call) -> Any:
         if answer.done():
             return answer.result()
         answer.cancel()
-        raise self._down(f"the {self.what} has not answered in {made.timeout_s:g} s")
+        raise self._down(f"the {self.what} has not answered in {call.timeout_s:g} s")
 
     def _run(self) -> None:
         while True:
-            made = self._calls.get()
-            if not made.future.set_running_or_notify_cancel():
+            call = self._calls.get()
+            if not call.future.set_running_or_notify_cancel():
                 continue  # its caller has given up
-            made.begun_s = time.monotonic()
-            self._at_work = made
+            call.begun_s = time.monotonic()
+            self._at_work = call
             result, failure = None, None
             try:
-                result = made.work()
+                result = call.work()
             except (StageError, OSError) as error:
                 failure = error
             except BaseException as error:
@@ -140,9 +140,9 @@ class DriverThread:
                 failure = StageDownError(fault, "the service's log has more of it")
             self._at_work = None
             if failure is None:
-                made.future.set_result(result)
+                call.future.set_result(result)
             else:
-                made.future.set_exception(failure)
+                call.future.set_exception(failure)
 
     def _down(self, what: str) -> StageDownError:
         return StageDownError(what, f"see that the {self.what} and its driver work")
@@ -257,13 +257,13 @@ class StageLink:
         self,
         connection: Connection,
         work: Callable[[Any], Any],
-        shown: Callable[[Any], Any] = lambda made: made,
+        shown: Callable[[Any], Any] = lambda result: result,
     ) -> Any:
         """Answer the worker with the error, or with `shown` of the result; return the result, None if it fails."""
-        question, made = connection.recv(), None
+        question, result = connection.recv(), None
         try:
-            made = self._driver.call(partial(work, question))
-            answer = shown(made)
+            result = self._driver.call(partial(work, question))
+            answer = shown(result)
         except StageError as error:
             answer = StageError(error.what, error.hint)
             self.down = error if isinstance(error, StageDownError) else self.down
@@ -272,4 +272,4 @@ class StageLink:
                 f"the stage cannot be used ({error.strerror or error})", "see that it is connected"
             )
         connection.send(answer)
-        return made
+        return result

@@ -117,11 +117,11 @@ class Access:
 def is_in(address: str, networks: Iterable[str]) -> bool:
     """Whether an address is in one of the networks, such as 10.0.0.0/8; False if it is not an address."""
     try:
-        found = ipaddress.ip_address(address)
+        parsed = ipaddress.ip_address(address)
     except ValueError:
         return False
-    found = getattr(found, "ipv4_mapped", None) or found
-    return any(found in ipaddress.ip_network(network) for network in networks)
+    parsed = getattr(parsed, "ipv4_mapped", None) or parsed
+    return any(parsed in ipaddress.ip_network(network) for network in networks)
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:

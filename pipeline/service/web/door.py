@@ -87,8 +87,8 @@ class Door:
         """Answer a request."""
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        given = Headers(scope=scope).get(REQUEST_ID, "")
-        request_id = given if _SANE_ID.fullmatch(given) else secrets.token_hex(8)
+        sent_id = Headers(scope=scope).get(REQUEST_ID, "")
+        request_id = sent_id if _SANE_ID.fullmatch(sent_id) else secrets.token_hex(8)
         scope.setdefault("state", {})["request_id"] = request_id
         method = scope["method"]
         scope = _without_prefix(scope, self._settings.root_path)
@@ -169,8 +169,8 @@ class Door:
         site, origin = headers.get("sec-fetch-site"), headers.get("origin")
         if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):
             return
-        own = origin is None or origin.partition("://")[2].lower() == headers.get("host", "").lower()
-        if site is not None or not own:
+        same_host = origin is None or origin.partition("://")[2].lower() == headers.get("host", "").lower()
+        if site is not None or not same_host:
             raise Problem(403, "the request comes from a page of another site")
 
     async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
@@ -187,14 +187,14 @@ class Door:
             return False
         connection = scope["state"].get("connection", {})
         if "other_user" not in connection:  # once for all requests of a connection
-            own = await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
-            connection["other_user"] = not own
+            own_user = await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
+            connection["other_user"] = not own_user
         return bool(connection["other_user"])
 
     def _record(self, scope: Scope, method: str, status: int, seconds: float) -> None:
         # the route's pattern, so that the metrics have few routes whatever path is requested
-        found = scope.get("route")
-        route = str(getattr(found, "path_format", None) or getattr(found, "path", None) or "none")
+        matched = scope.get("route")
+        route = str(getattr(matched, "path_format", None) or getattr(matched, "path", None) or "none")
         # callers may invent methods, and each would stay in the metrics
         method = method if method in _METHODS else "other"
         self._metrics.requests.labels(method, route, str(status)).inc()

@@ -189,9 +189,9 @@ def problem_answer(problem: Problem, scope: Scope) -> Response:
         return RedirectResponse(relative(scope, to), status_code=303, headers=problem.headers)
     accepted = Headers(scope=scope).get("accept", "")
     if "text/html" in accepted and "json" not in accepted:
-        made: Response = scope["app"].state.problem_page(Request(scope), problem.status, problem.detail)
-        made.headers.update(problem.headers)
-        return made
+        page: Response = scope["app"].state.problem_page(Request(scope), problem.status, problem.detail)
+        page.headers.update(problem.headers)
+        return page
     request_id = scope.get("state", {}).get("request_id", "")
     body = ProblemBody(HTTPStatus(problem.status).phrase, problem.status, problem.detail, request_id)
     return JSONResponse(asdict(body), problem.status, headers=problem.headers, media_type=MEDIA_TYPE)

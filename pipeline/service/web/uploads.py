@@ -56,7 +56,7 @@ class Upload:
     def media_type(self) -> str:
         """Media type for browsers."""
         usual = "application/x-hdf5" if self.kind is EvidenceKind.SCAN else "application/octet-stream"
-        return next((one.media_type for one in READ if one.suffix == self.path.suffix), usual)
+        return next((kind.media_type for kind in READ if kind.suffix == self.path.suffix), usual)
 
 
 def check_count(photos: int) -> None:
@@ -160,9 +160,9 @@ class FormRoute(APIRoute):
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """FastAPI's handler, given a checked form."""
         handle = super().get_route_handler()
-        fields = [one for one in self.dependant.body_params if isinstance(one.field_info, params.Form)]
-        known = [one.alias for one in fields]
-        files = [one.alias for one in fields if isinstance(one.field_info, params.File)]
+        fields = [field for field in self.dependant.body_params if isinstance(field.field_info, params.Form)]
+        known = [field.alias for field in fields]
+        files = [field.alias for field in fields if isinstance(field.field_info, params.File)]
 
         async def handle_form(request: Request) -> Response:
             if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
@@ -186,8 +186,8 @@ def _check_fields(form: FormData, known: Sequence[str], files: Sequence[str]) ->
     for name in form:
         values = form.getlist(name)
         if name not in known:
-            said = visible(name[:MOST_NAME])
-            raise Problem(422, f"there is no form field {said!r}; there are {', '.join(known)}")
+            shown = visible(name[:MOST_NAME])
+            raise Problem(422, f"there is no form field {shown!r}; there are {', '.join(known)}")
         if len(values) > 1 and name != "photo":
             raise Problem(422, f"the field {name} comes {len(values)} times; send it once")
         if name in files and any(isinstance(value, str) for value in values):
