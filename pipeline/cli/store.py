@@ -81,7 +81,7 @@ def add(
     *,
     scope: Annotated[tuple[ScopeName, ...], Parameter(negative="")],
     days: Days = None,
-    at: AtStore = STORE,
+    location: AtStore = STORE,
 ) -> None:
     """Make a token and print its secret once: the store keeps only its hash.
 
@@ -94,7 +94,7 @@ def add(
     days
         Days for which it is valid (default: for ever).
     """
-    with at.open_store() as store:
+    with location.open_store() as store:
         from pipeline.common.records import Scope
 
         expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
@@ -105,9 +105,9 @@ def add(
     print(secret)
 
 
-def list_tokens(*, at: AtStore = STORE) -> None:
+def list_tokens(*, location: AtStore = STORE) -> None:
     """List the tokens, without their secrets."""
-    with at.open_store() as store:
+    with location.open_store() as store:
         tokens = store.tokens()
     for token in tokens:
         scopes = ", ".join(sorted(token.scopes))
@@ -116,7 +116,7 @@ def list_tokens(*, at: AtStore = STORE) -> None:
         print("no tokens; make one with `tactile-marks tokens add NAME --scope read`", file=sys.stderr)
 
 
-def revoke(name: str, /, *, at: AtStore = STORE) -> None:
+def revoke(name: str, /, *, location: AtStore = STORE) -> None:
     """Revoke a token.
 
     Parameters
@@ -124,7 +124,7 @@ def revoke(name: str, /, *, at: AtStore = STORE) -> None:
     name
         Name of the user or machine.
     """
-    with at.open_store() as store:
+    with location.open_store() as store:
         store.revoke(name)
     print(f"token {name} is refused from now on")
 
@@ -133,7 +133,7 @@ def backup(
     to: Path,
     /,
     *,
-    at: AtStore = STORE,
+    location: AtStore = STORE,
 ) -> int:
     """Copy the store and its files, while the service runs.
 
@@ -145,10 +145,10 @@ def backup(
     to
         New folder for the backup.
     """
-    with at.open_store(as_it_is=True) as store:
+    with location.open_store(as_it_is=True) as store:
         from pipeline.store.backup import back_up
 
-        manifest = back_up(store, at.evidence, to)
+        manifest = back_up(store, location.evidence, to)
     print(
         f"wrote {to}: {manifest.rows['parts']:,} parts, {manifest.files:,} files, {manifest.n_bytes / 1e6:,.1f} MB"
     )
@@ -160,7 +160,7 @@ def restore(
     backup: Path,
     /,
     *,
-    at: AtStore = STORE,
+    location: AtStore = STORE,
 ) -> int:
     """Restore a backup into an empty store: SQLite or PostgreSQL, whichever it was made from.
 
@@ -169,12 +169,12 @@ def restore(
     backup
         Folder that `store backup` has written.
     """
-    with at.open_store() as store:
+    with location.open_store() as store:
         from pipeline.common.private import private_folder
         from pipeline.store.backup import restore as restore_backup
 
-        private_folder(at.settings.folder)
-        manifest = restore_backup(backup, store, at.evidence)
+        private_folder(location.settings.folder)
+        manifest = restore_backup(backup, store, location.evidence)
     print(
         f"restored {manifest.rows['parts']:,} parts as they were on {manifest.made_at[:16].replace('T', ' ')} UTC"
     )
@@ -185,7 +185,7 @@ def check(
     *,
     files: bool = True,
     json_output: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    at: AtStore = STORE,
+    location: AtStore = STORE,
 ) -> int:
     """Check the store and its files while the service runs; print problems and remedies.
 
@@ -198,10 +198,10 @@ def check(
     json_output
         Print JSON.
     """
-    with at.open_store(as_it_is=True) as store:
+    with location.open_store(as_it_is=True) as store:
         from pipeline.store.check import check as check_store
 
-        report = check_store(store, at.evidence, read_files=files)
+        report = check_store(store, location.evidence, read_files=files)
     print(_as_json(report) if json_output else "\n".join(_lines(report)))
     return 0 if report.well else FAILED
 

@@ -36,7 +36,7 @@ def enroll(
     picture: Path | None = None,
     check: bool = True,
     reading: ReadingOfFile = READING,
-    at: AtStore = STORE,
+    location: AtStore = STORE,
 ) -> int:
     """Learn the shapes of a die from reviewed parts, and keep them in a glyph database.
 
@@ -63,7 +63,7 @@ def enroll(
         raise UsageError("enroll: name parts with --truth, or give --from-store")
     if inputs and truth is None:
         raise UsageError("enroll: give --truth, a table of the parts' serials")
-    if not from_store and (at.store is not None or since is not None):
+    if not from_store and (location.store is not None or since is not None):
         raise UsageError("enroll: --store and --since go with --from-store")
     from pipeline.common.output_paths import PICTURES, check_writable
     from pipeline.reading.enrolment import enrol
@@ -75,9 +75,9 @@ def enroll(
         if truth is not None and inputs:
             parts = _of_table(inputs, truth)
         else:
-            opened = stack.enter_context(at.open_store())
+            opened = stack.enter_context(location.open_store())
             links = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            parts, left_out = _of_store(opened, at.evidence, links, since)
+            parts, left_out = _of_store(opened, location.evidence, links, since)
         if not parts:
             raise CommandError("enroll: no reviewed part with a scan or a height map was found")
         picture = picture or database.with_suffix(".png")

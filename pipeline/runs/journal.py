@@ -26,7 +26,7 @@ from glyphs.errors import FileError
 from pipeline.common.version import differences, key_of
 from pipeline.workers.executors import Executor
 
-Kept = TypeVar("Kept")
+Stored = TypeVar("Stored")
 O = TypeVar("O")  # noqa: E741 - an order
 T = TypeVar("T")
 R = TypeVar("R")
@@ -46,7 +46,7 @@ _SYNC_S = 1.0  # a power failure loses the parts of the last second, at most
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
-class Journal(Generic[Kept]):
+class Journal(Generic[Stored]):
     """Stored results of the parts of one run.
 
     A stored result survives any end of the process. One process has the journal at a time.
@@ -83,7 +83,7 @@ class Journal(Generic[Kept]):
         self.path = place / self.file if self.file else place
         self._output = output or self.path
         # a dataclass takes no configuration, a union with it does
-        self._adapter: TypeAdapter[Kept] = TypeAdapter(
+        self._adapter: TypeAdapter[Stored] = TypeAdapter(
             self.keeps | None, config=ConfigDict(ser_json_inf_nan="constants")
         )
         self._synced_s = time.monotonic()
@@ -134,12 +134,12 @@ class Journal(Generic[Kept]):
         self.close()
 
     @cached_property
-    def done(self) -> dict[str, Kept]:
+    def done(self) -> dict[str, Stored]:
         """Stored results by part name; grows with `keep`."""
         rows = self._db.execute("select name, kept from parts where again = 0 order by number")
-        return {as_text(name): self.parse(kept) for name, kept in rows}
+        return {as_text(name): self.parse(text) for name, text in rows}
 
-    def keep(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
+    def keep(self, name: str, result: Stored, *, again: bool = False) -> Stored:
         """Store the result of a part, and return it; the last one of a part counts.
 
         Args:
@@ -148,9 +148,9 @@ class Journal(Generic[Kept]):
         Raises:
             FileError: it cannot be written.
         """
-        return self.keep_all({name: kept}, again=again)[name]
+        return self.keep_all({name: result}, again=again)[name]
 
-    def keep_all(self, kept: Mapping[str, Kept], *, again: bool = False) -> Mapping[str, Kept]:
+    def keep_all(self, results: Mapping[str, Stored], *, again: bool = False) -> Mapping[str, Stored]:
         """Store the results of several parts, by name, and return them; a kill leaves all of them stored, or none.
 
         Args:
@@ -163,21 +163,22 @@ class Journal(Generic[Kept]):
         marks = f"({', '.join('?' * len(columns))})"
         changed = ", ".join(f"{column} = excluded.{column}" for column in columns[2:])
         statement = (
-            f"insert into parts ({', '.join(columns)}) values {', '.join([marks] * len(kept))}"
+            f"insert into parts ({', '.join(columns)}) values {', '.join([marks] * len(results))}"
             f" on conflict (name, again) do update set {changed}"
         )
         with self._faults():
             rows = (
-                (as_blob(n), again, self._text(value), *self.facts_of(n, value)) for n, value in kept.items()
+                (as_blob(n), again, self._text(value), *self.facts_of(n, value))
+                for n, value in results.items()
             )
             # one statement stores all of them or none
             self._write(statement, [*chain(*rows)], synced=time.monotonic() >= self._synced_s + _SYNC_S)
-        (self.again if again else self.names).update(kept)
+        (self.again if again else self.names).update(results)
         if not again and "done" in vars(self):
-            self.done.update(kept)
-        return kept
+            self.done.update(results)
+        return results
 
-    def facts_of(self, name: str, kept: Kept) -> Sequence[Any]:
+    def facts_of(self, name: str, result: Stored) -> Sequence[Any]:
         """Values of the columns `facts` for the result of a part."""
         return ()
 
@@ -196,12 +197,12 @@ class Journal(Generic[Kept]):
         selected = ", ".join(f"{reading}.{column}" for reading in ("first", "second") for column in columns)
         yield from self._db.execute(_IN_ORDER.format(columns=selected))
 
-    def latest(self, count: int) -> list[Kept]:
+    def latest(self, count: int) -> list[Stored]:
         """The first results of the parts that were stored last, in order."""
         rows = self._db.execute(
             "select kept from parts where again = 0 order by number desc limit ?", (count,)
         ).fetchall()
-        return [self.parse(kept) for (kept,) in reversed(rows)]
+        return [self.parse(text) for (text,) in reversed(rows)]
 
     def close(self) -> None:
         """Close the journal; SQLite removes its extra files."""
@@ -269,13 +270,13 @@ class Journal(Generic[Kept]):
             self._db.execute("pragma synchronous = normal")
             self._synced_s = time.monotonic()
 
-    def _text(self, kept: Kept) -> str:
+    def _text(self, result: Stored) -> str:
         try:
-            return self._adapter.dump_json(kept, exclude_defaults=True).decode()
+            return self._adapter.dump_json(result, exclude_defaults=True).decode()
         except ValueError:  # lone surrogates, which file names may hold: only Python's own JSON writes them
-            return json.dumps(self._adapter.dump_python(kept, mode="json", exclude_defaults=True))
+            return json.dumps(self._adapter.dump_python(result, mode="json", exclude_defaults=True))
 
-    def parse(self, text: str) -> Kept:
+    def parse(self, text: str) -> Stored:
         """A result from the column `kept`."""
         try:
             return self._adapter.validate_json(text)
@@ -301,17 +302,17 @@ class Journal(Generic[Kept]):
 
 
 def resumable(
-    journal: Journal[Kept],
+    journal: Journal[Stored],
     parts: Iterable[T],
     executor: Executor,
     work: Callable[[O, T], R],
     order: O,
     *,
     lost: Callable[[T, Exception], R],
-    kept: Callable[[T, R], Kept | None] = lambda _, result: result,  # type: ignore[assignment, return-value]
+    form: Callable[[T, R], Stored | None] = lambda _, result: result,  # type: ignore[assignment, return-value]
     name: str = "name",
     again: bool = False,
-) -> Iterator[tuple[T, Kept]]:
+) -> Iterator[tuple[T, Stored]]:
     """Process the parts that the journal lacks, store each result, and yield it.
 
     Results that arrive together are stored together.
@@ -319,18 +320,18 @@ def resumable(
     Args:
         work: makes a result of (order, part).
         lost: makes the result of a part whose work failed or whose worker died.
-        kept: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
+        form: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
         again: whether the parts are done a second time.
     """
     named, done = attrgetter(name), journal.again if again else journal.names
     tasks: dict[str, T] = {}
-    results: dict[str, Kept] = {}
+    results: dict[str, Stored] = {}
     for outcome in executor.calls(work, order, (p for p in parts if named(p) not in done)):
         task, result = outcome.task, outcome.result
         if outcome.error is not None:
             result = lost(task, outcome.error)
-        if (form := kept(task, result)) is not None:  # type: ignore[arg-type]
-            tasks[named(task)], results[named(task)] = task, form
+        if (written := form(task, result)) is not None:  # type: ignore[arg-type]
+            tasks[named(task)], results[named(task)] = task, written
         if tasks and (not outcome.more or len(tasks) == _MOST_TOGETHER):
             stored = journal.keep_all(results, again=again)
             yield from [(task, stored[name]) for name, task in tasks.items()]
@@ -346,9 +347,9 @@ def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
     if not path.exists() or path.stat().st_size <= len(head):
         path.unlink(missing_ok=True)
         return None
-    kept = path.with_name(f"{path.name}~")
-    os.replace(path, kept)
-    return kept
+    older = path.with_name(f"{path.name}~")
+    os.replace(path, older)
+    return older
 
 
 @contextlib.contextmanager

@@ -110,10 +110,10 @@ class RunJournal(Journal[ReadPart]):
                 self.close()
                 raise
 
-    def keep_all(self, kept: Mapping[str, ReadPart], *, again: bool = False) -> Mapping[str, ReadPart]:
+    def keep_all(self, results: Mapping[str, ReadPart], *, again: bool = False) -> Mapping[str, ReadPart]:
         """Store results and append their lines; one that no table can hold becomes a record with an error."""
-        self._lines, stored = {}, dict(kept)
-        for name, read in kept.items() if self.written else ():
+        self._lines, stored = {}, dict(results)
+        for name, read in results.items() if self.written else ():
             try:
                 self._lines[name] = self._form.encode(read.record)
             except ValueError as error:
@@ -128,9 +128,9 @@ class RunJournal(Journal[ReadPart]):
                     lines = lines[self._growing.write(lines) or 0 :]
         return stored
 
-    def facts_of(self, name: str, kept: ReadPart) -> Sequence[Any]:
+    def facts_of(self, name: str, result: ReadPart) -> Sequence[Any]:
         """The outline of a reading, and its line."""
-        record = kept.record
+        record = result.record
         decision, text, error = map(as_blob, (record.decision, record.text, record.error))
         line = self._lines[name] if self._growing is not None else b""
         return decision, text, record.confidence, error, line

@@ -79,7 +79,7 @@ class Run:
                 self.watch.add(read.record.source, read.measures)
         try:
             for _, read in resumable(
-                self.journal, parts, executor, read_listed, job, lost=lost_part, kept=self._keep
+                self.journal, parts, executor, read_listed, job, lost=lost_part, form=self._keep
             ):
                 self.read_now += 1
                 self.progress.advance(failed=bool(read.record.error))
@@ -93,7 +93,7 @@ class Run:
             self.progress.more(len(waiting))
             for _, read in resumable(
                 self.journal, waiting, executor, read_listed, job,
-                lost=lost_part, kept=lambda _, read: self._in_order(read), again=True,
+                lost=lost_part, form=lambda _, read: self._in_order(read), again=True,
             ):  # fmt: skip
                 self.second.again += 1
                 self.progress.advance(failed=bool(read.record.error))

@@ -53,8 +53,8 @@ def test_a_table_tells_depths_and_what_is_too_shallow(part: Path, capsys: pytest
 
 
 def test_inspect_says_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("job.toml").write_text('depth_rule = "0.2:"\n', encoding="utf-8")
-    options = (*KNOWN, "--job", "job.toml", "--out", "a.png")
+    Path("job.toml").write_text('depth_rule = "0.2:"\nexperts = "network"\n', encoding="utf-8")
+    options = (*KNOWN[:6], "--job", "job.toml", "--out", "a.png")
     assert main(["inspect", str(part), *options]) == 0
     printed = capsys.readouterr().out
     assert "shallowest mark 0." in printed
