@@ -49,7 +49,7 @@ if sys.argv[1:2] == ["demo"]:
         Path(os.environ["DEMOS"], "-".join(sys.argv[1:])).touch(exist_ok=False)
     except FileExistsError:
         sys.exit(0)
-if sys.argv[1:2] != ["serve"] or "--init-config" in sys.argv:
+if sys.argv[1:2] != ["serve"]:
     os.execv(command[0], command)
 pid = Path(os.environ["SERVICE_PID"])
 if pid.exists():
