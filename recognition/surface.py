@@ -116,12 +116,12 @@ def _feel(touch: TactileReader, surface: Surface) -> SenseEvidence:
     if flat:
         log = Log((Finding.of(ReadingFlag.NO_EDGES),), seconds=times.seconds, surface=levelled)
         return SenseEvidence("tactile", log=log)
+    feel = surface.feel or virtual_feel(array, soil=soil, part_id=surface.part_id)
     with times.step("first pass"):
         try:
             heights = felt_heights_mm(touch.request, levelled, array=array, soil=soil, feel=surface.feel)
         except NothingFeltError as error:
             return nothing_felt(error, Log(seconds=times.seconds, surface=levelled))
-    feel = surface.feel or virtual_feel(array, soil=soil, part_id=surface.part_id)
     looks, spent_s = list[tuple[SenseEvidence, Reading]](), 0.0
     for height_mm in heights:
         if looks and touch.request.deadline.is_over():
