@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate for one place: the character, the fit of its template (1 is perfect), its probability."""
+    """One candidate for one place; its score is its probability, unless another reader gives one."""
 
     char: str
     score: float
