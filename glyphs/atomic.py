@@ -18,7 +18,6 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
     The renamed file survives a power failure.
 
     Args:
-        path: the file to write.
         private: whether only the owner may read the file; otherwise the umask decides.
 
     Raises:

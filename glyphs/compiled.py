@@ -45,8 +45,8 @@ def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Funct
         )
         # in place of njit(cache=True), which fails on damaged files, full disks and read-only folders
         dispatcher._cache = cache_of(function)
-        kept = not isinstance(dispatcher._cache, NullCache)
-        _Compiling.kept = _Compiling.kept and kept
+        cached = not isinstance(dispatcher._cache, NullCache)
+        _Compiling.kept = _Compiling.kept and cached
         return dispatcher  # type: ignore[no-any-return]
 
     return made
@@ -54,8 +54,8 @@ def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Funct
 
 def inline_kernel(function: Function) -> Function:
     """Inline a function in the kernels that call it, with their fast-math flags."""
-    made: Function = njit(error_model="numpy", inline="always")(function)
-    return made
+    compiled: Function = njit(error_model="numpy", inline="always")(function)
+    return compiled
 
 
 def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
@@ -69,8 +69,6 @@ def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[An
 
 
 class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
-    """Reports when numba compiles; compilations are nested and run under numba's lock."""
-
     kept = True
     """Whether every kernel has a cache on disk."""
 

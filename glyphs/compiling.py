@@ -15,8 +15,6 @@ PROGRESS_S = 5.0
 
 
 class _Watch:
-    """State of the display: callback, whether kernels were compiled, seconds, seconds shown, whether announced."""
-
     show: Callable[[str], None] | None = None
     compiled = False
     seconds = 0.0
@@ -41,7 +39,6 @@ def report_start(*, kept: bool = True, first: Callable[[], bool] = lambda: True)
     """Show that a kernel is being compiled, because it is not in this machine's cache.
 
     Args:
-        kept: whether it will be cached.
         first: whether none was compiled on this machine before; a later command that needs other kernels shows only
             long compilations.
     """

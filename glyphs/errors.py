@@ -17,7 +17,6 @@ class MarksError(Exception):
     default.
 
     Attributes:
-        what: the problem.
         where: the file, setting or place concerned; empty if `what` names it.
         hint: remedy; empty if there is none.
         is_usage: an argument or setting is at fault; False: a file, machine or process.
@@ -36,11 +35,7 @@ class MarksError(Exception):
 
 
 class FileError(MarksError):
-    """A file that cannot be used.
-
-    Attributes:
-        path: the file.
-    """
+    """A file that cannot be used."""
 
     is_usage = False
 

@@ -21,7 +21,6 @@ def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
 
     Args:
         path: path of the lock file, which stays empty.
-        wait: whether to wait until another holder releases it.
 
     Yields:
         Whether the lock is held; always true with `wait`.
@@ -39,7 +38,6 @@ def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
 
 
 def _try_lock(handle: int, *, wait: bool) -> bool:
-    """Lock a file until it is closed; msvcrt never waits."""
     with contextlib.suppress(ImportError):
         import fcntl
 

@@ -16,7 +16,6 @@ def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) ->
     Args:
         name: module and object, `module:function`.
         what: kind of object, for the message, such as "soil".
-        error: exception to raise.
 
     Raises:
         MarksError: (as `error`) the name is not `module:object`, or there is no such module or object.

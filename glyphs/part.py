@@ -54,8 +54,8 @@ class Part:
     seed: tuple[int, ...]
 
     def __repr__(self) -> str:
-        made = f"{self.text!r}, {self.stamped.font_name!r}, {self.height_mm:g} mm"
-        return f"Part({made}, {self.soiling}, seed={self.seed})"
+        words = f"{self.text!r}, {self.stamped.font_name!r}, {self.height_mm:g} mm"
+        return f"Part({words}, {self.soiling}, seed={self.seed})"
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.height_map.z_mm)
@@ -204,8 +204,8 @@ def stamp(
     if isinstance(plate, str):
         plate = pick("plate", PLATES, plate)(height_mm, length_mm)
     if isinstance(layout, str):
-        own = np.random.default_rng([*key, _LAYOUT_STREAM])
-        layout = pick("layout", LAYOUTS, layout)(own, height_mm, length_mm, letters, line)
+        layout_rng = np.random.default_rng([*key, _LAYOUT_STREAM])
+        layout = pick("layout", LAYOUTS, layout)(layout_rng, height_mm, length_mm, letters, line)
     stamped = stamp_line(
         line,
         letters,

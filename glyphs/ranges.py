@@ -42,11 +42,6 @@ ShareBelowOne = Annotated[float, Range(0.0, math.nextafter(1.0, 0.0))]
 def require_range(error: Callable[..., MarksError], limits: Range, **numbers: object) -> None:
     """Check that numbers are finite and in range. Every member of a tuple is checked; other types pass.
 
-    Args:
-        error: class of the error that is raised.
-        limits: the range.
-        numbers: the numbers by name.
-
     Raises:
         MarksError: (as `error`) a number is not finite or out of range.
     """
@@ -85,7 +80,6 @@ class Validated:
 
 @cache
 def _ranges(cls: type[Any]) -> tuple[tuple[str, Range], ...]:
-    """Names of a dataclass's fields with each of their ranges."""
     hints = get_type_hints(cls, include_extras=True)
     return tuple(
         (field.name, limits) for field in fields(cls) for limits in _ranges_within(hints[field.name])
@@ -107,14 +101,6 @@ def freeze_arrays(
     dtype: type[np.floating[Any]] = np.float64,
 ) -> None:
     """Replace attributes of a frozen dataclass by read-only copies, checked for shape and range.
-
-    Args:
-        error: class of the error that is raised.
-        values: the dataclass.
-        shapes: attributes and their shapes; the same letter stands for the same length.
-        least: smallest number allowed.
-        most: largest number allowed.
-        dtype: type of the copies.
 
     Raises:
         MarksError: (as `error`) a shape is wrong, or a number is not finite or out of range.

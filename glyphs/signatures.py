@@ -10,12 +10,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def lists_options(source: Callable[..., Any], names: Collection[str]) -> Callable[[F], F]:
-    """Let a function that takes `**options` show each of them, with its type and default, where one types.
-
-    Args:
-        source: function or class whose keyword arguments they are.
-        names: names of the options.
-    """
+    """Let a function that takes `**options` show each of them, with its type and default, where one types."""
 
     def decorate(function: F) -> F:
         signature = inspect.signature(function)
@@ -32,5 +27,4 @@ def lists_options(source: Callable[..., Any], names: Collection[str]) -> Callabl
 
 
 def _plain(annotation: Any) -> Any:
-    """A type without the validators that a settings class adds to it."""
     return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation

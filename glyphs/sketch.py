@@ -36,7 +36,6 @@ class Sketch(OneLine):
     """A sketched line.
 
     Attributes:
-        text: the text.
         boxes: (x0, y0, x1, y1) around the ink of each character, pixels; a space has its empty cell.
         surface: (ROWS, columns) heights, character heights.
         ink: (ROWS, columns) 0 on the land to 1 in the marks.
@@ -56,9 +55,6 @@ def sketch(font: Font, text: str, rng: np.random.Generator, *, clean: bool = Fal
     """Sketch a line of text.
 
     Args:
-        font: the letters; one line in ten is dotted instead.
-        text: at least one character.
-        rng: the only source of randomness.
         clean: whether to leave out dirt, wear and prints without relief; otherwise they are drawn at random.
 
     Raises:
@@ -130,17 +126,17 @@ def _mask(text: str, font: Font, rng: np.random.Generator) -> tuple[Field, Field
         turned = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
 
         def placed(points: NDArray[np.float64]) -> NDArray[np.int32]:
-            at = (points - middle) @ turned.T + middle  # noqa: B023
-            x = start + (at[:, 0] + slant * at[:, 1]) * stretch * size + shift[0]  # noqa: B023
-            y = foot - at[:, 1] * size + shift[1]  # noqa: B023
+            turned_points = (points - middle) @ turned.T + middle  # noqa: B023
+            x = start + (turned_points[:, 0] + slant * turned_points[:, 1]) * stretch * size + shift[0]  # noqa: B023
+            y = foot - turned_points[:, 1] * size + shift[1]  # noqa: B023
             return np.asarray(np.round(16 * np.stack([x, y], axis=1)), dtype=np.int32)
 
         if glyph.contours:
             cv2.fillPoly(mask, [placed(c) for c in glyph.contours], 255, lineType=cv2.LINE_AA, shift=4)
         for line in glyph.strokes:
             wide = max(1, round((font.stroke_ratio if len(line) == 1 else stroke) * _H))
-            at = placed(line if len(line) > 1 else np.repeat(line, 2, axis=0))
-            cv2.polylines(mask, [at], False, 255, wide, cv2.LINE_AA, 4)
+            outline = placed(line if len(line) > 1 else np.repeat(line, 2, axis=0))
+            cv2.polylines(mask, [outline], False, 255, wide, cv2.LINE_AA, 4)
         cell = np.array([[start, foot - _H], [start + glyph.advance * stretch * _H, foot]])
         points = np.concatenate([placed(c) / 16 for c in glyph.contours + glyph.strokes] or [cell])
         (first, top), (last, bottom) = points.min(axis=0), points.max(axis=0)
@@ -153,7 +149,6 @@ def _mask(text: str, font: Font, rng: np.random.Generator) -> tuple[Field, Field
 
 
 def _add_clutter(mask: NDArray[np.uint8], rng: np.random.Generator) -> None:
-    """Edges, frames and other lines above and below the text."""
     rows, columns = mask.shape
     for _ in range(int(rng.integers(1, 4))):
         near = rows / 2 + float(rng.choice([-1.0, 1.0])) * _H * float(rng.uniform(0.68, 1.1))
@@ -187,7 +182,6 @@ def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
 
 
 def _peen(ink: NDArray[np.uint8], rng: np.random.Generator) -> Field:
-    """Replace strokes by peened dots along their middle."""
     pitch = float(rng.uniform(0.08, 0.16)) * _H
     field = np.zeros(ink.shape, dtype=np.float32)
     jitter = float(rng.uniform(0.0, 0.12)) * pitch
@@ -201,7 +195,6 @@ def _peen(ink: NDArray[np.uint8], rng: np.random.Generator) -> Field:
 
 
 def _plate(shape: tuple[int, int], depth: float, rng: np.random.Generator) -> Field:
-    """Form, machining marks, grain and scratches of the land."""
     rows, columns = shape
     y, x = np.mgrid[0:rows, 0:columns].astype(np.float32) / _H
     z = rng.normal(0, 0.006) * x + rng.normal(0, 0.006) * y + rng.normal(0, 0.001) * x * x
@@ -224,7 +217,6 @@ def _plate(shape: tuple[int, int], depth: float, rng: np.random.Generator) -> Fi
 def _soil(
     shape: tuple[int, int], mask: Field, depth: float, severity: float, rng: np.random.Generator
 ) -> Field:
-    """Thickness of the dirt: filled marks, lumps on the land, crumbs."""
     soil = np.zeros(shape, dtype=np.float32)
     if rng.random() < 0.75:
         full = np.clip(

@@ -36,12 +36,6 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
     The light of the surface is blurred by the lens, projected, exposed, given noise, clipped and encoded in 8 bit
     (sRGB's curve as a plain power of 1/2.2). Beyond its map the plate is mirrored.
 
-    Args:
-        soiled: the part.
-        light: lighting.
-        camera: pose and optics of the camera.
-        rng: random generator of the noise.
-
     Returns:
         A colour photograph with the nominal `pitch_mm` and `centre_mm`.
     """
@@ -75,7 +69,6 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
 
 
 def _exposure(image: NDArray[np.float32], camera: Camera) -> np.float32:
-    """Gain that sets the mean without glints to a medium grey, times the camera's exposure error."""
     green = image[..., 1]
     middle = max(float(np.minimum(green, np.quantile(green, 0.98)).mean()), 1e-6)
     return np.float32(_MEDIUM_GREY / middle * 2.0**camera.exposure_ev)

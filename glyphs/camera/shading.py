@@ -36,7 +36,6 @@ class Light(OneLine, Validated, error=MapError):
         ambient: light from all round, as a share of all light that falls on a flat plate, 0..1.
         size_deg: angular radius of the lamp, 0.1 to 60; a large lamp gives soft glints and soft shadows.
         gradient: share by which mirrored ambient light is brighter towards the lamp, 0..1.
-        shadows: whether ridges cast shadows.
         colour: red, green, blue of the light, > 0.
 
     Raises:
@@ -109,7 +108,6 @@ def _normals(z: Field, pitch_mm: float) -> tuple[Field, Field, Field]:
 
 
 def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
-    """Density of microfacet normals per steradian, at an angle (its cosine) from the mean normal."""
     a2 = alpha * alpha
     below = cosine * cosine * (a2 - 1.0) + 1.0
     return np.asarray(a2 / (np.pi * below * below), dtype=np.float32)

@@ -19,10 +19,10 @@ _ROWS, _COLUMNS = 8, 16
 
 
 @kernel(allow=FAST)
-def _least_squared_distance(x, y, segments, reach, kept, out):  # type: ignore[no-untyped-def]
+def _least_squared_distance(x, y, segments, reach, nearby, out):  # type: ignore[no-untyped-def]
     """Write the squared distance of each point from the nearest segment into `out`, which starts at infinity.
 
-    x, y and out are (rows, columns). reach and kept are work arrays, (m,): squared distance of each segment from the
+    x, y and out are (rows, columns). reach and nearby are work arrays, (m,): squared distance of each segment from the
     tile's middle, and indices of the segments near the tile.
     """
     rows, columns = x.shape
@@ -51,10 +51,10 @@ def _least_squared_distance(x, y, segments, reach, kept, out):  # type: ignore[n
             count = 0
             for k in range(segments.shape[0]):
                 if reach[k] <= far * far:
-                    kept[count] = k
+                    nearby[count] = k
                     count += 1
             for n in range(count):
-                k = kept[n]
+                k = nearby[n]
                 ax, ay = segments[k, 0], segments[k, 1]
                 dx, dy = segments[k, 2] - ax, segments[k, 3] - ay
                 length2 = dx * dx + dy * dy

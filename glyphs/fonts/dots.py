@@ -29,11 +29,6 @@ _PIXELS = 80
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
     """Make a dotted font with capitals, digits and the characters of a text; each dot is a stroke of one point.
 
-    Args:
-        font: a font with all these characters.
-        text: text that will be written.
-        rng: the only source of randomness.
-
     Raises:
         FontError: the font lacks a character.
     """
@@ -80,11 +75,11 @@ def _thinned_dots(glyph: Glyph, pitch: float, *, on_grid: bool) -> Points:
     for line in glyph.strokes:
         cv2.polylines(ink, [placed(np.vstack([line, line[:1]]) if len(line) == 1 else line)], False, 255, 7)
     middle = middle_dots(ink, pitch * _PIXELS)
-    at = np.column_stack([middle[:, 1] - 4, 4 - middle[:, 0]]) / _PIXELS + (x0, y1)
-    low, high = at[:, 1].min(), at[:, 1].max()
+    centres = np.column_stack([middle[:, 1] - 4, 4 - middle[:, 0]]) / _PIXELS + (x0, y1)
+    low, high = centres[:, 1].min(), centres[:, 1].max()
     if high - low > 0.3:  # stretch them to the height of the glyph
-        at[:, 1] = y0 + (at[:, 1] - low) * (y1 - y0) / (high - low)
-    return np.unique(np.round(at / pitch), axis=0) * pitch if on_grid else at
+        centres[:, 1] = y0 + (centres[:, 1] - low) * (y1 - y0) / (high - low)
+    return np.unique(np.round(centres / pitch), axis=0) * pitch if on_grid else centres
 
 
 def middle_dots(ink: NDArray[np.uint8], pitch: float) -> NDArray[np.int64]:

@@ -21,11 +21,6 @@ class _LimitedPen(BasePen):  # type: ignore[misc,unused-ignore]
     _components = 0
 
     def addComponent(self, *args: Any, **options: Any) -> None:
-        """Draw a component glyph, which may be composite itself.
-
-        Raises:
-            FontError: there are more than MOST_COMPONENTS.
-        """
         self._components += 1
         if self._components > MOST_COMPONENTS:
             what = f"a glyph is made of more than {MOST_COMPONENTS} others"
@@ -34,8 +29,6 @@ class _LimitedPen(BasePen):  # type: ignore[misc,unused-ignore]
 
 
 class _PolygonPen(_LimitedPen):
-    """Collects closed polygons; the base class turns quadratic curves and components into cubics."""
-
     def __init__(self, glyph_set: Any, tolerance: float) -> None:
         super().__init__(glyph_set)
         self.tolerance = tolerance
@@ -64,7 +57,6 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
 
     Args:
         file: an open `fontTools.ttLib.TTFont`.
-        characters: the characters wanted.
         flatness: greatest distance of a chord from its curve, cap heights.
 
     Returns:
@@ -94,13 +86,11 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
 
 
 def _distinct(points: Points) -> Points:
-    """The closed polygon without points that repeat their predecessor."""
     keep = np.hypot(*(points - np.roll(points, 1, axis=0)).T) > 1e-7
     return np.asarray(points[keep], dtype=np.float64)
 
 
 def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
-    """Height of H above the baseline in font units; without an H, the height that the font declares."""
     from fontTools.pens.boundsPen import BoundsPen
 
     class _BoundsPen(_LimitedPen, BoundsPen):  # type: ignore[misc,unused-ignore]

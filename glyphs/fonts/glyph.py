@@ -70,7 +70,6 @@ class Glyph(OneLine, Validated, error=FontError):
     """The shape of one character in the glyph frame.
 
     Attributes:
-        char: exactly one character.
         strokes: open polylines (n, 2), n >= 1 (one point is a dot); empty for an outline glyph.
         contours: closed polygons (n, 2), n >= 3, non-zero winding; the first point is not repeated. Empty for a stroke
             glyph. A space has neither strokes nor contours.
@@ -143,10 +142,8 @@ class Font(OneLine, Validated, error=FontError):
     """A set of glyphs.
 
     Attributes:
-        name: built-in name, or the full name in the font file.
         glyphs: read-only mapping of character to glyph, not empty.
         stroke_ratio: ratio of nominal stroke width to cap height; 0.0 for outline fonts.
-        source: origin of the font, in words or as a path.
 
     Raises:
         FontError: there is no glyph, a key differs from its glyph's character, or stroke_ratio is outside 0 <= r < 1.
@@ -237,7 +234,6 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
     """Compute the distance from the edge of the ink, negative inside it.
 
     Args:
-        glyph: glyph of the character.
         x: positions in the glyph frame, cap heights; any shape.
         y: positions in the glyph frame, cap heights; broadcast against x.
         stroke: width of the stroke, cap heights; ignored for contours.
@@ -253,7 +249,7 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
     if not glyph.inked:
         return np.full(xs.shape, np.inf, dtype=np.float32)
     columns = xs.shape[-1] if xs.ndim else 1
-    grid_x, grid_y = (np.ascontiguousarray(one).reshape(-1, columns) for one in (xs, ys))
+    grid_x, grid_y = (np.ascontiguousarray(axis).reshape(-1, columns) for axis in (xs, ys))
     distance = segment_distance(grid_x, grid_y, glyph.boundary)
     if glyph.contours:
         distance = np.where(winding_number(grid_x, grid_y, glyph.segments) != 0, -distance, distance)
@@ -263,11 +259,6 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
 
 
 def _ink_boundary(segments: Points) -> Points:
-    """Cut crossing segments and keep the pieces with ink on one side only.
-
-    Overlapping contours (variable fonts, composites) have edges inside the ink; the distance to such edges would
-    leave a ridge along the seam.
-    """
     p, d = segments[:, :2], segments[:, 2:] - segments[:, :2]
     cross = d[:, None, 0] * d[None, :, 1] - d[:, None, 1] * d[None, :, 0]
     gap = p[None, :, :] - p[:, None, :]

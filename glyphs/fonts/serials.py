@@ -77,10 +77,6 @@ def random_text(format: str, *, rng: np.random.Generator, exclude: str = "") -> 
 
     Args:
         format: as in `allowed_characters`.
-        rng: the only source of randomness.
         exclude: as in `allowed_characters`.
-
-    Raises:
-        FormatError: as in `allowed_characters`.
     """
     return "".join(c[int(rng.integers(len(c)))] for c in allowed_characters(format, exclude=exclude))

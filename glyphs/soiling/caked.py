@@ -66,7 +66,6 @@ class _Cake:
 
     @property
     def solid_mm(self) -> Field:
-        """Thickness without the void."""
         return np.asarray(self.packed_mm + self.built_mm)
 
 
@@ -101,7 +100,6 @@ def _slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field
 
 
 def _site(coat: Coat) -> _Site:
-    """Room to fill: up to the brim of sunk marks, up to the tops of raised ones."""
     from scipy.ndimage import gaussian_filter, maximum_filter
 
     above = coat.clean_mm - coat.brim_mm
@@ -126,7 +124,6 @@ def _site(coat: Coat) -> _Site:
 def _settle_layer(
     coat: Coat, cake: _Cake, site: _Site, part: float, onset: float, *, rng: np.random.Generator
 ) -> _Cake:
-    """Add a layer in patches that spread; grooves fill first."""
     rank = _slow_noise(coat, coat.height_mm * float(rng.uniform(0.25, 0.9)), rng)
     packs, thick = rng.uniform(0.3, 0.65), site.depth_mm * rng.uniform(0.2, 0.55)
     grown = max(0.0, (part - onset) / (1.0 - onset))
@@ -153,7 +150,6 @@ def _bridge(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random
 
 
 def _flake(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) -> _Cake:
-    """Remove angular flakes and curl the rims around them; flakes grow with the amount of dirt."""
     size, pitch = coat.height_mm, np.float32(coat.pitch_mm)
     count = int(np.clip(coat.area_mm2 / size**2, 2, 300))
     centres = rng.uniform(0.0, 1.0, (count, 2)) * coat.shape
@@ -180,7 +176,6 @@ def _flake(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) ->
 
 
 def _wipe_and_press(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Generator) -> _Cake:
-    """Apply two strokes of a rag and one finger; some are too faint to have an effect."""
     built, packed = cake.built_mm, cake.packed_mm
     for _ in range(2):
         wiped = _stroke(coat, rng)
@@ -230,7 +225,6 @@ def _turned_axes(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
 
 
 def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random.Generator) -> _Cake:
-    """Add crumbs where the cake is dry, the high ones far apart, and grains of dust everywhere."""
     # the mean of a rank's cube is a quarter
     crumbs = np.float32(2.6) * (
         _slow_noise(coat, coat.height_mm * float(rng.uniform(0.06, 0.12)), rng) ** 3 - np.float32(0.25)

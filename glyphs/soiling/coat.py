@@ -54,14 +54,7 @@ class Coat(OneLine):
     """A surface while it is being soiled; all arrays are (rows, cols) float32 unless noted.
 
     Attributes:
-        pitch_mm: pitch of the grid.
-        height_mm: height of the characters.
-        clean_mm: the stamped surface, before any dirt.
         brim_mm: the height to which a hollow can be filled: the land of sunk marks.
-        z_mm: top of the surface.
-        soft_mm: thickness of the topmost dirt that yields.
-        hardness_mpa: hardness of that dirt.
-        friction: Coulomb coefficient of the top.
         albedo: (rows, cols, 3), see `Look`.
         roughness: see `Look`.
         reflectance: see `Look`.
@@ -116,14 +109,7 @@ class Coat(OneLine):
         roughness: ArrayLike | None = None,
         reflectance: ArrayLike | None = None,
     ) -> Coat:
-        """Mix another look into the coat, by the share `cover` (0 to 1).
-
-        Args:
-            cover: share of the new look.
-            albedo: the new albedo.
-            roughness: the new roughness.
-            reflectance: the new reflectance.
-        """
+        """Mix another look into the coat, by the share `cover` (0 to 1)."""
         w = cover.astype(np.float32)
         changes: dict[str, NDArray[np.float32]] = {}
         if albedo is not None:
@@ -167,10 +153,6 @@ def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
 
 
 def _brim_mm(part: StampedPart) -> Field:
-    """Height to which a hollow fills: the land, continued smoothly under the characters.
-
-    Around raised marks there is no groove; dirt collects at their feet, up to a local mean of the surface.
-    """
     from scipy.ndimage import gaussian_filter
 
     from glyphs.surface.blur import gaussian_blur
@@ -195,10 +177,10 @@ def _brim_mm(part: StampedPart) -> Field:
     terms = np.stack(np.broadcast_arrays(1.0, u[:, ::step], v[::step]), axis=-1)
     seen, weight = z[::step, ::step], land[::step, ::step]
     plane, *_ = np.linalg.lstsq(terms[weight], seen[weight], rcond=None)
-    rest = np.where(weight, seen - terms @ plane, 0.0)
+    uneven = np.where(weight, seen - terms @ plane, 0.0)
     sigma = 0.35 * size / (pitch * step)
     near = gaussian_filter(weight.astype(np.float64), sigma, mode="nearest")
-    wave = gaussian_filter(rest, sigma, mode="nearest") / np.maximum(near, 1e-3)
+    wave = gaussian_filter(uneven, sigma, mode="nearest") / np.maximum(near, 1e-3)
     where = (np.linspace(0, (rows - 1) / step, rows), np.linspace(0, (cols - 1) / step, cols))
     brim = plane[0] + plane[1] * u + plane[2] * v + bilinear(wave, *where)
     inked = ~land

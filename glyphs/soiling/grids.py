@@ -41,8 +41,6 @@ def resize(values: Field, shape: tuple[int, ...], *, how: str = "linear") -> Fie
 
     Args:
         values: (rows, cols).
-        shape: the new shape.
-        how: linear, cubic, or area (mean over each new sample).
     """
     from glyphs.opencv import cv2
 

@@ -66,17 +66,7 @@ class Soiling(OneLine, Validated, error=StampError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SoiledPart(OneLine):
-    """A part with its soil.
-
-    Attributes:
-        part: the clean part.
-        height_map: top of the soiled surface.
-        soil: the soft dirt and the friction of the surface.
-        look: optical properties of the surface.
-
-    Raises:
-        ValueError: grids that do not agree.
-    """
+    """A part with its soil. Raises ValueError: grids that do not agree."""
 
     part: StampedPart
     height_map: HeightMap
@@ -95,8 +85,6 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
     Every soil has its own random stream, named after it, so rust stays in place when paint is added over it.
 
     Args:
-        part: the stamped part.
-        soiling: soils and their severity.
         rng: the only source of randomness; the same state gives the same dirt.
 
     Raises:
@@ -123,7 +111,6 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
 
 def _lay_soil(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Apply one soil to a surface; an error of a user's own soil becomes a StampError that names the soil."""
     model = soil_model(name)
     if name in SOILS:
         return model(coat, amount, rng=rng)
@@ -140,7 +127,6 @@ def _lay_soil(coat: Coat, name: str, amount: float, *, rng: np.random.Generator)
 
 
 def _stream(seed: np.random.SeedSequence, before: int, soil: str) -> np.random.Generator:
-    """Random generator of one soil, independent of the other soils; `before`: children spawned before."""
     key = seed.spawn_key
     if soil != WORKSHOP:
         key, before = (*key, before, crc32(soil.encode())), 0

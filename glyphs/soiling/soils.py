@@ -44,11 +44,7 @@ SOILS: Final[dict[str, str]] = {
 
 
 def soil_model(name: str) -> SoilModel:
-    """Return the soil of a name or of `module:function`.
-
-    Raises:
-        StampError: an unknown soil, module or function.
-    """
+    """Return the soil of a name or of `module:function`. Raises StampError: an unknown soil, module or function."""
     place = SOILS.get(name, name)
     if ":" not in place:
         raise StampError(

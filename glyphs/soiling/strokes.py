@@ -35,13 +35,16 @@ def drop(grid: NDArray[np.float32], points: Points, values: NDArray[np.float64],
     Args:
         grid: (rows, cols).
         points: (..., 2) x, y in mm; points outside the grid are ignored.
-        values: (...) one per point.
-        pitch_mm: pitch of the grid.
     """
-    at = np.rint(points.reshape(-1, 2) / pitch_mm).astype(np.int64)
+    pixel = np.rint(points.reshape(-1, 2) / pitch_mm).astype(np.int64)
     v = values.reshape(-1).astype(np.float32)
-    inside = (at[:, 0] >= 0) & (at[:, 0] < grid.shape[1]) & (at[:, 1] >= 0) & (at[:, 1] < grid.shape[0])
-    np.maximum.at(grid, (at[inside, 1], at[inside, 0]), v[inside])
+    inside = (
+        (pixel[:, 0] >= 0)
+        & (pixel[:, 0] < grid.shape[1])
+        & (pixel[:, 1] >= 0)
+        & (pixel[:, 1] < grid.shape[0])
+    )
+    np.maximum.at(grid, (pixel[inside, 1], pixel[inside, 0]), v[inside])
 
 
 def along(line: Points, step_mm: float) -> Points:

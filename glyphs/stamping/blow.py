@@ -49,10 +49,10 @@ def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator
     """
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
         return np.zeros((count, 2))
-    own = rng.spawn(1)[0]
-    leans = np.degrees(own.uniform(0.0, 2 * math.pi)) + 25.0 * own.standard_normal(count)
-    jumps = own.uniform(size=count) < how.jump_probability
-    steps = jumps * how.jump_fraction * np.clip(own.standard_normal(count), -2.0, 2.0)
+    hand_rng = rng.spawn(1)[0]
+    leans = np.degrees(hand_rng.uniform(0.0, 2 * math.pi)) + 25.0 * hand_rng.standard_normal(count)
+    jumps = hand_rng.uniform(size=count) < how.jump_probability
+    steps = jumps * how.jump_fraction * np.clip(hand_rng.standard_normal(count), -2.0, 2.0)
     rises = np.zeros(count)
     for k in range(count):
         # the hand corrects itself: half of the shift is left after the next jump
@@ -185,7 +185,6 @@ def _blow_relief(
 
 
 def _towards(distance_mm: NDArray[np.float32], lean_deg: float) -> NDArray[np.float32]:
-    """Cosine of the angle between the direction out of the groove and a direction of the plate, at every sample."""
     down, right = np.gradient(distance_mm)
     length = np.maximum(np.hypot(down, right), np.float32(1e-9))
     lean = math.radians(lean_deg)

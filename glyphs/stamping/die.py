@@ -26,7 +26,6 @@ class IdealGlyph(OneLine):
     """The relief of one perfect character.
 
     Attributes:
-        height_map: the relief, plate frame.
         centre_mm: (x, y) of the reference point in that map: middle of the ink's width at mid cap height.
     """
 
@@ -100,18 +99,12 @@ def ideal_relief(
     """Make one perfect character on a flat plate.
 
     Args:
-        glyph: the character.
-        die: the die.
-        height_mm: character height.
-        pitch_mm: sample pitch of the map.
         margin_mm: least land around the ink, >= 0.
-        raised: make a raised character, without burr.
 
     Returns:
         A map with an odd number of rows and columns whose middle pixel is the reference point.
 
     Raises:
-        StampError: as in `die_glyph`, or a number out of range.
         MapError: pitch not positive, or too fine for the size.
     """
     require_not_negative(StampError, margin_mm=margin_mm)
@@ -174,13 +167,14 @@ def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:
 
 
 def _dots(strokes: tuple[Points, ...], pitch: float) -> list[Points]:
-    """Single points along polylines, evenly spaced about `pitch` apart; none where another dot is close."""
     dots = np.empty((0, 2))
     for line in strokes:
         for run in _runs(line):
             along = np.append(0.0, np.cumsum(np.hypot(*np.diff(run, axis=0).T)))
-            at = np.linspace(0.0, along[-1], max(1, round(float(along[-1]) / pitch)) + 1)
-            points = np.column_stack([np.interp(at, along, run[:, 0]), np.interp(at, along, run[:, 1])])
+            stations = np.linspace(0.0, along[-1], max(1, round(float(along[-1]) / pitch)) + 1)
+            points = np.column_stack(
+                [np.interp(stations, along, run[:, 0]), np.interp(stations, along, run[:, 1])]
+            )
             for point in points:
                 if (np.hypot(*(point - dots).T) > 0.6 * pitch).all():
                     dots = np.vstack([dots, point])

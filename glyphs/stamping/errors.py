@@ -15,11 +15,7 @@ class StampError(MarksError):
 
 
 def pick(kind: str, choices: Mapping[str, _Named], name: str) -> _Named:
-    """Return the choice with a name.
-
-    Raises:
-        StampError: there is no such choice; the message lists all of them.
-    """
+    """Return the choice with a name. Raises StampError: there is no such choice; the message lists all of them."""
     try:
         return choices[name]
     except KeyError:

@@ -52,7 +52,6 @@ class Die(OneLine, Validated, error=StampError):
     """Geometry of a die, described by the mark that it makes.
 
     Attributes:
-        face: shape of the floor.
         bevel_deg: slope of the walls from the land, degrees, 5 to 85 (30 to 60 is usual).
         depth_mm: depth of the floor below the land, > 0.
         stroke_mm: width of the groove at the land, > 0; for DOTTED the diameter of a dot. Outlined fonts have
@@ -148,7 +147,6 @@ def relief_mm(
 
     Args:
         signed_distance_mm: any shape, mm, negative inside the ink.
-        die: the die.
         half_width_mm: half the stroke, if the ink is a stroke; the root of a V is then rounded, which makes it
             shallower by root_radius (1/cos bevel - 1). None for outlines: a V runs to the medial axis.
         extra_depth_mm: depth of the blow beyond the nominal depth (negative: less), mm, broadcast against the

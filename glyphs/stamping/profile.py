@@ -41,7 +41,6 @@ def sunk_depth(
         depth: depth of the floor, mm, a number or one per sample.
         half_width: half the width of the groove if known, mm: a V then has its root fillet at the middle, where the
             walls meet. None: the walls continue until they meet.
-        bevel_rad: slope of the wall, radians.
         root_radius: fillet of wall and floor, mm.
         edge_radius: fillet of wall and land, mm; covers at most 0.3 of the wall.
 

@@ -28,14 +28,7 @@ class StampedPart(OneLine):
     """A stamped plate and its ground truth.
 
     Attributes:
-        height_map: the surface.
-        text: text that was stamped; with two lines, the requested line.
-        height_mm: character height.
         boxes_mm: (x0, y0, x1, y1) around the ink of each character, plate frame; a space has its empty cell.
-        font_name: the font's name.
-        other_text: text of the second line, if any.
-        other_boxes_mm: boxes around its characters.
-        form: form of the bent plate.
 
     Raises:
         ValueError: the numbers of boxes and characters differ.
@@ -78,16 +71,11 @@ def stamp_line(
     """Stamp a line of text.
 
     Args:
-        text: at least one character, all of them in the font.
-        font: font of the characters.
-        die: face, bevel, depth and so on, the same for all characters.
-        height_mm: character height, ink to ink.
         pitch_mm: sample pitch; default: a hundredth of the height.
         margin_mm: land around the line; default: 0.8 of the height.
         line_rotation_deg: rotation of the whole line, from +x towards +y of the plate frame (clockwise as seen).
         layout: an arc, or another line; default: straight and alone.
         variation: variation of the blows; default: `StampingVariation()`.
-        raised: characters stand out of the plate (no burr).
         rng: the only source of randomness; the same state gives the same part.
 
     Raises:
@@ -134,8 +122,8 @@ def stamp_line(
     boxes: list[Box] = []
     stances = draw_stances(how, len(places), rng=rng)
     for shape, (place_x, place_y, turn), stance in zip(shapes + others, places, stances, strict=True):
-        at = (place_x + margin - extent[0], place_y + margin - extent[1])
-        blow = draw_blow(how, stance, rng, at_mm=at, height_mm=height_mm, rotation_deg=turn)
+        corner = (place_x + margin - extent[0], place_y + margin - extent[1])
+        blow = draw_blow(how, stance, rng, at_mm=corner, height_mm=height_mm, rotation_deg=turn)
         x0, y0, x1, y1 = strike(relief, x.skin_mm, y.skin_mm, shape, die, blow, height_mm=height_mm)
         boxes.append((x.seen(x0), y.seen(y0), x.seen(x1), y.seen(y1)))
     finish = how.plate.texture or partial(plate_texture, variation=how.plate)
@@ -157,18 +145,12 @@ class _Axis:
     skin_mm: NDArray[np.float64]
 
     def seen(self, skin_mm: float) -> float:
-        """Convert a position along the skin to a position seen from above."""
         if self.skin_mm is self.seen_mm:
             return skin_mm
         return float(np.interp(skin_mm, self.skin_mm, self.seen_mm))
 
 
 def _axis(skin_mm: float, pitch_mm: float, radius_mm: float) -> _Axis:
-    """The axis of a plate that measures `skin_mm` along its skin.
-
-    Raises:
-        StampError: the plate would reach too far around its cylinder.
-    """
     width = skin_mm if math.isinf(radius_mm) else 2 * seen_mm(skin_mm / 2, radius_mm)
     count = max(2, math.ceil(width / pitch_mm - 1e-6) + 1)
     if count > MAX_PIXELS:
@@ -202,8 +184,8 @@ def _places(
         along, up, turn = layout.place(origin + mx, my + up_mm, length_mm=length_mm)
         x, y = to_plate(along, up, rotation_deg=rotation_deg)
         places.append((float(x), float(y), rotation_deg + turn))
-        at = (float(x), float(y))
-        boxes.append(plate_box(shape, at, rotation_deg + turn, height_mm=height_mm, grow_mm=0.0))
+        start = (float(x), float(y))
+        boxes.append(plate_box(shape, start, rotation_deg + turn, height_mm=height_mm, grow_mm=0.0))
         origin += shape.advance * height_mm
     return places, _hull(*boxes)
 

@@ -32,7 +32,6 @@ class Milling(Validated, error=StampError):
     """Arcs that the teeth of a face mill leave; their depth varies where the tool chatters.
 
     Attributes:
-        depth_um: depth from crest to bottom of a feed mark.
         feed_mm: distance from one arc to the next, > 0.
         radius_mm: radius of the mill, > 0.
         chatter: share by which the depth varies, 0..1.
@@ -65,7 +64,6 @@ class Turning(Validated, error=StampError):
     """Grooves of a lathe's tool: parallel on a turned shaft, parts of rings on a faced end.
 
     Attributes:
-        depth_um: depth from crest to bottom.
         feed_mm: distance from one groove to the next, > 0.
         ring_radius_mm: distance of the axis below the plate's middle; 0 gives parallel grooves, along y.
         unevenness: share by which the depth varies from groove to groove, 0..1.
@@ -95,7 +93,6 @@ class Grinding(Validated, error=StampError):
     """Many fine lines of different depth and length, as a belt or a wheel leaves them.
 
     Attributes:
-        ra_um: arithmetic mean roughness.
         line_mm: width of a line, > 0.
         length_mm: length of a line, > 0.
         along_x: whether they run along the line of text; otherwise across it.
@@ -129,7 +126,6 @@ class Sand(Validated, error=StampError):
     """A blasted or sand-cast skin: craters and grains of two sizes, isotropic.
 
     Attributes:
-        ra_um: arithmetic mean roughness.
         grain_mm: size of the coarse grain, > 0; the fine grain is a third of it.
 
     Raises:
@@ -149,13 +145,11 @@ class Sand(Validated, error=StampError):
 
 
 def _cusps(turn: NDArray[np.float64], share: NDArray[np.float64], depth_um: float) -> Field:
-    """Round grooves side by side, one per turn, with sharp crests between; mean about zero."""
     t = 2.0 * (turn - np.floor(turn)) - 1.0
     return np.asarray(depth_um * 1e-3 * share * (t * t - 1.0 / 3.0), dtype=np.float32)
 
 
 def _scale_to_ra(z: Field, ra_um: float) -> Field:
-    """The field about its mean, scaled to an arithmetic mean roughness."""
     level = z - np.float32(z.mean(dtype=np.float64))
     ra = float(np.abs(level).mean(dtype=np.float64))
     return np.asarray(level * np.float32(ra_um * 1e-3 / max(ra, 1e-12)), dtype=np.float32)

@@ -18,18 +18,13 @@ class PlateVariation(OneLine, Validated, error=StampError):
     """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) plate.
 
     Attributes:
-        tilt_deg: standard deviation of the tilt about either axis, degrees.
-        waviness_um: amplitude of the waviness, micrometres.
         waviness_wavelength_mm: its wavelength, > 0.
-        lay_um: amplitude of the machining lay, micrometres.
         lay_wavelength_mm: feed of the tool, > 0.
         lay_direction_deg: direction in which the lay's ridges run, degrees of the plate frame.
         lay_jitter: wander of the lay's phase, radians (standard deviation over the plate).
-        roughness_ra_um: arithmetic mean roughness Ra, micrometres.
         roughness_length_mm: distance at which the roughness's autocorrelation has fallen to 1/e, > 0.
         ironing: share of lay and roughness that the die presses flat on the floor of a mark, 0..1.
         form: the curvature of the plate; default: flat.
-        texture: texture used in place of lay and roughness.
 
     Raises:
         StampError: a value out of range.
@@ -63,14 +58,12 @@ class StampingVariation(OneLine, Validated, error=StampError):
     Attributes:
         depth_fraction: depth, as a fraction of the die's; clipped at 2.5 deviations.
         tilt_fraction: change of depth across one cap height, as a fraction of the depth, either axis.
-        rotation_deg: rotation of a character.
         baseline_fraction: rise over the baseline, fraction of the height.
         spacing_fraction: shift along the line, fraction of the height.
         worn_probability: probability that a character's die is worn: rounder, shallower, one side faint.
         double_strike_probability: probability of a second, shallower blow beside the first.
         double_strike_fraction: distance of the second blow, fraction of the height.
         burr_fraction: mean height of the burr in addition to the die's own, fraction of the depth.
-        plate: the plate.
         pile_up_lean: asymmetry of the burr, 0..1: higher by this share on the side to which a blow leans, lower by it
             on the other.
         flank_loss: share of the depth that is missing at the wall to which a blow leans, 0..1; at 1 that wall is

@@ -14,9 +14,9 @@ from glyphs.surface.noise import Field
 
 
 @kernel()
-def _add(one, other, weight, total):  # type: ignore[no-untyped-def]
+def _add(row, other, weight, total):  # type: ignore[no-untyped-def]
     for c in range(total.size):
-        total[c] += (np.float64(one[c]) + np.float64(other[c])) * weight
+        total[c] += (np.float64(row[c]) + np.float64(other[c])) * weight
 
 
 @kernel()
@@ -53,15 +53,15 @@ def gaussian_blur(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
     Returns:
         (rows, cols) float32: `scipy.ndimage.gaussian_filter(z, sigma, mode="nearest", truncate=truncate)`.
     """
-    given = read_only(z, np.float32)
+    heights = read_only(z, np.float32)
     if sigma <= 1e-15:
-        return np.array(given)
+        return np.array(heights)
     reach = int(truncate * sigma + 0.5)
     bell = np.exp(-0.5 / (sigma * sigma) * np.arange(-reach, reach + 1) ** 2)
     weights = (bell / bell.sum())[reach:]
-    out = np.empty_like(given)
-    line, total = np.empty(given.shape[1] + 2 * reach, np.float32), np.empty(given.shape[1])
-    _blur(given, read_only(weights), out, line, total)
+    out = np.empty_like(heights)
+    line, total = np.empty(heights.shape[1] + 2 * reach, np.float32), np.empty(heights.shape[1])
+    _blur(heights, read_only(weights), out, line, total)
     return out
 
 
@@ -88,11 +88,13 @@ def sample_bilinear(z: Field, row: NDArray[np.float64], col: NDArray[np.float64]
     """
     from scipy.ndimage import map_coordinates
 
-    given, rows, cols = read_only(z, np.float32), read_only(row.ravel()), read_only(col.ravel())
+    heights, rows, cols = read_only(z, np.float32), read_only(row.ravel()), read_only(col.ravel())
     out = np.empty(rows.size, dtype=np.float32)
-    _sample(given, rows, cols, out)
+    _sample(heights, rows, cols, out)
     beyond = (rows < 0.0) | (cols < 0.0) | (rows >= z.shape[0] - 1) | (cols >= z.shape[1] - 1)
     if beyond.any():
-        at = np.stack([rows[beyond], cols[beyond]])
-        out[beyond] = map_coordinates(given, at, output=np.float32, order=1, mode="mirror", prefilter=False)
+        outer = np.stack([rows[beyond], cols[beyond]])
+        out[beyond] = map_coordinates(
+            heights, outer, output=np.float32, order=1, mode="mirror", prefilter=False
+        )
     return out.reshape(row.shape)

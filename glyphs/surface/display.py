@@ -36,11 +36,7 @@ def one_line(value: Any) -> str:
 
 
 class WordedEnum(StrEnum):
-    """Base of enumerations whose members have a value for programs and a message for people.
-
-    Attributes:
-        message: the member in words.
-    """
+    """Base of enumerations whose members have a value for programs and a message for people."""
 
     message: str
 
@@ -58,7 +54,6 @@ class OneLine:
 
 
 def _same(held: object, default: object) -> bool:
-    """Whether a field has its default; False for arrays and other values without a single answer to `==`."""
     if isinstance(held, Mapping) and isinstance(default, Mapping):
         return not held and not default
     plain = isinstance(held, (str, int, float, Enum, tuple, type(None))) or is_dataclass(held)
@@ -101,7 +96,6 @@ def picture_html(value: object, grey: NDArray[Any]) -> str:
     """HTML for notebooks: a small picture of a value's array with its line as the caption.
 
     Args:
-        value: value to show.
         grey: (rows, cols) numbers, NaN where missing; the middle 98 % of them span the range from black to white.
     """
     from PIL import Image

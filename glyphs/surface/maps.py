@@ -139,9 +139,7 @@ class EdgeMap(OneLine, Validated, error=MapError):
 
     Attributes:
         enhancement: (directions, rows, cols) float32, dimensionless, read-only; 0 where not valid.
-        directions: trace direction of each layer, no duplicates.
         valid: (rows, cols) bool: whether every layer was measured here.
-        pitch_mm: grid pitch, mm.
         origin_mm: plate-frame (x, y) of pixel (0, 0), mm.
 
     Raises:

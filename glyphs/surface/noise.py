@@ -18,7 +18,6 @@ def smooth_noise(
 
     Args:
         shape: (rows, cols).
-        pitch_mm: pitch of the grid.
         length_mm: the correlation length; 0 gives white noise.
         rng: the only source of randomness; one draw per sample of the larger grid.
 

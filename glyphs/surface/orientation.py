@@ -24,7 +24,6 @@ def plate_normal(
 
     Args:
         points: (n, 3), finite.
-        rounds: number of fits, each without the outliers of the fit before.
         thin: most thickness of a plate over its shorter side, standard deviations.
         upright: least z of a normal that tells the side of the scanner: 10 degrees.
     """

@@ -40,13 +40,9 @@ class Piece(OneLine, Validated, error=MapError):
     """A test piece, in millimetres and degrees.
 
     Attributes:
-        kind: kind of relief.
         angle_deg: angles of the walls, each with its own pit or groove; a step has the first one.
         depth_mm: depth of floors below the land; height of a ball's cap.
-        floor_mm: length and width of a floor.
         width_mm: width of the plate along y, for grooves and steps; otherwise it follows from the relief.
-        radius_mm: radius of a ball.
-        land_mm: width of the land between and around the relief.
 
     Raises:
         MapError: an angle is out of range, a length is not positive, or a cap is higher than half its ball.
@@ -90,11 +86,7 @@ class Piece(OneLine, Validated, error=MapError):
         return self.depth_mm / math.tan(math.radians(angle_deg))
 
     def height_map(self, pitch_mm: float) -> HeightMap:
-        """The relief on a grid.
-
-        Raises:
-            MapError: the pitch is not positive, or the map is too large.
-        """
+        """The relief on a grid. Raises MapError: the pitch is not positive, or the map is too large."""
         require_positive(MapError, pitch_mm=pitch_mm)
         x_mm, y_mm = (
             np.arange(int(side / pitch_mm) + 1, dtype=np.float64) * pitch_mm for side in self.size_mm

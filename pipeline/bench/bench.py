@@ -74,20 +74,13 @@ class Bench:
         self.close()
 
     def home(self) -> None:
-        """Lift, find the ends of the axes, and lift to the travel height.
-
-        Raises:
-            StageError: homing failed.
-        """
+        """Lift, find the ends of the axes, and lift to the travel height. Raises StageError: homing failed."""
         self.stage.home()
         check_limits(self.stage.place_mm(), self.settings.stage)
         self.stage.lift()
 
     def session(self, part_id: str = "") -> BenchSession:
         """Open a session, in the plate's frame, with the part under the whiskers; home first if needed.
-
-        Args:
-            part_id: name of the part.
 
         Raises:
             StageError: homing failed.
@@ -136,7 +129,6 @@ class Bench:
         """Measure gains in V per N mm, independent of `volt_per_n_mm`, and offsets in V, in a pass over bare land.
 
         Raises:
-            StageError: as in `run`.
             SensorError: there are too few samples, or a whisker does not touch the land.
         """
         touch = self.settings.touch()
@@ -199,9 +191,7 @@ def raster_passes(
     """Plan the passes of the default raster for the character height, with the mounted comb.
 
     Args:
-        fitting: fitting of the bench.
         region_mm: (x0, y0, x1, y1).
-        directions: trace directions, in order.
     """
     usual = default_plan(region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions))
     between = math.ceil(fitting.array.pitch_mm / usual.line_pitch_mm - 1e-9)
@@ -217,8 +207,6 @@ def feel_all(
     """Run the passes one after the other.
 
     Args:
-        session: session of the part; it stays open.
-        passes: passes, in order.
         on_pass: callback after each pass, with its number from 1 and the pass.
 
     Raises:

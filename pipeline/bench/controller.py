@@ -34,13 +34,10 @@ class Dialect:
     """G-code and answers of a firmware.
 
     Attributes:
-        name: name for messages.
-        absolute: prefix of a move in machine coordinates.
         settle: lines that are acknowledged when all moves have ended.
         touching, not_touching: lines that set and clear the spare output, at rest.
         dwell: line that waits for `s` seconds (`ms` milliseconds).
         home: lines that find the ends of all axes, each sent when the one before is done.
-        lifts_to_home: whether the firmware lifts z before it homes the other axes.
         place: pattern of an answer, with machine x, y, z in its groups.
         bad: patterns of answers that end a run, with the message; the first that matches counts.
     """
@@ -61,9 +58,6 @@ class Sender:
     """Send lines to a firmware, which acknowledges each with `ok`, in order.
 
     Lines are sent as far as the firmware has room. After it has requested a line again, they are sent one at a time.
-
-    Attributes:
-        wait_s: longest wait for the next answer.
     """
 
     def __init__(
@@ -78,11 +72,7 @@ class Sender:
         """Prepare the lines.
 
         Args:
-            lines: lines with their line ends.
-            first: number of the first line in resend requests.
-            room_bytes: most bytes that may be in flight.
             query: bytes that ask the firmware for its state, sent if it does not answer.
-            most_resends: most resend requests that are served.
         """
         self._lines, self._first, self._room_bytes, self._query = lines, first, room_bytes, query
         self._sent = self._acknowledged = self._refused = 0
@@ -115,11 +105,11 @@ class Sender:
             # each refused line has an `ok` of its own
             self._acknowledged += not self._refused and self._acknowledged < self._sent
             self._refused -= bool(self._refused)
-        elif found := re.match(r"(?:Resend|rs)\D*(\d+)", answer):
-            self._sent, self._again, self.wait_s = int(found[1]) - self._first, True, 0.1
+        elif asks := re.match(r"(?:Resend|rs)\D*(\d+)", answer):
+            self._sent, self._again, self.wait_s = int(asks[1]) - self._first, True, 0.1
             self._refused, self._resends_left = self._refused + 1, self._resends_left - 1
             if self._resends_left < 0 or not self._acknowledged <= self._sent <= len(self._lines):
-                raise ValueError(f"requests line {found[1]} again")
+                raise ValueError(f"requests line {asks[1]} again")
         else:
             return False
         return True
@@ -135,11 +125,7 @@ class Controller(ABC):
     dialect: ClassVar[Dialect]
 
     def __init__(self, settings: StageSettings) -> None:
-        """Open the port; nothing is sent yet.
-
-        Raises:
-            StageError: it cannot be opened.
-        """
+        """Open the port; nothing is sent yet. Raises StageError: it cannot be opened."""
         self.settings, self.lost = settings, True
         self.port = SerialPort(settings.port, baud=settings.baud, what="stage's controller")
         self._place: tuple[float, float, float] | None = None
@@ -158,11 +144,7 @@ class Controller(ABC):
 
     @abstractmethod
     def ask_place(self) -> None:
-        """Ask for the position, and process the answer.
-
-        Raises:
-            StageError: as in `run`.
-        """
+        """Ask for the position, and process the answer."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -173,11 +155,7 @@ class Controller(ABC):
         """
 
     def home(self) -> None:
-        """Lift, and find the ends of all axes.
-
-        Raises:
-            StageError: homing failed.
-        """
+        """Lift, and find the ends of all axes. Raises StageError: homing failed."""
         if self.lost:
             self.connect()
         if not self.dialect.lifts_to_home:
@@ -188,11 +166,7 @@ class Controller(ABC):
         self.lost = False
 
     def place_mm(self) -> tuple[float, float, float]:
-        """Machine x, y, z at rest.
-
-        Raises:
-            StageError: it does not report its position.
-        """
+        """Machine x, y, z at rest. Raises StageError: it does not report its position."""
         self._place = None
         self.ask_place()
         if self._place is None:
@@ -201,10 +175,6 @@ class Controller(ABC):
 
     def run(self, lines: Sequence[str], *, seconds: float) -> None:
         """Send lines, and wait until all are acknowledged; a line that waits for moves is acknowledged at their end.
-
-        Args:
-            lines: lines without line ends; they are sent together as far as the firmware has room.
-            seconds: duration of their moves.
 
         Raises:
             StageError: an error, alarm, reset or timeout, or moves that take too long.
@@ -236,24 +206,16 @@ class Controller(ABC):
                 raise self.failed(f"the stage's controller {error}") from error
 
     def take_in(self, answer: str) -> None:
-        """Process an answer that is not an acknowledgement.
-
-        Raises:
-            StageError: it ends the run.
-        """
+        """Process an answer that is not an acknowledgement. Raises StageError: it ends the run."""
         for pattern, message in self.dialect.bad:
-            if found := re.match(pattern, answer):
-                raise self.failed(message.format(found[0], *found.groups()))
-        if found := self.dialect.place.match(answer):
-            x, y, z = found.groups()[-3:]
+            if matched := re.match(pattern, answer):
+                raise self.failed(message.format(matched[0], *matched.groups()))
+        if matched := self.dialect.place.match(answer):
+            x, y, z = matched.groups()[-3:]
             self._place = (float(x), float(y), float(z))
 
     def travel(self, moves: Moves) -> None:
-        """Lift, turn, and move to the start of a pass.
-
-        Raises:
-            StageError: as in `run`.
-        """
+        """Lift, turn, and move to the start of a pass."""
         s = self.settings
         self._check_place_known()
         lines = [self._move(s.rapid_mm_s, Z=moves.lift_z_mm)]
@@ -265,11 +227,7 @@ class Controller(ABC):
         self.run([*lines, *self.dialect.settle], seconds=seconds)
 
     def touch(self, moves: Moves) -> None:
-        """Make one pass from its start: wait for the air samples, lower, drag, lift.
-
-        Raises:
-            StageError: as in `run`, or the stage does not end where it should.
-        """
+        """Make one pass from its start: wait for the air samples, lower, drag, lift."""
         s, dialect = self.settings, self.dialect
         self._check_place_known()
         if moves.air_s > 0.0:
@@ -288,8 +246,8 @@ class Controller(ABC):
         self.run(lines, seconds=2.0 * drop.duration_s + moves.ramp.duration_s)
         stands = self.place_mm()
         if math.dist(stands, end) > _PLACE_TOLERANCE_MM:
-            at, wanted = (f"({', '.join(f'{v:.2f}' for v in place)}) mm" for place in (stands, end))
-            raise self.failed(f"the stage is at {at} and not at {wanted}")
+            actual, wanted = (f"({', '.join(f'{v:.2f}' for v in place)}) mm" for place in (stands, end))
+            raise self.failed(f"the stage is at {actual} and not at {wanted}")
 
     def lift(self) -> None:
         """Lift at rest to the travel height, or up by the same distance if the position is unknown.
@@ -321,7 +279,6 @@ class Controller(ABC):
         )
 
     def _move(self, speed: float, **axes: float) -> str:
-        """A straight move in machine coordinates; speed in mm/s, or degrees per second."""
         places = "".join(f"{letter}{value:.3f}" for letter, value in axes.items())
         return f"{self.dialect.absolute}G1{places}F{60.0 * speed:.0f}"
 

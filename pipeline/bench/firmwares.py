@@ -73,11 +73,7 @@ class Grbl(Controller):
     )
 
     def connect(self) -> str:
-        """Wait until its moves have ended, then reset it.
-
-        Raises:
-            StageError: it does not answer like GRBL.
-        """
+        """Wait until its moves have ended, then reset it. Raises StageError: it does not answer like GRBL."""
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
         # the last pass of a dead host ends with its lift; a booting board does not answer at first
@@ -95,11 +91,7 @@ class Grbl(Controller):
         self._state(wait_s=self.settings.answer_s)
 
     def stop(self) -> None:
-        """Feed hold, soft reset, lift.
-
-        Raises:
-            StageError: it does not answer.
-        """
+        """Feed hold, soft reset, lift. Raises StageError: it does not answer."""
         self.lost = True
         self.port.write(b"!")
         until = time.monotonic() + self.settings.answer_s
@@ -124,11 +116,11 @@ class Grbl(Controller):
         """State in a fresh status report; None without a report."""
         self._place = None
         self.port.write(b"?")
-        found = self.port.answer(self.dialect.place, wait_s=wait_s)
-        if found is None:
+        answer = self.port.answer(self.dialect.place, wait_s=wait_s)
+        if answer is None:
             return None
-        self._place = (float(found[2]), float(found[3]), float(found[4]))
-        return found[1]
+        self._place = (float(answer[2]), float(answer[3]), float(answer[4]))
+        return answer[1]
 
 
 class Marlin(Controller):
@@ -183,19 +175,11 @@ class Marlin(Controller):
         return Sender([f"{body}*{reduce(xor, body.encode())}\n".encode() for body in bodies], first=first)
 
     def ask_place(self) -> None:
-        """Send M114.
-
-        Raises:
-            StageError: as in `run`.
-        """
+        """Send M114."""
         self.run(["M400", "M114"], seconds=0.0)
 
     def take_in(self, answer: str) -> None:
-        """Process an answer, including the name.
-
-        Raises:
-            StageError: it ends the run.
-        """
+        """Process an answer, including the name. Raises StageError: it ends the run."""
         super().take_in(answer)
         if answer.startswith("FIRMWARE_NAME:"):
             self._name = answer.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]

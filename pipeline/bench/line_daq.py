@@ -33,11 +33,7 @@ class LineDaq:
     """The converter; its own thread reads lines while the stage moves."""
 
     def __init__(self, settings: DaqSettings) -> None:
-        """Open it.
-
-        Raises:
-            StageError: it does not answer, or cannot keep the rate.
-        """
+        """Open it. Raises StageError: it does not answer, or cannot keep the rate."""
         self._settings = settings
         self._port = SerialPort(settings.port, baud=settings.baud, what="converter")
         self._lines: queue.SimpleQueue[str | StageError] = queue.SimpleQueue()
@@ -72,11 +68,7 @@ class LineDaq:
         return f"{self._name}, {self.whiskers} channels, {2 * self._full} counts over +-{self._range_v:g} V"
 
     def start(self) -> None:
-        """Start sampling.
-
-        Raises:
-            StageError: it does not answer.
-        """
+        """Start sampling. Raises StageError: it does not answer."""
         self._ask("start")
 
     def stop(self) -> Record:
@@ -91,7 +83,7 @@ class LineDaq:
             lines.append(line)
         if any(line.startswith(_HELLO) for line in lines):
             raise StageError("the converter was reset in the middle", "check its power, then scan again")
-        good = [one[:-5].split() for one in lines if f"{crc16(one[:-5]):04X}" == one[-4:]]
+        good = [text[:-5].split() for text in lines if f"{crc16(text[:-5]):04X}" == text[-4:]]
         sent = int(line.split()[1])
         if len(good) != sent:
             raise StageError(
@@ -118,9 +110,9 @@ class LineDaq:
         until = time.monotonic() + self._settings.answer_s
         while time.monotonic() < until:
             self._port.write(b"id\n")
-            asked = time.monotonic() + 0.5
+            retry_s = time.monotonic() + 0.5
             with contextlib.suppress(queue.Empty):
-                while not (line := self._take(asked - time.monotonic())).startswith(_HELLO):
+                while not (line := self._take(retry_s - time.monotonic())).startswith(_HELLO):
                     pass
                 time.sleep(0.05)
                 while not self._lines.empty():  # answers to earlier questions
@@ -129,11 +121,6 @@ class LineDaq:
         raise StageError("the converter does not answer", _CABLE_HINT)
 
     def _ask(self, question: str) -> str:
-        """Ask a question, and return the answer.
-
-        Raises:
-            StageError: it does not answer, or refuses.
-        """
         self._port.write(f"{question}\n".encode())
         until = time.monotonic() + self._settings.answer_s
         while not (line := self._next(until - time.monotonic())).startswith("ok"):

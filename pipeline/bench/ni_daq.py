@@ -59,11 +59,7 @@ class NiDaq:
         return f"{self._settings.channels} by NI-DAQmx, {self.whiskers} channels at {self._rate_hz:g} Hz"
 
     def start(self) -> None:
-        """Start sampling.
-
-        Raises:
-            StageError: the driver reports an error.
-        """
+        """Start sampling. Raises StageError: the driver reports an error."""
         with self._refusals_reported():
             self._task.start()
 

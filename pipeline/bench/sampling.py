@@ -33,7 +33,6 @@ class Record:
     Attributes:
         volts: (samples, whiskers) voltages.
         sync: (samples,) whether the stage's output was set.
-        rate_hz: samples per second.
         clipped: (samples, whiskers) whether the sample is at an end of the converter's range.
     """
 
@@ -97,9 +96,9 @@ def samples(
 
 
 def _average_around(
-    x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
+    x: NDArray[np.float64], rows: NDArray[np.float64], points: NDArray[np.float64], width: float
 ) -> NDArray[np.float64]:
     """(channels, at) means of (samples, channels) over a width around each point, against aliasing."""
     whole = cumulative_trapezoid(rows, x, axis=0, initial=0.0)
-    low, high = (np.array([np.interp(at + s * width, x, c) for c in whole.T]) for s in (-0.5, 0.5))
+    low, high = (np.array([np.interp(points + s * width, x, c) for c in whole.T]) for s in (-0.5, 0.5))
     return np.asarray((high - low) / width)

@@ -22,8 +22,6 @@ class SerialPort:
 
         Args:
             name: name of the port, or socket://HOST:PORT.
-            baud: baud rate of a serial port.
-            what: name of the connected device, for messages.
 
         Raises:
             MissingExtraError: pyserial is not installed.
@@ -48,11 +46,7 @@ class SerialPort:
         self._rest = b""
 
     def write(self, data: bytes) -> None:
-        """Send all data at once.
-
-        Raises:
-            StageError: the port is gone.
-        """
+        """Send all data at once. Raises StageError: the port is gone."""
         try:
             self._port.write(data)
             self._port.flush()
@@ -60,11 +54,7 @@ class SerialPort:
             raise self._gone(error) from error
 
     def line(self, *, wait_s: float) -> str | None:
-        """Return the next line without its line end; None on timeout.
-
-        Raises:
-            StageError: the port is gone.
-        """
+        """Return the next line without its line end; None on timeout. Raises StageError: the port is gone."""
         until = time.monotonic() + wait_s
         while not self._lines:
             try:
@@ -72,7 +62,7 @@ class SerialPort:
             except (OSError, TypeError) as error:
                 raise self._gone(error) from error
             *lines, self._rest = (self._rest + data).split(b"\n")
-            self._lines.extend(text for one in lines if (text := one.decode("latin-1").strip()))
+            self._lines.extend(text for raw in lines if (text := raw.decode("latin-1").strip()))
             if not self._lines and time.monotonic() >= until:
                 return None
         return self._lines.popleft()
@@ -86,8 +76,8 @@ class SerialPort:
         until = time.monotonic() + wait_s
         while (left := until - time.monotonic()) > 0.0:
             line = self.line(wait_s=left)
-            if line is not None and (found := wanted.match(line)):
-                return found
+            if line is not None and (matched := wanted.match(line)):
+                return matched
         return None
 
     def quiet(self, *, for_s: float = 0.1) -> None:

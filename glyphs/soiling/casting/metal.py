@@ -124,9 +124,9 @@ def _bubbles(coat: Coat, rng: np.random.Generator) -> list[tuple[NDArray[np.floa
         nest, order = rng.random(2) * room, rng.random()
         for _ in range(int(rng.poisson(14))):
             radius = max(0.05, min(1.0, size * 0.03 * float(np.exp(0.45 * rng.standard_normal()))))
-            at = nest + 0.4 * size * rng.standard_normal(2)
-            bubbles.append((at, radius, min(1.0, order + 0.3 * rng.random()), rng.uniform(-0.3, 0.5)))
+            centre = nest + 0.4 * size * rng.standard_normal(2)
+            bubbles.append((centre, radius, min(1.0, order + 0.3 * rng.random()), rng.uniform(-0.3, 0.5)))
     for _ in range(int(rng.poisson(0.25 * part))):
-        at, radius = rng.random(2) * room, size * rng.uniform(0.08, 0.2)
-        bubbles.append((at, radius, rng.random(), rng.uniform(-0.6, 0.2)))
+        centre, radius = rng.random(2) * room, size * rng.uniform(0.08, 0.2)
+        bubbles.append((centre, radius, rng.random(), rng.uniform(-0.6, 0.2)))
     return bubbles

@@ -66,7 +66,6 @@ def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 def _apply_look(
     coat: Coat, mould: Mould, covers: tuple[np.float32, Field, Field, Field], rng: np.random.Generator
 ) -> Coat:
-    """Dull grey skin, darker on crests and brighter where cold; glassy tan grains; black sand; bluish holes."""
     skin, held, there, hole = covers
     bare = (1.0 - held) * (1.0 - there)
     crests = bare * (np.float32(1.1) - np.float32(0.35) * mould.around) * (1.0 - np.float32(0.5) * hole)

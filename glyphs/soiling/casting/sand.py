@@ -36,7 +36,6 @@ class Mould(OneLine):
     """The mould wall of one part; it does not depend on the amount.
 
     Attributes:
-        grain_mm: mean diameter.
         around: (rows, cols) squared distance from the middle of the nearest grain, squared radii, 0 to 1.4.
         rank: (rows, cols) random number of the grain, uniform from 0 to 1.
         tone: (rows, cols) relative brightness of the grain, 0.5 to 1.5.
@@ -60,8 +59,8 @@ def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:
     spacing = max(grain / coat.pitch_mm, 2.5)
     rows, cols = coat.shape
     v, u = np.mgrid[-1 : rows / spacing + 1, -1 : cols / spacing + 1]
-    at = np.stack([v, u + 0.5 * (v % 2)]) + rng.uniform(-0.4, 0.4, (2, *v.shape))
-    y, x = (spacing * at).reshape(2, -1).astype(np.float32)
+    centres = np.stack([v, u + 0.5 * (v % 2)]) + rng.uniform(-0.4, 0.4, (2, *v.shape))
+    y, x = (spacing * centres).reshape(2, -1).astype(np.float32)
     i, j = np.rint(y).astype(int), np.rint(x).astype(int)
     inside = (i >= 0) & (i < rows) & (j >= 0) & (j < cols)
     empty = np.ones(coat.shape, dtype=np.uint8)

@@ -36,10 +36,7 @@ def nearest_crack(
         y_mm: (rows, cols) y positions of the samples.
         plate_mm: (rows, cols) width of the widest plate that does not crack at each sample.
         size_mm: (2,) width and height of the plate.
-        finest_mm: width of the smallest plates.
         rng: the only source of randomness; the draws do not depend on `plate_mm`.
-        gape_ratio: ratio of the widths of the oldest and the youngest cracks.
-        points_a_plate: random points per plate of the last generation; plates are measured from them.
 
     Returns:
         (rows, cols) distance, mm, at most 0.3 `plate_mm`.
@@ -52,10 +49,10 @@ def nearest_crack(
     cell, cell_of = np.zeros(x_mm.shape, dtype=np.int64), np.zeros(len(points), dtype=np.int64)
     for generation in range(generations):
         cells = 1 << generation
-        nx, ny, at, width = _halve_cells(
+        nx, ny, middle, width = _halve_cells(
             points, cell_of, turns[generation, :cells], places[generation, :cells]
         )
-        s = nx[cell] * x_mm + ny[cell] * y_mm - at[cell]
+        s = nx[cell] * x_mm + ny[cell] * y_mm - middle[cell]
         off = np.abs(s)
         if width.min() > gape_ratio * widest:
             off /= np.float32(gape_ratio)
@@ -65,7 +62,7 @@ def nearest_crack(
             off += plate_mm * np.clip(0.85 - relative, 0.0, 0.35)
         np.minimum(away, off, out=away)
         cell = 2 * cell + (s > 0.0)
-        cell_of = 2 * cell_of + (nx[cell_of] * points[:, 0] + ny[cell_of] * points[:, 1] > at[cell_of])
+        cell_of = 2 * cell_of + (nx[cell_of] * points[:, 0] + ny[cell_of] * points[:, 1] > middle[cell_of])
     return away
 
 

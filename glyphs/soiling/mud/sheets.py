@@ -59,9 +59,7 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     """Splash mud on a surface and let it run down, dry and crack.
 
     Args:
-        coat: the surface before.
         amount: 0 to 1.
-        rng: the only source of randomness.
     """
     batch = Batch(
         share=rng.uniform(0.7, 1.3),
@@ -93,13 +91,11 @@ def _wet_level(coat: Coat, grid: Grid) -> Field:
 
 
 def _crust(coat: Coat, grid: Grid, thick_mm: Field) -> Field:
-    """Thickness that dries and cracks as one layer; the mud below it in a groove is held by the walls."""
     near = blur(grid, thick_mm, 0.07 * coat.height_mm)
     return np.asarray(np.minimum(near, 1.5 * thick_mm), dtype=np.float32)
 
 
 def _sheet(grid: Grid, a: float, rng: np.random.Generator) -> Field:
-    """Wet thickness of mud that ran down the plate: thicker further down, with a bead at its front."""
     h = grid.height_mm
     rank = share(0.9 * grid.noise(1.1 * h, 2.2 * h, rng) + 0.3 * grid.noise(0.3 * h, 0.5 * h, rng))
     uneven = grid.noise(0.45 * h, 0.8 * h, rng)
@@ -112,7 +108,6 @@ def _sheet(grid: Grid, a: float, rng: np.random.Generator) -> Field:
 
 
 def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
-    """Wet thickness of splashed drops: an ellipse set by the angle of impact, a tail, and a ring at the edge."""
     h, pitch = grid.height_mm, grid.pitch_mm
     count = int(np.clip(4.5 * np.prod(grid.size_mm) / h**2, 4, 250))
     centre = rng.uniform(-0.03, 1.03, (count, 2)) * grid.size_mm
@@ -145,7 +140,6 @@ def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> F
 
 
 def _dry_thickness(level_mm: Field, wet_mm: Field, solid: float) -> Field:
-    """Dry thickness: the wet film levels out as far as there is enough mud, then all columns shrink alike."""
     hollow = np.maximum(level_mm, 0.0) + np.float32(1e-6)
     fills = 2.0 * wet_mm * hollow / np.sqrt(hollow**2 + 4.0 * wet_mm**2)
     thinner = np.minimum(np.maximum(-level_mm, 0.0), 0.6 * wet_mm)
@@ -153,7 +147,6 @@ def _dry_thickness(level_mm: Field, wet_mm: Field, solid: float) -> Field:
 
 
 def _rain_share(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
-    """Share of the mud that rain leaves, in streaks down the plate; grooves lose little."""
     streak = ramp(grid.noise(0.25 * grid.height_mm, 1.5 * grid.height_mm, rng), -0.6, 1.0)
     takes = grid.whole(np.float32(batch.rain * (1.0 - 0.7 * a)) * streak, coat.shape)
     sheltered = np.clip((coat.brim_mm - coat.z_mm) / np.float32(grid.depth_mm), 0.0, 1.0)
@@ -210,9 +203,9 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
     count = int(np.clip(3.0 * coat.area_mm2, 30, 2500))
     low, high = SAND_MM
     d = low * (high / low) ** (rng.random(count) ** 1.8)
-    at = rng.random((count, 2)) * np.array(coat.shape)[::-1] * pitch
+    centres = rng.random((count, 2)) * np.array(coat.shape)[::-1] * pitch
     lies = rng.random(count)
-    i, j = (np.minimum((at[:, k] / pitch).astype(int), coat.shape[1 - k] - 1) for k in (0, 1))
+    i, j = (np.minimum((centres[:, k] / pitch).astype(int), coat.shape[1 - k] - 1) for k in (0, 1))
     mud_mm = thick_mm[j, i]
     stays = np.clip(3.0 * mud_mm / d - 1.0, 0.0, 1.0)
     top = stays * (d + lies * np.maximum(mud_mm - d, 0.0))
@@ -225,7 +218,7 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
         away = np.hypot(*around.T)[None, :] / (0.5 * d[some, None])
         below = 0.5 * (stays * d)[some, None] * (1.0 - np.sqrt(np.maximum(1.0 - away**2, 0.0)))
         height = np.where(away <= 1.0, np.maximum(top[some, None] - below, 0.0), 0.0)
-        drop(grains, at[some, None, :] + around[None], height, pitch_mm=pitch)
+        drop(grains, centres[some, None, :] + around[None], height, pitch_mm=pitch)
     return grains
 
 

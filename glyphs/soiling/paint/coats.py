@@ -75,13 +75,13 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         film = level_film(top, wet, pitch_mm=coat.pitch_mm, seconds_per_pa_s=can.seconds_per_pa_s)
         dry.append(np.float32(can.solids) * film)
         top = top + dry[-1]
-    first, rest = dry[0], (dry[1] + dry[2]) * resize(orange_peel(thin, can, rng), coat.shape)
+    first, second = dry[0], (dry[1] + dry[2]) * resize(orange_peel(thin, can, rng), coat.shape)
     caps = resize(runs(thin, can, (much - 0.1) / 0.8, rng), coat.shape)
-    rest += np.float32(can.solids) * _flow_runs(top, caps, can, coat)
+    second += np.float32(can.solids) * _flow_runs(top, caps, can, coat)
     dusty = np.float32(min(1.0, 1.2 * much)) * resize(over_spray(thin, can, rng), coat.shape)
-    rest += dusty
+    second += dusty
     left_first, left_rest = chip_off(coat, much, rng)
-    return _finish(coat, can, (first * left_first, rest * left_rest), dusty, rng)
+    return _finish(coat, can, (first * left_first, second * left_rest), dusty, rng)
 
 
 def _draw_can(coat: Coat, rng: np.random.Generator, *, wet_of_depth: float = 0.85) -> Can:
@@ -107,9 +107,6 @@ def level_film(
     Args:
         top: the ground, mm.
         wet: thickness applied, mm; its mean sets how far it levels.
-        pitch_mm: pitch of the grid.
-        seconds_per_pa_s: time for which it is fluid, divided by its viscosity.
-        pinned: smallest share of the applied paint that stays on an edge.
 
     Returns:
         Film thickness, mm: at least `pinned` times `wet`, with the same mean as `wet`.
@@ -134,7 +131,6 @@ def level_film(
 
 
 def _flow_runs(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
-    """Film of runs: thick enough to fill the grooves below and to have a smooth top."""
     if not caps.any():
         return caps
     thin = thin_coat(replace(coat, z_mm=top))
@@ -144,7 +140,6 @@ def _flow_runs(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
 
 
 def _finish(coat: Coat, can: Can, dry: tuple[Field, Field], dusty: Field, rng: np.random.Generator) -> Coat:
-    """Finish the coat with its dry films: look, friction and yielding thickness."""
     picks = rng.integers(len(_COLOURS), size=2)
     tints = (np.array(_COLOURS)[picks] * rng.uniform(0.75, 1.25, size=(2, 1))).astype(np.float32)
     gloss = float(rng.uniform(0.08, 0.22)) + 0.4 * can.rubber

@@ -24,7 +24,6 @@ class Can(OneLine):
     """The paint of one part and its method of application.
 
     Attributes:
-        wet_mm: wet thickness of one coat.
         solids: share of the wet paint that stays when it dries, 0 to 1.
         rubber: 0 enamel, 1 chassis paint.
         brushed: 0 sprayed, 1 brushed.
@@ -62,7 +61,6 @@ def coat_unevenness(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
 
 
 def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: np.random.Generator) -> Field:
-    """Smooth noise drawn out along a direction."""
     from glyphs.opencv import cv2
 
     c, s = float(np.cos(angle)), float(np.sin(angle))
@@ -76,7 +74,6 @@ def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: n
 
 
 def _slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Smooth noise of a long length, drawn on a coarse grid."""
     step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
     rows, cols = (int(np.ceil(n / step)) + 3 for n in coat.shape)
     coarse = smooth_noise(
@@ -87,7 +84,6 @@ def _slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field
 
 
 def _size_mm(coat: Coat) -> tuple[float, float]:
-    """Width and height of the plate."""
     return coat.shape[1] * coat.pitch_mm, coat.shape[0] * coat.pitch_mm
 
 
@@ -98,11 +94,10 @@ def _count(coat: Coat, per_character: float, most: int) -> int:
 def _box(
     coat: Coat, x_mm: float, y_mm: float, across_mm: float, down_mm: float
 ) -> tuple[tuple[slice, slice], Field, Field]:
-    """Part of the grid within a distance of a point, and its x, y relative to the point."""
     x, y = axes_mm(coat)
     (i0, i1), (j0, j1) = (
-        (max(0, int((at - reach) / coat.pitch_mm)), max(0, int((at + reach) / coat.pitch_mm) + 2))
-        for at, reach in ((y_mm, down_mm), (x_mm, across_mm))
+        (max(0, int((middle - reach) / coat.pitch_mm)), max(0, int((middle + reach) / coat.pitch_mm) + 2))
+        for middle, reach in ((y_mm, down_mm), (x_mm, across_mm))
     )
     return (slice(i0, i1), slice(j0, j1)), x[:, j0:j1] - x_mm, y[i0:i1] - y_mm
 
@@ -120,8 +115,8 @@ def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field
         length = (0.6 + 2.4 * far) * size * grown
         steep = float(np.tan(np.radians(7.5 + 10.0 * angle))) * grown
         x0, y0 = (
-            (1.2 * at - 0.1) * e - 0.3 * size * d
-            for at, e, d in zip((at_x, at_y), _size_mm(coat), can.downhill, strict=True)
+            (1.2 * position - 0.1) * e - 0.3 * size * d
+            for position, e, d in zip((at_x, at_y), _size_mm(coat), can.downhill, strict=True)
         )
         reach = (0.5 * length * abs(dx) + 1.7 * half, 0.5 * length * abs(dy) + 1.7 * half)
         box, x, y = _box(coat, x0 + 0.5 * length * dx, y0 + 0.5 * length * dy, *reach)
@@ -136,10 +131,9 @@ def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field
 
 
 def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field:
-    """A film that slid downhill in one piece; it thickens towards a scalloped front with a steep end."""
     x, y = axes_mm(coat)
     (dx, dy), size = can.downhill, coat.height_mm
-    (at, turn, thick), wave = rng.uniform(size=3).tolist(), rng.normal(size=(2, 3))
+    (start, turn, thick), wave = rng.uniform(size=3).tolist(), rng.normal(size=(2, 3))
     down, side = x * dx + y * dy, y * dx - x * dy
     low, high = float(side.min()), float(side.max())
     along = np.linspace(low, high, 500)
@@ -149,7 +143,7 @@ def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> F
     )
     for k in range(3):
         front += 0.15 * size * wave[0, k] * np.sin(along / ((1.0 + k) * size) + 3.0 * wave[1, k])
-    front += down.min() + (0.1 + 0.8 * at) * (down.max() - down.min()) + 0.5 * size * min(excess, 1.0)
+    front += down.min() + (0.1 + 0.8 * start) * (down.max() - down.min()) + 0.5 * size * min(excess, 1.0)
     place = (side - low) * (498.0 / (high - low))
     left = place.astype(np.int32)
     table, rise = front.astype(np.float32), np.diff(front).astype(np.float32)

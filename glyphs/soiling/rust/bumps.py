@@ -39,12 +39,7 @@ def scatter_bumps(
     """Draw bumps at random places, log-normal in width and in height.
 
     Args:
-        coat: the plate.
-        density: mean number per square of one character height.
-        rng: the only source of randomness; the draws do not depend on the amount.
         width: median width, in character heights.
-        spread: standard deviation of the width's logarithm.
-        slope: median ratio of height to radius.
         blunt: smallest `blunt`; the largest is 1.
         born: smallest `born`; the largest is 0.8 more.
     """
@@ -87,9 +82,9 @@ def union_mm(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
         )
         r2 = ((c * dx + s * dy) / long) ** 2 + ((c * dy - s * dx) / short) ** 2
         inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (r2 < 1.38)
-        at = (row * cols + col)[inside]
+        cell = (row * cols + col)[inside]
         which = np.nonzero(inside)[0]
-        rest = np.clip(1.0 - r2[inside] - 0.25 * np.clip(ragged.reshape(-1)[at], -1.5, 1.5), 0.0, 1.0)
+        dome = np.clip(1.0 - r2[inside] - 0.25 * np.clip(ragged.reshape(-1)[cell], -1.5, 1.5), 0.0, 1.0)
         high = (b.height_mm * grown[some] ** 0.7).astype(np.float32)[which]
-        np.maximum.at(grid, at, high * rest ** b.blunt.astype(np.float32)[which])
+        np.maximum.at(grid, cell, high * dome ** b.blunt.astype(np.float32)[which])
     return grid.reshape(rows, cols)

@@ -54,12 +54,8 @@ def rust(
     """Let a part rust outdoors, in the worst case by the sea; see `glyphs.soiling.soils.SoilModel`.
 
     Args:
-        coat: the part.
         amount: 0 to 1.
-        rng: the only source of randomness.
-        ratio: volume of dry rust to that of its steel; most of it is goethite and lepidocrocite.
         lamina: thickness of a lamina, in depths of the marks: 0.02 to 0.12 mm.
-        hurst: exponent of the fractal field of the loss.
         early: earlier onset of rust in marks, standard deviations: cold work, and water that stands in them.
     """
     from scipy.ndimage import gaussian_filter
@@ -147,7 +143,7 @@ def _general_loss(time: Field, rough: Field, hollow: Field, deep: float) -> Fiel
 
 
 def _scale(
-    made: Field,
+    grown: Field,
     flaky: Field,
     spall: float,
     lamina_mm: float,
@@ -160,8 +156,8 @@ def _scale(
     The outer laminas fall first and leave terraces. `adherent` is the share of the rust that never flakes off; `stays`
     is the share that is left where no flake has fallen.
     """
-    layers = made * np.float32(stays / lamina_mm)
-    least = made * np.float32(adherent / lamina_mm)
+    layers = grown * np.float32(stays / lamina_mm)
+    least = grown * np.float32(adherent / lamina_mm)
     weak = np.float32(3.6 * min(spall, 1.0) - 3.0) - flaky
     fallen = 3.5 * np.maximum(weak, 0.0)
     left = np.maximum(layers - fallen, least)
@@ -169,8 +165,8 @@ def _scale(
     terrace = np.minimum(np.maximum(whole + np.clip(5.0 * (left - whole) - 4.0, 0.0, 1.0), least), layers)
     edge = np.clip(1.0 + 5.0 * weak, 0.0, 1.0) * np.minimum(layers, 1.0)
     gone = weak > 0.0
-    kept = np.where(gone, terrace, layers + 0.5 * edge) * np.float32(lamina_mm)
-    return kept, np.where(gone, np.minimum(fallen, layers), -(edge > 0.5).astype(np.float32))
+    scale_mm = np.where(gone, terrace, layers + 0.5 * edge) * np.float32(lamina_mm)
+    return scale_mm, np.where(gone, np.minimum(fallen, layers), -(edge > 0.5).astype(np.float32))
 
 
 def _pack_hollows(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
@@ -213,7 +209,6 @@ def _yielding_layer(
 
 
 def _friction(soft: Field, deep: float, *, powder: float = 0.65, scale: float = 0.45) -> Field:
-    """Friction of rust: gritty powder has more than bare scale."""
     dusty = np.minimum(soft / np.float32(0.02 * deep), 1.0)
     return np.asarray(scale + (powder - scale) * dusty, dtype=np.float32)
 
@@ -221,10 +216,6 @@ def _friction(soft: Field, deep: float, *, powder: float = 0.65, scale: float = 
 def _rusty_look(
     coat: Coat, age: float, thick: Field, time: Field, fallen: Field, packs: Field, mottle: Field
 ) -> Coat:
-    """A film of rust stains the steel, young rust is orange, old rust brown, bared magnetite nearly black.
-
-    `thick` is in depths of the marks. Fresh orange covers old rust where it is thickest.
-    """
     film = np.float32(1.0 - 0.65 * min(1.0, 1.5 * age))
     cover = 1.0 - film * (1.0 - np.clip(9.0 * thick, 0.0, 1.0))
     bared = np.clip(0.25 * fallen + 0.125 * mottle, 0.0, 0.75)

@@ -17,7 +17,6 @@ class Bench(OneLine):
     """A surface under the tools.
 
     Attributes:
-        coat: surface before wear.
         level_mm: (rows, cols) height of a stiff tool that rests on the surface and spans the strokes.
         deep_mm: depth of the marks below that level (height of raised marks).
     """

@@ -31,7 +31,6 @@ def peen(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> 
 
 
 def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
-    """Add `gain` to the surface and take as much metal from nearby parts (`width` samples) that stand out."""
     rows, cols = z.shape
     step = max(1, int(width / 5.0))
 
@@ -58,7 +57,7 @@ def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: floa
     typical = rng.uniform(0.05, 0.14) * coat.height_mm / coat.pitch_mm
     count = int(MOST_HITS * rows * cols / (0.25 * np.pi * typical**2))
     half = np.maximum(0.5 * typical * rng.lognormal(-0.04, 0.28, count), 0.8)
-    at = np.rint(rng.random((count, 2)) * (rows - 1, cols - 1)).astype(np.intp)
+    place = np.rint(rng.random((count, 2)) * (rows - 1, cols - 1)).astype(np.intp)
     grown = np.clip((amount - rng.uniform(0.0, 0.9, count)) / 0.1, 0.0, 1.0)
     tops = (grown * rng.uniform(0.4, 1.0, count) * aspect * 2.0 * half * coat.pitch_mm).astype(np.float32)
     reach = np.ceil(half).astype(np.intp)
@@ -69,7 +68,7 @@ def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: floa
         these = (reach == r) & (grown > 0.0)
         v, u = (k.ravel() for k in np.mgrid[-r : r + 1, -r : r + 1])
         v, u = v[v * v + u * u <= r * r], u[v * v + u * u <= r * r]
-        centre = (at[these, 0] + edge) * wide + at[these, 1] + edge
+        centre = (place[these, 0] + edge) * wide + place[these, 1] + edge
         steep = tops[these] / half[these].astype(np.float32) ** 2
         caps = tops[these, None] - steep[:, None] * (v * v + u * u).astype(np.float32)
         np.maximum.at(dents, (centre[:, None] + (v * wide + u)).ravel(), caps.ravel())

@@ -48,7 +48,6 @@ class _Life:
     Attributes:
         rubbed: wear by file, belt or sliding; every worn part has at least a little.
         peened: wear by shot or hammer; at least 0.6 of `knocked`, because knocks also close edges.
-        knocked: wear by other parts.
         soft: softness of the rubbing tool: 0 a file, 1 a buff or loose grains.
         crossed: spread of the rubbing directions: 0 one belt, 1 a hand with emery.
     """
@@ -61,7 +60,6 @@ class _Life:
 
     @staticmethod
     def draw(rng: np.random.Generator) -> _Life:
-        """Draw the wear of one part: mostly one kind, with some of the others."""
         rub, peen, knock = kinds = rng.gamma((1.0, 0.6, 0.5))
         most = max(float(kinds.max()), 1e-6)
         return _Life(
@@ -78,8 +76,8 @@ def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
     Parts differ: each has 0.5 to 1.5 times the amount (those below 1 catch up towards amount 1), and one kind leads.
     """
-    own = float(rng.uniform(0.5, 1.5))
-    amount = min(1.0, amount * (own + max(1.0 - own, 0.0) * amount**2))
+    factor = float(rng.uniform(0.5, 1.5))
+    amount = min(1.0, amount * (factor + max(1.0 - factor, 0.0) * amount**2))
     if amount <= 0.0:
         return coat
     life, bench = _Life.draw(rng), on_bench(coat)
@@ -127,13 +125,11 @@ def _rub(
 
 
 def _smooth_min(a: Field, b: Field, width: np.float32) -> Field:
-    """The lower of two surfaces, rounded where they cross within `width`."""
     near = np.maximum(width - np.abs(a - b), 0.0)
     return np.asarray(np.minimum(a, b) - near * near / (4.0 * np.maximum(width, 1e-9)), dtype=np.float32)
 
 
 def _scores(coat: Coat, crossed: float, rng: np.random.Generator) -> Field:
-    """Scores of two strokes of a tool, in depths of the mark; ridges are negative."""
     from glyphs.opencv import cv2
 
     rows, cols = coat.shape
@@ -161,7 +157,7 @@ def _stroke(half_mm: float, fine_mm: float, size_mm: float, rng: np.random.Gener
     """(across, along) table of one stroke's scores, each V-shaped with ridges and of limited length."""
     lines, stations = int(2.0 * half_mm / fine_mm) + 1, 32
     count = max(8, int(2.0 * half_mm / (0.08 * size_mm)))
-    at = rng.uniform(0, lines, count)
+    line = rng.uniform(0, lines, count)
     width = np.maximum(0.02 * size_mm * rng.lognormal(0.0, 0.5, count) / fine_mm, 1.0)
     deep = np.minimum(0.16 * rng.lognormal(0.0, 0.6, count), 0.7)
     ridge = rng.uniform(0.1, 0.5, (count, 2))
@@ -171,8 +167,8 @@ def _stroke(half_mm: float, fine_mm: float, size_mm: float, rng: np.random.Gener
     runs = np.clip(8.0 * np.minimum(s - start[:, None], start[:, None] + length[:, None] - s), 0.0, 1.0)
     table = np.repeat(np.float32(0.035) * rng.standard_normal((lines, 1), dtype=np.float32), stations, axis=1)
     for i in range(count):
-        low, high = max(0, int(at[i] - 2.2 * width[i])), min(lines, int(at[i] + 2.2 * width[i]) + 2)
-        t = (np.arange(low, high) - at[i]) / width[i]
+        low, high = max(0, int(line[i] - 2.2 * width[i])), min(lines, int(line[i] + 2.2 * width[i]) + 2)
+        t = (np.arange(low, high) - line[i]) / width[i]
         beside = np.where(t < 0.0, ridge[i, 0], ridge[i, 1])
         profile = np.maximum(1.0 - np.abs(t), 0.0) - beside * np.maximum(
             1.0 - 2.0 * np.abs(np.abs(t) - 1.4), 0.0

@@ -38,11 +38,7 @@ def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Gene
     """Grind the plate twice, the second time lighter and at an angle; return top and cover of bright metal.
 
     Args:
-        coat: the plate before the weld.
-        z: its present top.
-        level: surface on which the disc rides.
         amount: 0 to 1.
-        rng: random generator of the hand's movement.
     """
     depth_mm = float(np.quantile((level - coat.clean_mm)[::3, ::3], 0.97))
     turn = rng.choice([-1.0, 1.0]) * rng.uniform(50.0, 120.0)
@@ -55,12 +51,11 @@ def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Gene
 def _grind_once(
     coat: Coat, z: Field, level: Field, amount: float, press_mm: float, turn: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Grind once, in arcs of the disc's radius: remove metal above the disc and smear it over edges."""
     pitch = coat.pitch_mm
     size = np.array(coat.shape[::-1]) * pitch
     radius = rng.choice(_DISC_RADIUS_MM) * rng.uniform(0.8, 1.0)
     middle = size * rng.uniform(0.3, 0.7, 2)
-    x, y = (axis - np.float32(at) for axis, at in zip(axes_mm(coat), middle, strict=True))
+    x, y = (axis - np.float32(origin) for axis, origin in zip(axes_mm(coat), middle, strict=True))
     c, s = np.float32(np.cos(turn)), np.float32(np.sin(turn))
     arc = x * c + y * s
     side = y * c - x * s
@@ -91,12 +86,12 @@ def _grind_once(
 def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Field:
     """Pressure of the disc, 0 to 1, across the arcs: passes one to two characters wide, uneven, with gaps."""
     pressed = np.zeros_like(lines_mm)
-    at = -rng.uniform(0.0, 2.0) * height_mm
-    while at < lines_mm[-1]:
+    position = -rng.uniform(0.0, 2.0) * height_mm
+    while position < lines_mm[-1]:
         width, force = height_mm * rng.uniform(0.8, 2.2), rng.uniform(0.6, 1.0)
-        edge = np.clip((0.5 * width - np.abs(lines_mm - at - 0.5 * width)) / (0.4 * width), 0.0, 1.0)
+        edge = np.clip((0.5 * width - np.abs(lines_mm - position - 0.5 * width)) / (0.4 * width), 0.0, 1.0)
         pressed = np.maximum(pressed, force * np.sqrt(edge))
-        at += width * rng.uniform(0.8, 1.5)
+        position += width * rng.uniform(0.8, 1.5)
     return pressed.astype(np.float32)
 
 

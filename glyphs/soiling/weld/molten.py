@@ -63,28 +63,26 @@ def add_spatter(
     """Add drops that fly from the seam, freeze where they land and weld on; return top and cover.
 
     Args:
-        coat: the plate before the weld.
-        z: its present top.
-        seam: the seam that the drops come from.
         amount: 0 to 1.
         share: share of the plate that drops cover at amount 1 if all of it is at the seam.
-        rng: random generator of the drops.
     """
     median = 0.45 * np.sqrt(coat.height_mm / 5.0)
     n = int(np.ceil(share * coat.area_mm2 / (0.25 * np.pi * median**2 * np.exp(2 * _DROP_SPREAD**2))))
     size = np.array(coat.shape[::-1]) * coat.pitch_mm
-    at = rng.uniform(0.0, 1.0, (n, 2)) * size
+    places = rng.uniform(0.0, 1.0, (n, 2)) * size
     diameter = np.clip(median * np.exp(_DROP_SPREAD * rng.standard_normal(n)), *DROP_MM)
-    onset = rng.random(n) / seam.nearness(*at.T)
+    onset = rng.random(n) / seam.nearness(*places.T)
     heading = np.arctan2(seam.away[1], seam.away[0]) + 0.4 * rng.standard_normal(n)
     # satellites burst off large drops and lie ahead of them
     parent = rng.choice(n, n // 2, p=diameter**3 / np.sum(diameter**3))
     small = np.maximum(diameter[parent] * rng.uniform(0.1, 0.3, n // 2), DROP_MM[0])
     ahead = diameter[parent] * (0.6 + rng.exponential(0.5, n // 2))
     fan = heading[parent] + 0.6 * rng.standard_normal(n // 2)
-    at = np.concatenate([at, at[parent] + ahead[:, None] * np.stack([np.cos(fan), np.sin(fan)], axis=1)])
+    places = np.concatenate(
+        [places, places[parent] + ahead[:, None] * np.stack([np.cos(fan), np.sin(fan)], axis=1)]
+    )
     diameter, onset = np.append(diameter, small), np.append(onset, onset[parent])
-    n = len(at)
+    n = len(places)
     splat = rng.random(n) < np.clip(0.9 * diameter / median - 0.8, 0.05, 0.7)
     # a cap of contact angle t has height over radius tan(t / 2)
     high = np.where(splat, rng.uniform(0.14, 0.3, n), np.tan(np.deg2rad(rng.uniform(20.0, 45.0, n))))
@@ -93,18 +91,13 @@ def add_spatter(
     grown = np.clip((amount - onset) / 0.25, 0.0, 1.0) ** (1 / 3)
     radius, heading = 0.5 * diameter * grown, np.append(heading, fan)
     drops = record_array(
-        x_mm=at[:, 0], y_mm=at[:, 1], radius_mm=radius, high=high, stretch=stretch, lobe=lobe, heading=heading,
+        x_mm=places[:, 0], y_mm=places[:, 1], radius_mm=radius, high=high, stretch=stretch, lobe=lobe, heading=heading,
         splat=splat,
     )  # fmt: skip
     return _lay_drops(z, drops[grown > 0.05], coat.pitch_mm)
 
 
 def _lay_drops(z: Field, drops: Any, pitch_mm: float) -> tuple[Field, Field]:
-    """Lay drops on a surface: each rests on the mean level below it, as a liquid does, and so fills a groove it covers.
-
-    Columns of `drops`: centre and radius (mm), height (radii), stretch along the heading, lobes, and whether it
-    splashed flat.
-    """
     rows, cols = z.shape
     centre = np.stack([drops.x_mm, drops.y_mm], axis=1)
     half = drops.radius_mm * drops.stretch * 1.1
@@ -129,22 +122,22 @@ def _lay_drops(z: Field, drops: Any, pitch_mm: float) -> tuple[Field, Field]:
     q = u * u + w * w
     q *= 1 - of(drops.lobe) * u * (4 * u * u - 3 * q) / (np.maximum(q, 1e-6) * np.sqrt(np.maximum(q, 1e-6)))
     inside = q < 1.0
-    owner, at, q = owner[inside], row[inside] * cols + col[inside], q[inside]
+    owner, cell, q = owner[inside], row[inside] * cols + col[inside], q[inside]
     # a spherical cap; a flat splash is lower in its middle than near its edge
     tip = drops.high
     ball = of((1 + tip * tip) / (2 * tip))
     cap = np.sqrt(np.maximum(ball * ball - q, 0.0)) - ball + of(tip)
     cap *= np.where(drops.splat[owner], 0.5 + 1.3 * q, 1.0)
     flat = z.ravel()
-    base = np.bincount(owner, weights=flat[at], minlength=len(count)) / np.maximum(
+    base = np.bincount(owner, weights=flat[cell], minlength=len(count)) / np.maximum(
         np.bincount(owner, minlength=len(count)), 1
     )
-    level = np.maximum(of(base) + of(drops.radius_mm) * cap, flat[at]).astype(np.float32)
+    level = np.maximum(of(base) + of(drops.radius_mm) * cap, flat[cell]).astype(np.float32)
     top = flat.copy()
-    top[at] = level
-    while (under := top[at] < level).any():  # another drop came last on this sample; the higher one shows
-        at, level = at[under], level[under]
-        top[at] = level
+    top[cell] = level
+    while (under := top[cell] < level).any():  # another drop came last on this sample; the higher one shows
+        cell, level = cell[under], level[under]
+        top[cell] = level
     return top.reshape(z.shape), np.minimum((top - flat) * np.float32(1 / _EDGE_MM), 1.0).reshape(z.shape)
 
 
@@ -153,15 +146,15 @@ def add_arc_strikes(coat: Coat, z: Field, amount: float, rng: np.random.Generato
     z, cover = z.copy(), np.zeros_like(z)
     size = np.array(coat.shape[::-1]) * coat.pitch_mm
     for onset in (0.1, 0.35, 0.6):
-        at, way = rng.uniform(0.0, 1.0, 2) * size, rng.uniform(0.0, 2 * np.pi)
+        centre, way = rng.uniform(0.0, 1.0, 2) * size, rng.uniform(0.0, 2 * np.pi)
         touches = 1 + int(rng.integers(5))
         radii = np.sqrt(coat.height_mm / 5.0) * rng.uniform(0.6, 1.6) * rng.uniform(0.6, 1.0, touches)
         for k, radius in enumerate(radii):
             grown = np.sqrt(np.clip((amount - onset - 0.04 * k) / 0.3, 0.0, 1.0))
             shape = (rng.uniform(0.12, 0.3), rng.uniform(0.04, 0.14), *rng.uniform(0.0, 2 * np.pi, 2))
             if radius * grown > 0.5 * coat.pitch_mm:
-                _crater(coat, z, cover, at, radius * float(grown), shape)
-            at = at + rng.uniform(0.5, 1.1) * radius * np.array([np.cos(way), np.sin(way)])
+                _crater(coat, z, cover, centre, radius * float(grown), shape)
+            centre = centre + rng.uniform(0.5, 1.1) * radius * np.array([np.cos(way), np.sin(way)])
             way += 0.4 * rng.standard_normal()
     return z, cover
 
@@ -169,7 +162,6 @@ def add_arc_strikes(coat: Coat, z: Field, amount: float, rng: np.random.Generato
 def _crater(
     coat: Coat, z: Field, cover: Field, at_mm: Numbers, radius_mm: float, shape: tuple[float, ...]
 ) -> None:
-    """Remelt a pool, in place: a rippled bowl with a rim; `shape` is depth and rim in radii and two phases."""
     deep, rim, p, q = shape
     low, high = ((at_mm + side * 1.6 * radius_mm) / coat.pitch_mm for side in (-1, 1))
     box = tuple(slice(max(0, int(low[i])), max(0, int(high[i]) + 1)) for i in (1, 0))

@@ -106,7 +106,6 @@ def _add_tint(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -
 
 
 def _add_scale(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Add scale in plates between long and cross cracks; some spall, some lift. Return top and cover."""
     size = np.sqrt(coat.height_mm / 5.0)
     thick_mm = float(np.clip(size * rng.uniform(0.012, 0.04), *SCALE_MM))
     spacing = max(rng.uniform(25.0, 45.0) * thick_mm, 6.0 * coat.pitch_mm)

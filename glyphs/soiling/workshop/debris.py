@@ -55,7 +55,6 @@ def _lay(
     kind: int,
     rng: np.random.Generator,
 ) -> None:
-    """Lay one piece on the surface, in place."""
     rows, cols = coat.shape
     place = rng.uniform(size=2) * (cols, rows) * np.float64(coat.pitch_mm)
     if kind == 2:
@@ -71,11 +70,11 @@ def _lay(
     wave = 1.0 if kind == 2 else 0.75 + 0.25 * np.sin(2 * np.pi * (rng.uniform(1, 4) * s + rng.uniform()))
     offset, _ = across(2.0 * radius, coat.pitch_mm)
     profile = np.sqrt(np.clip(1.0 - (offset / (radius + 0.5 * coat.pitch_mm)) ** 2, 0.0, 1.0))
-    at = np.clip(np.rint(line / coat.pitch_mm).astype(int), 0, (cols - 1, rows - 1))
-    under = coat.z_mm[at[:, 1], at[:, 0]]
-    rest = float(np.quantile(under, 0.8 if kind < 2 else 0.5))
+    pixel = np.clip(np.rint(line / coat.pitch_mm).astype(int), 0, (cols - 1, rows - 1))
+    under = coat.z_mm[pixel[:, 1], pixel[:, 0]]
+    bottom = float(np.quantile(under, 0.8 if kind < 2 else 0.5))
     height = np.clip(rise * taper * wave, 0.0, HIGHEST_MM)
-    values = rest + height[:, None] * profile[None, :]
+    values = bottom + height[:, None] * profile[None, :]
     # slivers are pointed and grains round; a curl keeps its width
     narrowing = np.ones(n) if kind == 0 else taper
     points = spread(line, side * narrowing[:, None], offset)

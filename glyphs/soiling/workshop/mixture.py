@@ -39,10 +39,7 @@ class Dirt(OneLine, Validated, error=StampError):
 
     Attributes:
         grime: caked into grooves and smeared over the land; yields to a hard push.
-        oil: slippery, darker and glossy patches.
         swarf: curls, slivers and grains of hard metal on the surface.
-        scratches: narrow grooves in any direction.
-        pits: corrosion, rusty and rough.
         paint: a hard film that levels grooves, chipped in places.
         burr: a rim along the marks, in addition to the burr of the stamping itself.
 
@@ -60,11 +57,7 @@ class Dirt(OneLine, Validated, error=StampError):
 
     @classmethod
     def of(cls, severity: float) -> Dirt:
-        """Return the usual mixture for a severity, 0 (clean) to 1.
-
-        Raises:
-            StampError: a severity outside 0..1.
-        """
+        """Return the usual mixture for a severity, 0 (clean) to 1. Raises StampError: a severity outside 0..1."""
         require_range(StampError, Range(0.0, 1.0), severity=severity)
         s = severity
         return cls(
