@@ -48,8 +48,6 @@ class ArrayRequest(Validated, error=DesignError):
     """Use of an array: characters, accuracy and dirt.
 
     Attributes:
-        character_height_mm: character height of the serials.
-        accuracy: required share of characters read correctly.
         severity: severity of the dirt; it must be one of those measured.
         length_mm: length of the line; default: that of eight characters.
         speed_error: largest error of the edge map that speed may cause, 0.01 to 0.1.
@@ -74,13 +72,7 @@ class ArrayRequest(Validated, error=DesignError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArrayChoice(OneLine):
-    """An array, its plan, and their accuracy and time.
-
-    Attributes:
-        whisker: whisker of the comb.
-        plan: the array and its passes over the line.
-        measured: counts of readings measured with such a plan.
-    """
+    """An array, its plan, and their accuracy and time."""
 
     whisker: LShaped
     plan: RasterPlan
@@ -99,15 +91,12 @@ def ribbon_mm(whisker: LShaped) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Build:
-    """A whisker for combs whose rows are whole steps apart."""
-
     whisker: LShaped
     body: Body
     speed_mm_s: float
     step_mm: float
 
     def stagger_mm(self, rows: int) -> float:
-        """Least stagger at which rows are clear of each other at any lateral distance."""
         if rows == 1:
             return 0.0
         full = math.ceil(self.body.full_stagger_mm / self.step_mm)
@@ -138,14 +127,13 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
 
 
 def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:
-    """Pitches to try, in lines: those whose blocks just cover the region along x or y, and the closest."""
     pitch = request.character_height_mm / lines
     x0, y0, x1, y1 = request.region_mm
-    found = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}
+    interlaces = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}
     for across in (x1 - x0, y1 - y0):
         n_lines = math.floor(across / pitch + 1e-6) + 1
-        found |= {math.ceil(n_lines / (n_whiskers * blocks)) for blocks in range(1, MOST_BLOCKS + 1)}
-    return found
+        interlaces |= {math.ceil(n_lines / (n_whiskers * blocks)) for blocks in range(1, MOST_BLOCKS + 1)}
+    return interlaces
 
 
 def _choices(
@@ -175,8 +163,6 @@ def design_arrays(
     """Find the quickest array and plan for each number of whiskers.
 
     Args:
-        request: purpose of the array.
-        sizes: numbers of whiskers.
         counts: measured accuracy of plans; default: those of the package.
 
     Raises:
@@ -189,8 +175,8 @@ def design_arrays(
         raise DesignError(
             f"no plan was measured at dirt {request.severity:g}", hint=f"plans were measured at {dirts}"
         )
-    kept = [c for c in there if c.accuracy >= request.accuracy]
-    if not kept:
+    accepted = [c for c in there if c.accuracy >= request.accuracy]
+    if not accepted:
         best = max(there, key=lambda c: c.accuracy)
         raise DesignError(
             f"no measured plan reads {100 * request.accuracy:g} % of the characters at dirt {request.severity:g}",
@@ -201,7 +187,7 @@ def design_arrays(
     bodies = {id(build.whisker): build.body for build in builds}
     chosen = []
     for n in sizes:
-        quickest = min(_choices(request, builds, kept, n), key=lambda c: c.stage_s)
+        quickest = min(_choices(request, builds, accepted, n), key=lambda c: c.stage_s)
         # building the comb with its body checks that whiskers have room
         array = replace(quickest.plan.array, body=bodies[id(quickest.whisker)])
         chosen.append(replace(quickest, plan=replace(quickest.plan, array=array)))

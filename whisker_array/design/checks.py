@@ -37,7 +37,6 @@ class Checked(OneLine):
     Attributes:
         contrast: steps at the edges over the land moment, any shape; NaN where the whisker jams.
         values: all values of each bound (at the corners of the ranges of slope and friction).
-        limits: limit of each bound, and whether it is an upper limit.
     """
 
     contrast: Values
@@ -74,7 +73,6 @@ def _section(whisker: LShaped) -> Section:
 
 @functools.lru_cache(maxsize=128)
 def _tip(whisker: LShaped) -> TipModel:
-    """Tip model of a whisker, cached."""
     return whisker.tip_model()
 
 
@@ -93,9 +91,7 @@ def edge_steps(
     (F - 1)(1 - depth/d0).
 
     Args:
-        whisker: the whisker.
         preload_mm: d0.
-        depth_mm: depth of the mark.
         alpha_rad: (n,) intersection angles; positive falls.
         mu: (m,) frictions.
 
@@ -195,13 +191,9 @@ def check(
     linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, but not in friction.
 
     Args:
-        whisker: a whisker with a constant section.
-        request: purpose of the whisker.
-        limits: limits to keep.
         preload_mm: d0.
         linear_error: error of the linear beam relative to the elastica; default: its first order times `error_scale`.
         error_scale: see `linear_error`.
-        n_mu: number of frictions at which the contrast is computed.
         n_alpha: number of slopes at which the contrast is computed; 1: only the gentlest.
     """
     low, high = request.alpha_rad

@@ -53,13 +53,7 @@ _FINE = 33
 
 
 class NoWhiskerError(DesignError):
-    """No whisker meets all limits together.
-
-    Attributes:
-        problem: the search.
-        nearest: the whisker that violates them least.
-        bounds: limits that cannot be met together.
-    """
+    """No whisker meets all limits together."""
 
     def __init__(
         self,
@@ -81,14 +75,7 @@ class Lip(Enum):
 
 @dataclass(frozen=True)
 class Worst:
-    """The edge with the least step.
-
-    Attributes:
-        contrast: step over the land moment.
-        alpha_rad: slope of the wall; negative: rising.
-        mu: friction.
-        lip: top or bottom.
-    """
+    """The edge with the least step."""
 
     contrast: float
     alpha_rad: float
@@ -102,17 +89,11 @@ class Design(OneLine):
 
     Attributes:
         request: the request; tip radius, lines and samples follow from it.
-        limits: limits that were kept.
-        whisker: the whisker.
         preload_mm: d0.
-        speed_mm_s: speed of the fastest quasi-static scan.
         worst: the edge with the least contrast by (16).
         contrast_exact: the contrast of that edge with F by the elastica; NaN where it has no solution.
         factor_range: least and greatest F over all walls and frictions of the request.
-        constraints: table of the limits.
         linear_error: largest error of the linear beam's force or moment on the land, as a share of the elastica's.
-        frequency_hz: first bending frequency with the tip held.
-        land_force_n: greatest normal force on the land.
     """
 
     request: Request
@@ -175,12 +156,6 @@ def design_whisker(
 ) -> Design:
     """Design the whisker with the largest worst-case edge contrast; see the module's docstring.
 
-    Args:
-        request: purpose of the whisker.
-        limits: limits of manufacture and use.
-        section: kind of section; auto chooses the better one.
-        seed: seed of the starts of the search.
-
     Raises:
         NoWhiskerError: no whisker keeps all limits.
     """
@@ -195,24 +170,22 @@ def design_whisker(
         )
     if least > allowed:
         kinds = ("ribbon",)
-    found = [c for kind in kinds if (c := _search(Problem(request, limits, kind), seed)) is not None]
-    if not found:
+    candidates = [c for kind in kinds if (c := _search(Problem(request, limits, kind), seed)) is not None]
+    if not candidates:
         failed = Problem(request, limits, kinds[0])
         nearest, bounds = conflict(failed, list(starts(failed, n=3, rng=np.random.default_rng(seed))))
         raise NoWhiskerError(failed, nearest, bounds)
-    problem, candidate = max(found, key=lambda pair: pair[1].worth)
+    problem, candidate = max(candidates, key=lambda pair: pair[1].worth)
     return describe_design(
         candidate.whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm
     )
 
 
 def _least_round_slide_mm(request: Request) -> float:
-    """Least slide of round wire, for which Dzz >= Dyy."""
     return PRELOAD_MARGIN * request.depth_mm * math.tan(request.alpha_rad[1])
 
 
 def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
-    """Find the best candidate whose exact error of the linear beam keeps the limit."""
     rng = np.random.default_rng(seed)
     candidate = best(problem, starts(problem, n=_STARTS, rng=rng))
     return None if candidate is None else fit_to_elastica(problem, candidate)
@@ -221,14 +194,18 @@ def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
 def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
     """Repeat the search with the linear beam's error scaled to the exact one, until the limit is just kept."""
     limit = problem.limits.linear_error
-    kept: tuple[Problem, Candidate] | None = None
+    best_trial: tuple[Problem, Candidate] | None = None
     for _ in range(_ELASTICA_ROUNDS):
         trial = round_candidate(candidate, problem)
         exact = land_linear_error(trial.whisker, problem.request, preload_mm=trial.preload_mm)
         checked = check(trial.whisker, problem.request, problem.limits, preload_mm=trial.preload_mm)
         first_order = float(checked.values[Bound.LINEAR_BEAM].max())
-        if exact <= limit and trial.reserve > 0.0 and (kept is None or trial.worth > kept[1].worth):
-            kept = (problem, trial)
+        if (
+            exact <= limit
+            and trial.reserve > 0.0
+            and (best_trial is None or trial.worth > best_trial[1].worth)
+        ):
+            best_trial = (problem, trial)
         scale = min(2.0 * problem.error_scale, exact / first_order)
         bound_by_it = first_order * problem.error_scale > (1.0 - _ELASTICA_NEAR) * limit
         overdone = bound_by_it and exact < (1.0 - _ELASTICA_NEAR) * limit
@@ -239,7 +216,7 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
         if again is None:
             break
         candidate = again
-    return kept
+    return best_trial
 
 
 def describe_design(whisker: LShaped, request: Request, *, limits: Limits, preload_mm: float) -> Design:
@@ -281,7 +258,6 @@ def describe_design(whisker: LShaped, request: Request, *, limits: Limits, prelo
 
 
 def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
-    """Limits of manufacture, as lines of the table: the nearer end of each range."""
     section = whisker.segments()[0].section_at(0.0)
     low, high = limits.beta_rad
     ranges = [

@@ -20,14 +20,8 @@ class PlanCounts(OneLine):
     """Counts of parts and characters read by one plan under one severity of dirt.
 
     Attributes:
-        lines: traced lines per character height.
         directions: directions of the traces, degrees.
         severity: severity of the dirt, 0 to 1.
-        parts: number of parts read.
-        characters: number of characters on them.
-        right: number of characters read correctly.
-        accepted: number of parts accepted.
-        accepted_wrong: number of accepted parts read wrongly.
     """
 
     lines: int

@@ -42,7 +42,6 @@ class Candidate(OneLine):
     """A whisker in use, as evaluated by the search.
 
     Attributes:
-        whisker: the whisker.
         preload_mm: d0.
         worth: smallest entry of the objective; -1 where the whisker jams.
         reserve: least reserve of all constraints; negative where one is violated.
@@ -59,9 +58,6 @@ class Problem(OneLine):
     """A search: use, limits, kind of section and objective.
 
     Attributes:
-        request: purpose of the whisker.
-        limits: limits to keep.
-        section: kind of section.
         error_scale: error of the linear beam over its first order, see `checks.check`.
         objective: quantity to maximise; the worst-case contrast if None.
         axis_lean_rad: lean of the force under which the moment vanishes (see `tuned`); it fixes the height of the
@@ -143,8 +139,6 @@ def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
 
 
 class _Patience:
-    """Stop a climb that gains no more: SLSQP oscillates on the kink where two natural frequencies cross."""
-
     def __init__(self, slack: Callable[[Values], Values]) -> None:
         self.slack, self.top, self.waited = slack, -math.inf, 0
         self.best: Values | None = None
@@ -193,7 +187,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
         return np.asarray(values_at(inside(y).tobytes())[0] - share * y[-1])
 
     patience = _Patience(slack)
-    found = minimize(
+    optimum = minimize(
         lambda y: -y[-1],
         np.append(start, float(first[:n_worth].min())),
         jac=lambda y: np.append(np.zeros(y.size - 1), -1.0),
@@ -207,7 +201,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
         callback=patience,
         options={"maxiter": _MAX_ITERATIONS, "ftol": 1e-6},
     )  # fmt: skip
-    last = problem.rate(*problem.decode(inside(found.x)))
+    last = problem.rate(*problem.decode(inside(optimum.x)))
     if _is_feasible(last) or patience.best is None:
         return last
     return problem.rate(*problem.decode(inside(patience.best)))
@@ -264,14 +258,14 @@ def _is_feasible(candidate: Candidate) -> bool:
 def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
     """Find the best candidate that meets all constraints, from several starts; None if no candidate does."""
     first = list(beginnings)
-    kept = [c for start in first if _is_feasible(c := climb(problem, start))]
-    if not kept:
+    feasible = [c for start in first if _is_feasible(c := climb(problem, start))]
+    if not feasible:
         # a distant start can end outside the limits: move inside first
         inside = max(
             (climb(problem, start, only_reserve=True) for start in first[:2]), key=lambda c: c.reserve
         )
-        kept = [inside] if _is_feasible(inside) else []
-    top = max(kept, key=lambda c: c.worth, default=None)
+        feasible = [inside] if _is_feasible(inside) else []
+    top = max(feasible, key=lambda c: c.worth, default=None)
     return None if top is None else polish(problem, top)
 
 

@@ -25,11 +25,8 @@ class TradeOff(OneLine):
     """Contrast as a function of one limit; the whisker is designed anew for each value.
 
     Attributes:
-        name: name of the limit.
         unit: unit of `allowed`.
-        allowed: values of the limit, ascending.
         contrast: worst-case contrast at each value; None where no whisker is possible.
-        at: value of the limit in the original design.
     """
 
     name: str
@@ -40,28 +37,23 @@ class TradeOff(OneLine):
 
 
 def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) -> TradeOff:
-    """Compute the contrast against the allowed sideways slide; every point has its own whisker.
-
-    Args:
-        design: the design to start from.
-        factors: multiples of the slide that the design allows.
-    """
-    at = design.limits.slide_lines * design.request.line_pitch_mm
+    """Compute the contrast against the allowed sideways slide; every point has its own whisker."""
+    slide_mm = design.limits.slide_lines * design.request.line_pitch_mm
 
     def change(factor: float) -> tuple[Request, Limits]:
         return design.request, replace(design.limits, slide_lines=factor * design.limits.slide_lines)
 
-    return _trade_off(design, factors, change, "sideways slide allowed", "mm", at)
+    return _trade_off(design, factors, change, "sideways slide allowed", "mm", slide_mm)
 
 
 def speed_trade_off(design: Design, factors: Iterable[float] = SPEED_FACTORS) -> TradeOff:
     """Compute the contrast against the required scan speed; see `slide_trade_off`."""
-    at = design.request.least_speed_mm_s
+    least_mm_s = design.request.least_speed_mm_s
 
     def change(factor: float) -> tuple[Request, Limits]:
-        return replace(design.request, speed_mm_s=factor * at), design.limits
+        return replace(design.request, speed_mm_s=factor * least_mm_s), design.limits
 
-    return _trade_off(design, factors, change, "scan speed", "mm/s", at)
+    return _trade_off(design, factors, change, "scan speed", "mm/s", least_mm_s)
 
 
 def _trade_off(
@@ -84,15 +76,14 @@ def _trade_off(
         for factor in side:
             request, limits = change(factor)
             problem = Problem(request, limits, kind, error_scale=scale)
-            found = polish(problem, neighbour, rounds=2) or _from_inside(problem, neighbour)
-            if found is None:
+            polished = polish(problem, neighbour, rounds=2) or _from_inside(problem, neighbour)
+            if polished is None:
                 break  # an even tighter limit has no whisker either
-            neighbour = found
-            reached[factor] = found.worth
+            neighbour = polished
+            reached[factor] = polished.worth
     return TradeOff(name, unit, tuple(f * at for f in ordered), tuple(reached.get(f) for f in ordered), at)
 
 
 def _from_inside(problem: Problem, neighbour: Candidate) -> Candidate | None:
-    """Search again from the point near the neighbour with the largest reserve to the limits."""
     inside = climb(problem, problem.encode(neighbour), only_reserve=True)
     return polish(problem, inside, rounds=2) if inside.reserve > 0.0 else None

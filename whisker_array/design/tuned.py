@@ -51,13 +51,8 @@ class Tuned(OneLine):
     """A whisker for one inclination.
 
     Attributes:
-        kind: kind of sensitivity.
-        alpha_rad: the inclination.
-        design: the whisker and its use.
         selectivity: least change of F over all frictions if the wall is ten degrees gentler or steeper (only gentler
             for a threshold, or a null at the end of the range), in land moments.
-        table_deg: inclinations of the table.
-        table_mu: least, middle and greatest friction.
         table: F, (inclinations, frictions); NaN where the whisker jams.
         place_rad: inclinations at which the moment vanishes (null) or F is singular (threshold), for these
             frictions.
@@ -128,14 +123,11 @@ def tune(
     """Find the most selective whisker for one inclination within the limits of a design.
 
     Args:
-        alpha_rad: the inclination of falling walls.
         request: as in a design; a null must not jam on its walls, a threshold may jam on walls steeper than
             alpha_rad.
         limits: limits to keep; a null may have its axis up to AXIS_RAISE above the clamp.
         kind: null or threshold; default: a null if the request has steeper walls, otherwise the more selective
             kind.
-        section: kind of section; auto is a ribbon.
-        seed: seed of the starts of the search.
 
     Raises:
         DesignError: an inclination out of range, or no whisker within the limits.
@@ -152,16 +144,16 @@ def tune(
     if kind is None and alpha_rad < request.alpha_rad[1] - 1e-9:
         kinds = (Kind.NULL,)
     made_of: SectionKind = "round" if section == "round" else "ribbon"
-    found: list[Tuned] = []
+    designs: list[Tuned] = []
     reasons: list[str] = []
     for each in kinds:
         try:
-            found.append(_tune_kind(each, alpha_rad, request, limits or Limits(), made_of, seed))
+            designs.append(_tune_kind(each, alpha_rad, request, limits or Limits(), made_of, seed))
         except DesignError as error:
             reasons.append(str(error))
-    if not found:
+    if not designs:
         raise DesignError("; ".join(dict.fromkeys(reasons)))
-    return max(found, key=lambda t: t.selectivity)
+    return max(designs, key=lambda t: t.selectivity)
 
 
 def _tune_kind(

@@ -37,18 +37,15 @@ def fill_from_crossing(
     Args:
         layers: (rows, cols) enhancement of each direction.
         known: (rows, cols) whether each sample is known.
-        directions: directions of the layers.
-        touch: touch of the whiskers; passes of a profiler are filled from the height alone.
-        pitch_mm: pitch of the grid.
     """
     layers, known = list(layers), list(known)
-    at = {direction: k for k, direction in enumerate(directions)}
-    measured = [one.copy() for one in known]
+    layer_of = {direction: k for k, direction in enumerate(directions)}
+    measured = [layer.copy() for layer in known]
     for axis, pair in enumerate(OPPOSITE_DIRECTIONS):
         other = OPPOSITE_DIRECTIONS[1 - axis]
-        if not all(d in at for d in (*pair, *other)):
+        if not all(d in layer_of for d in (*pair, *other)):
             continue
-        crossing = [at[d] for d in other]
+        crossing = [layer_of[d] for d in other]
         sure = measured[crossing[0]] & measured[crossing[1]]
         try:
             height = _height_mm([layers[k] for k in crossing], other, sure, touch, pitch_mm)
@@ -56,7 +53,7 @@ def fill_from_crossing(
             continue
         slope = np.gradient(height, pitch_mm, axis=1 - axis)
         for direction in pair:
-            k = at[direction]
+            k = layer_of[direction]
             expected = _expected_factor(height, -slope if direction.backward else slope, touch)
             take = sure & ~measured[k] & np.isfinite(expected)
             layers[k] = np.where(take, expected, layers[k])

@@ -63,11 +63,6 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in and lead-out.
 
-    Args:
-        scan: scan of one kind of whisker.
-        sweep: one of its sweeps.
-        ideal: use the nominal land moment of the touch; nothing is estimated.
-
     Raises:
         MapError: no usable samples, or no land.
     """
@@ -81,8 +76,8 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     lines[(flags[:, within] & UNUSABLE) != 0] = np.nan
     keep = np.asarray(np.isfinite(lines).any(axis=1))
     # lines of an excluded whisker stay as unknown: crossing passes may fill them
-    kept = np.asarray(keep | ((flags & np.uint8(SampleFlag.FAULTY)) != 0).all(axis=1))
-    values = np.full((np.count_nonzero(kept), lines.shape[1]), np.nan)
+    listed = np.asarray(keep | ((flags & np.uint8(SampleFlag.FAULTY)) != 0).all(axis=1))
+    values = np.full((np.count_nonzero(listed), lines.shape[1]), np.nan)
     if keep.sum() < 2:
         raise MapError(
             f"no usable samples in the {int(sweep.plan.direction)}° sweep: "
@@ -99,9 +94,9 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
             raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
         lines /= land_surface(land, lines.shape)
         remove_drift(lines)
-    values[keep[kept]] = lines - 1.0
+    values[keep[listed]] = lines - 1.0
     position = sweep.plan.position_mm()[lead : shape[2] - lead]
-    return SweptLines(values, place[kept], position, sweep.plan.direction)
+    return SweptLines(values, place[listed], position, sweep.plan.direction)
 
 
 def edge_map(
@@ -116,7 +111,6 @@ def edge_map(
     From a mixed array only the first kind of whisker is used; pushed sweeps are ignored.
 
     Args:
-        scan: a raw or calibrated scan.
         register: remove play between back-and-forth and crossed passes if the maps show any.
         ideal: use the nominal land moment of the touch, as in a prediction; nothing is estimated.
         within_mm: (x0, y0, x1, y1) of the map, plate frame; the land is estimated from the whole scan.
@@ -150,11 +144,7 @@ def edge_map(
 
 
 def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
-    """Plate shift (dx, dy) of each dragged direction that removes the stage's play; empty without play.
-
-    Raises:
-        MapError: as in `edge_map`.
-    """
+    """Plate shift (dx, dy) of each dragged direction that removes the stage's play; empty without play."""
     scan = only(scan)
     swept = [land_ratio(scan, sweep) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm)

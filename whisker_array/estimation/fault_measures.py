@@ -37,7 +37,6 @@ class SweepShares(OneLine):
     """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
 
     Attributes:
-        plan: plan of the passes, in their order across the plate.
         share: (passes, whiskers, samples).
         air: (passes, whiskers, air samples), each pass about its median.
         across: (passes,) index of each pass in the recording.
@@ -71,13 +70,8 @@ class SweepShares(OneLine):
 
 
 def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
-    """The dragged sweeps of a scan of one kind of whisker, without saturated samples.
-
-    Args:
-        scan: the scan.
-        outside: whether samples flagged as beyond the part are used.
-    """
-    land, found = scan.touch.land_moment_n_mm(), []
+    """The dragged sweeps of a scan of one kind of whisker, without saturated samples."""
+    land, of_sweeps = scan.touch.land_moment_n_mm(), []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):
         across = np.argsort(sweep.plan.line_mm[:, 0], kind="stable")
         if outside:
@@ -89,8 +83,8 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         if scan.calibration is not None:
             air /= scan.calibration.gain[:, None]
         plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
-        found.append(SweepShares(plan, share, air - quantile_of_known(air)[..., None], across))
-    return found
+        of_sweeps.append(SweepShares(plan, share, air - quantile_of_known(air)[..., None], across))
+    return of_sweeps
 
 
 def saturated(
@@ -101,9 +95,6 @@ def saturated(
     Marks and noise reach the ends of the range for a sample or two, a clipped signal stands still there.
 
     Args:
-        scan: scan of one kind of whisker.
-        run: least number of equal samples in a row.
-        least_share: least share of a whisker's samples in such runs.
         least_span: least range of a whisker's signal, share of the land's moment: a bare plate is level.
         still: share of a whisker's other samples in runs from which its signal has no noise. Then the floors of marks
             stand still, too, and for a profiler they are the end of the range.
@@ -129,7 +120,6 @@ def saturated(
 
 
 def _in_runs(values: Floats, run: int) -> Mask:
-    """Mask of the samples (passes, whiskers, samples) in runs of at least `run` equal ones."""
     n, same = max(values.shape[2] - run + 1, 0), values[..., 1:] == values[..., :-1]
     first = np.logical_and.reduce([same[..., k : k + n] for k in range(run - 1)])
     inside = np.zeros(values.shape, dtype=np.bool_)
@@ -150,8 +140,8 @@ def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Flo
     below = (q * last).astype(np.intp)
     above = np.minimum(below + 1, last)
     if known.size and known.min() == known.max():
-        at = below.flat[0], above.flat[0]
-        low, high = np.moveaxis(np.partition(values, at, axis=-1)[..., at], -1, 0)
+        ranks = below.flat[0], above.flat[0]
+        low, high = np.moveaxis(np.partition(values, ranks, axis=-1)[..., ranks], -1, 0)
     else:
         ordered = np.sort(values, axis=-1)
         low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
@@ -166,11 +156,11 @@ def levels(shares: list[SweepShares], *, fewest: int = 200) -> Floats:
 
 def noises(stacks: list[Floats], *, fewest: int = 200) -> Floats:
     """(whiskers,) rms innovation of samples (passes, whiskers, samples); NaN where there are too few."""
-    found = []
+    medians = []
     for w in range(stacks[0].shape[1]):
         changes = np.concatenate([np.diff(stack[:, w], n=2).ravel() for stack in stacks])
-        found.append(quantile_of_known(np.abs(changes), fewest=fewest))
-    return np.asarray(MAD * np.array(found) / np.sqrt(6.0))
+        medians.append(quantile_of_known(np.abs(changes), fewest=fewest))
+    return np.asarray(MAD * np.array(medians) / np.sqrt(6.0))
 
 
 def level_steps(shares: list[SweepShares]) -> Floats:
@@ -196,10 +186,8 @@ def sharpness(
     and rounds their edges. All borders are reconciled by least squares, like gains.
 
     Args:
-        shares: shares of all sweeps.
         line_pitch_mm: line pitch of the grid; lines more than two pitches apart, as in a scan of few passes, cross
             different marks and are not compared.
-        beside: lines on either side of a border between whiskers.
         least_steps: least root sum of squares of the steps along lines with marks, share of the land.
         least_depth: least depth of these lines, share of the land; a shallower line misses the strokes.
     """
@@ -219,9 +207,9 @@ def sharpness(
         marked = ((steps >= least_steps) & (depth >= least_depth)).all(axis=1)
         step = 0.5 * np.diff(np.log(depth[marked]) + np.log(steps[marked]), axis=1)[:, 0]
         borders += zip(*whisker[near[marked, :, 0]].T.tolist(), step.tolist(), strict=True)
-    found = np.exp(reconcile_steps(borders, n))
+    ratios = np.exp(reconcile_steps(borders, n))
     met = np.bincount([w for before, after, _ in borders for w in (before, after)], minlength=n)
-    return np.where(met < 2, np.nan, found)
+    return np.where(met < 2, np.nan, ratios)
 
 
 def gains(shares: list[SweepShares]) -> Floats:
@@ -247,7 +235,7 @@ def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
     The median of all lines at each position is land and does not depend on the gain of one whisker; a parabola is
     fitted to it robustly. (The estimator's own land may have another form if a plate is far off.)
     """
-    found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+    pairs: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
     for f in shares:
         lines, _, _ = f.lines
         if lines.shape[0] < 8 or lines.shape[1] < 16:
@@ -264,8 +252,8 @@ def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
         else:
             forward = -1.0 if f.plan.direction.backward else 1.0
             scale = preload_mm / level if level else 0.0
-            found[f.plan.direction.along_x].append((2.0 * forward * slope * scale, bend * scale))
-    along = [np.median(found[axis], axis=0).tolist() if found[axis] else (0.0, 0.0) for axis in (True, False)]
+            pairs[f.plan.direction.along_x].append((2.0 * forward * slope * scale, bend * scale))
+    along = [np.median(pairs[axis], axis=0).tolist() if pairs[axis] else (0.0, 0.0) for axis in (True, False)]
     return Form(*zip(*along, strict=True))
 
 
@@ -286,9 +274,6 @@ def strongest_tone(
     the common part.
 
     Args:
-        shares: shares of all sweeps.
-        sample_rate_hz: sample rate of the converter.
-        least_hz: lowest frequency that counts.
         locked: agreement of phases from pass to pass above which a wave belongs to the plate's surface.
     """
     tones = [Tone()]
@@ -311,16 +296,16 @@ def strongest_tone(
         # compare a peak with the spectrum three to eight lines beside it
         padded = np.pad(power[1:], (9, 8), constant_values=np.nan)
         around = np.lib.stride_tricks.sliding_window_view(padded, 17)
-        at = np.flatnonzero((hz >= least_hz) & (hz < 0.4 * sample_rate_hz))
-        at = at[power[at] >= np.fmax.reduce(around[at, 7:10], axis=1)]
-        beside = quantile_of_known(around[at][:, [*range(6), *range(11, 17)]])
-        ratio = power[at] / np.maximum(beside, 1e-30)
-        ratio[np.abs(np.mean(np.exp(2j * np.angle(spectrum[:, at])), axis=0)) >= locked] = 0.0
-        if at.size:
+        peaks = np.flatnonzero((hz >= least_hz) & (hz < 0.4 * sample_rate_hz))
+        peaks = peaks[power[peaks] >= np.fmax.reduce(around[peaks, 7:10], axis=1)]
+        beside = quantile_of_known(around[peaks][:, [*range(6), *range(11, 17)]])
+        ratio = power[peaks] / np.maximum(beside, 1e-30)
+        ratio[np.abs(np.mean(np.exp(2j * np.angle(spectrum[:, peaks])), axis=0)) >= locked] = 0.0
+        if peaks.size:
             k = int(np.argmax(ratio))
             # sines of amplitude a and random phase differ from pass to pass by 2 a^2 in mean squared amplitude
-            amplitude = float(np.sqrt(0.5 * power[at[k]]) * 2.0 / window.sum())
-            tones.append(Tone(float(ratio[k]), float(hz[at[k]]), amplitude))
+            amplitude = float(np.sqrt(0.5 * power[peaks[k]]) * 2.0 / window.sum())
+            tones.append(Tone(float(ratio[k]), float(hz[peaks[k]]), amplitude))
     return max(tones)
 
 
@@ -336,7 +321,6 @@ def spikes(f: SweepShares, *, least: float) -> Mask:
     """Mask (passes, whiskers, samples) of single samples that stand out from their neighbours and passes beside.
 
     Args:
-        f: shares of one direction.
         least: least height of a spike, share of the land.
     """
     from scipy.ndimage import maximum_filter1d
@@ -357,9 +341,7 @@ def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> 
     """Count spikes in lead-ins, lead-outs and in the air, where there are no marks.
 
     Args:
-        shares: shares of all sweeps.
         least: see `spikes`.
-        reach: samples beyond a lead that affect its spikes.
     """
     count = sum(int((np.abs(f.air) > least).sum()) for f in shares)
     for f in (f for f in shares if f.plan.n_lead):

@@ -27,12 +27,7 @@ from whisker_array.whisker.touch import Touch
 
 
 class FaultKind(StrEnum):
-    """Kinds of faults: name, measure and remedy.
-
-    Attributes:
-        measure: message with gaps for the numbers measured.
-        hint: remedy of the fault.
-    """
+    """Kinds of faults: name, measure and remedy."""
 
     measure: str
     hint: str
@@ -144,7 +139,6 @@ class FaultLimits(OneLine):
         misfit_left: greatest share of it that is left in another order of the channels.
         dead_level: least share of the land's moment that a working whisker gives.
         noise_air: noise of a sample with the array lifted, share of the land's moment.
-        noise_land: the same on land.
         loose_step: step of the level from one pass to the next, share of the land's moment.
         times_others: greatest ratio of a whisker's noise and steps to those of the others.
         bent_gain: deviation of a gain from the others': five standard deviations of usual gains.
@@ -154,7 +148,6 @@ class FaultLimits(OneLine):
         alike_blunt: limit in place of `blunt` on such a test piece.
         fewest_others: least number of other whiskers for comparing marks.
         height_margin: margin beyond the effect of friction, share of the land's moment.
-        frictions: least and greatest friction of land.
         rise: rise of a tilted plate over its length, preloads.
         sag: sag of a bowed plate over its length, preloads.
         tone: amplitude of a vibration, share of the land's moment.
@@ -193,8 +186,6 @@ class Fault:
     """One fault.
 
     Attributes:
-        kind: kind of fault.
-        text: message with size, place and remedy.
         whisker: number of the whisker from 0; None for faults of the bench.
     """
 
@@ -214,10 +205,6 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     Faults of the bench are only sought if all signals are sound. In a mixed array only the first kind of whisker is
     checked. Wear common to all tips is not found. Gains calibrated on the same land hide faults: in a recording in
     volts, `calibrate` hides a wrong height and bent whiskers.
-
-    Args:
-        scan: a raw or calibrated scan.
-        limits: limits of sound recordings.
     """
     if (checked := _check_signals(scan, limits)) is None:
         return ()
@@ -238,7 +225,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     ):
         rms = np.where(dead | checked.wrong, np.nan, measures.noises(stacks))
         noisy = np.fmax(noisy, _above_others(rms, least, limits))
-    found = {FaultKind.DEAD: np.where(dead, level, np.nan), FaultKind.NOISY: noisy}
+    by_kind = {FaultKind.DEAD: np.where(dead, level, np.nan), FaultKind.NOISY: noisy}
     bench: list[Fault] = []
     good = touching & ~dead & np.isnan(noisy)
     if good.any():
@@ -253,15 +240,15 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         gain /= np.nanmedian(gain) if np.isfinite(gain).any() else 1.0
         bent = np.where(np.abs(gain - 1.0) > limits.bent_gain, gain, np.nan)
         straight = [f.only(firm & np.isnan(bent)) for f in sound]
-        kept = measures.sharpness(straight, line_pitch_mm=scan.line_pitch_mm)
-        found |= {FaultKind.LOOSE: loose, FaultKind.BENT: bent, FaultKind.WORN: _blunt(kept, limits)}
+        cutoff = measures.sharpness(straight, line_pitch_mm=scan.line_pitch_mm)
+        by_kind |= {FaultKind.LOOSE: loose, FaultKind.BENT: bent, FaultKind.WORN: _blunt(cutoff, limits)}
         if not checked.faults:
             bench = list(_bench_faults(scan, sound, level[good], limits))
         if n_spikes >= limits.few_spikes:
             bench.append(_fault(FaultKind.SPIKES, n_spikes))
     of_whiskers = (
         _fault(kind, 100.0 * values[w], whisker=checked.columns[w])
-        for kind, values in found.items()
+        for kind, values in by_kind.items()
         for w in np.flatnonzero(np.isfinite(values))
     )
     return (*checked.faults, *saturated, *of_whiskers, *bench)
@@ -270,13 +257,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
 def find_signal_faults(
     scan: Scan, limits: FaultLimits = FaultLimits(), *, volts: bool = False
 ) -> tuple[Fault, ...]:
-    """Find faults of signals alone, before whiskers and bench can be judged.
-
-    Args:
-        scan: the recording.
-        limits: limits of sound recordings.
-        volts: whether its moments are volts, which can only be compared with each other.
-    """
+    """Find faults of signals alone, before whiskers and bench can be judged."""
     checked = _check_signals(scan, limits, volts=volts)
     return () if checked is None else checked.faults
 
@@ -287,12 +268,9 @@ class _CheckedSignals:
 
     Attributes:
         scan: the first kind of whisker, with clipped samples flagged.
-        columns: number of each whisker in the array.
         shares: shares of all sweeps, NaN where tips run beyond the part.
         level: (whiskers,) level of the land; NaN for a whisker that has too few samples on the part.
         wrong: (whiskers,) whether a whisker has a fault.
-        faults: faults of the signals.
-        saturated: the fault that signals are clipped, if they are.
     """
 
     scan: Scan
@@ -368,7 +346,6 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
 
 
 def _flag_saturated(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
-    """Flag the clipped samples of a scan of one kind of whisker; return it and the fault, if any."""
     masks = measures.saturated(scan)
     clipped = np.sum([mask.sum(axis=(0, 2)) for mask in masks], axis=0)
     if not clipped.any():
@@ -385,7 +362,6 @@ def _flag_saturated(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
 
 
 def _others(values: Floats) -> Iterator[Floats]:
-    """Yield, for each whisker, the known values of the others."""
     for w in range(values.size):
         others = np.delete(values, w)
         yield others[np.isfinite(others)]
@@ -397,9 +373,9 @@ def _above_others(values: Floats, least: float, limits: FaultLimits) -> Floats:
     return np.where((values > least) & (values > limits.times_others * usual), values, np.nan)
 
 
-def _blunt(kept: Floats, limits: FaultLimits) -> Floats:
+def _blunt(cutoff: Floats, limits: FaultLimits) -> Floats:
     """Relative sharpness of whiskers that are blunter than the others by more than these differ; NaN elsewhere."""
-    logs, found = np.log(kept), np.full(kept.size, np.nan)
+    logs, worn = np.log(cutoff), np.full(cutoff.size, np.nan)
     for w, others in enumerate(_others(logs)):
         if others.size < limits.fewest_others:
             continue
@@ -407,8 +383,8 @@ def _blunt(kept: Floats, limits: FaultLimits) -> Floats:
         spread = measures.MAD * float(np.median(np.abs(others - middle)))
         most = limits.alike_blunt if spread < limits.alike else limits.blunt
         if logs[w] - middle < -max(-np.log(most), limits.blunt_spreads * spread):
-            found[w] = np.exp(logs[w] - middle)
-    return found
+            worn[w] = np.exp(logs[w] - middle)
+    return worn
 
 
 def _bench_faults(
@@ -433,7 +409,6 @@ def _bench_faults(
 
 
 def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, float]:
-    """Land moments at the least and greatest friction, as shares of the nominal land moment."""
     nominal = float(moment_per_lift(np.arctan(touch.friction), touch.tip))
     ends = [float(moment_per_lift(np.arctan(mu), touch.tip)) / nominal for mu in frictions]
     ends = [v for v in ends if np.isfinite(v)] or [1.0]
@@ -442,11 +417,6 @@ def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, fl
 
 def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:
     """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part; clipped ones as saturated.
-
-    Args:
-        scan: the recording.
-        faults: faults found in it.
-        limits: limits with which they were found.
 
     Returns:
         The scan with the flags, or the scan itself if there is nothing to flag.

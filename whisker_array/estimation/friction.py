@@ -36,9 +36,7 @@ class LandFriction:
     """Friction of the land.
 
     Attributes:
-        mu: Coulomb coefficient.
         sd: standard error, from the spread over whiskers and sweeps.
-        route: method by which it was found.
     """
 
     mu: float
@@ -54,12 +52,12 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
     """
     differ = [i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)]
     profile = [i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)]
-    found = []
+    estimates = []
     if differ and profile and not (scan.calibration is not None and scan.calibration.from_land):
-        found.append(_by_shapes(scan, differ[0], profile[0]))
+        estimates.append(_by_shapes(scan, differ[0], profile[0]))
     if differ and any(s.plan.pushed for s in scan.sweeps):
-        found.append(_by_two_ways(scan, differ[0]))
-    return tuple(sorted((f for f in found if f is not None), key=lambda f: f.sd))
+        estimates.append(_by_two_ways(scan, differ[0]))
+    return tuple(sorted((f for f in estimates if f is not None), key=lambda f: f.sd))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,6 @@ class _LandLines:
     whisker: NDArray[np.int64]
 
     def meets(self, other: _LandLines) -> bool:
-        """Whether both run on the same lines."""
         alike = self.place_mm.shape == other.place_mm.shape
         return alike and np.allclose(self.place_mm, other.place_mm)
 
@@ -105,23 +102,15 @@ def _mean_friction(
     *,
     fewest: int = 16,
 ) -> LandFriction | None:
-    """Mean over whiskers; the sweeps of one whisker share its gain, so they count once.
-
-    Args:
-        pairs: lines of each sweep, measured in two ways.
-        solve: friction from the land's moments in both ways.
-        route: method to use.
-        fewest: least number of land samples on a line.
-    """
-    found: dict[int, list[float]] = {}
-    for one, other in pairs:
-        both = np.isfinite(one.moment) & np.isfinite(other.moment)
+    estimates: dict[int, list[float]] = {}
+    for first, other in pairs:
+        both = np.isfinite(first.moment) & np.isfinite(other.moment)
         enough = both.sum(axis=1) >= fewest
-        a, b = (np.nanmedian(np.where(both, v.moment, np.nan)[enough], axis=1) for v in (one, other))
-        mu, whisker = solve(a, b), one.whisker[enough]
+        a, b = (np.nanmedian(np.where(both, v.moment, np.nan)[enough], axis=1) for v in (first, other))
+        mu, whisker = solve(a, b), first.whisker[enough]
         for w in np.unique(whisker):
-            found.setdefault(int(w), []).append(float(np.nanmedian(mu[whisker == w])))
-    each = [np.mean(found[w]) for w in sorted(found)]
+            estimates.setdefault(int(w), []).append(float(np.nanmedian(mu[whisker == w])))
+    each = [np.mean(estimates[w]) for w in sorted(estimates)]
     values = np.array([v for v in each if np.isfinite(v)])
     if not values.size:
         return None
@@ -130,7 +119,7 @@ def _mean_friction(
 
 
 def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
-    one, other = scan.touches[differ], scan.touches[profile]
+    first, other = scan.touches[differ], scan.touches[profile]
     pairs = [
         (_land_lines(scan, sweep, differ), _land_lines(scan, sweep, profile))
         for sweep in scan.sweeps
@@ -141,8 +130,8 @@ def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
 
     def solve(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
         # moments per mm of preload, because both need the same lift
-        a, b = a / one.preload_mm, b / other.preload_mm
-        return friction_from_shapes(a, b, differentiator=one.tip, profiler=other.tip)
+        a, b = a / first.preload_mm, b / other.preload_mm
+        return friction_from_shapes(a, b, differentiator=first.tip, profiler=other.tip)
 
     return _mean_friction(pairs, solve, FrictionRoute.SHAPES)
 
@@ -154,8 +143,8 @@ def _by_two_ways(scan: Scan, kind: int) -> LandFriction | None:
         back = pushed.get((int(sweep.plan.direction) + 180) % 360)
         if sweep.plan.pushed or back is None or back.plan.line_mm.shape != sweep.plan.line_mm.shape:
             continue
-        one, other = (_land_lines(scan, s, kind) for s in (sweep, back))
-        if one.meets(other) and one.moment.shape == other.moment.shape:
-            pairs.append((one, other))
+        first, other = (_land_lines(scan, s, kind) for s in (sweep, back))
+        if first.meets(other) and first.moment.shape == other.moment.shape:
+            pairs.append((first, other))
     tip = scan.touches[kind].tip
     return _mean_friction(pairs, lambda a, b: friction_from_two_ways(a, b, tip), FrictionRoute.TWO_WAYS)

@@ -76,7 +76,6 @@ class SweptLines(OneLine):
         values: (lines, samples) float64, NaN where unknown.
         place_mm: (lines,) plate coordinate across the trace, ascending.
         along_mm: (samples,) plate coordinate along the trace.
-        direction: direction of the trace.
     """
 
     values: Lines
@@ -98,7 +97,6 @@ class PlateGrid(OneLine):
     Attributes:
         x_mm: (cols,) plate x.
         y_mm: (rows,) plate y.
-        pitch_mm: distance between pixels.
     """
 
     x_mm: Lines
@@ -120,8 +118,6 @@ def common_grid(
     """Return the grid that all sweeps cover.
 
     Args:
-        swept: the sweeps.
-        pitch_mm: distance between pixels.
         within_mm: (x0, y0, x1, y1) to which the grid is limited.
 
     Raises:
@@ -156,8 +152,6 @@ def on_grid(
     """Return a (rows, cols) map of each sweep and its mask of valid pixels.
 
     Args:
-        swept: the sweeps.
-        grid: grid of the maps.
         shift: (dx, dy) of each direction on the plate, mm, as found by registration.
     """
     layers, known = [], []

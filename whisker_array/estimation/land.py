@@ -24,7 +24,6 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
 
     Args:
         values: (rows, samples).
-        share: share of the samples; less than the share of land on a full line of text.
 
     Returns:
         (rows,); NaN for a row without any sample.
@@ -34,8 +33,8 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
     for size in np.unique(sizes[sizes > 0]):
         rows, reach = np.flatnonzero(sizes == size), max(1, int(share * size)) - 1
         some = ordered[rows, :size]
-        at, first = np.arange(rows.size), np.argmin(some[:, reach:] - some[:, : size - reach], axis=1)
-        middle[rows] = 0.5 * (some[at, first] + some[at, first + reach])
+        lines, first = np.arange(rows.size), np.argmin(some[:, reach:] - some[:, : size - reach], axis=1)
+        middle[rows] = 0.5 * (some[lines, first] + some[lines, first + reach])
     return middle
 
 
@@ -72,24 +71,25 @@ def land_coefficients(
     best, most = np.zeros(6), -1.0
     # keep the start that explains more samples
     for start in (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level, share)):
-        found, explained = fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts, damping=damping)
+        quadratic_fit, explained = fit_quadratic(
+            thin, u, v, start=start, level=level, cuts=cuts, damping=damping
+        )
         if explained > most + 1e-9:
-            best, most = found, explained
+            best, most = quadratic_fit, explained
     return best
 
 
 def _tilted_start(
     thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float, share: float
 ) -> NDArray[np.float64]:
-    """Quadratic coefficients from the robust level of each line (across) and of each column (along)."""
     coefficients = np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
-    for linear, at, levels in ((1, u, shorth(thin.T, share=share)), (2, v, shorth(thin, share=share))):
+    for linear, axis, levels in ((1, u, shorth(thin.T, share=share)), (2, v, shorth(thin, share=share))):
         known = np.isfinite(levels)
         if known.sum() < 8:
             continue
         # a robust slope (Theil-Sen on a few pairs); the start has no curvature
         k = max(1, int(known.sum()) // 3)
-        y, x = levels[known], at[known]
+        y, x = levels[known], axis[known]
         coefficients[linear] = np.median((y[k:] - y[:-k]) / (x[k:] - x[:-k]))
     return coefficients
 
@@ -165,9 +165,6 @@ def remove_drift(
     Args:
         ratio: (lines, samples) moments over the land's.
         cut: as in `land_coefficients`.
-        least: share of land samples below which no drift is removed from a line.
-        neighbours: number of lines of the median.
-        most: greatest offset or slope of the drift; the excess is surface.
     """
     from scipy.ndimage import median_filter
 
@@ -176,8 +173,8 @@ def remove_drift(
     fits, few = np.empty((2, lines)), np.empty(lines, dtype=np.bool_)
     robust_lines(read_only(ratio), t, cut, least * samples, 0.05 * samples, *fits, few)
     offset, slope = (
-        np.where(few, 0.0, np.clip(own - median_filter(own, neighbours, mode="nearest"), -most, most))
-        for own in fits
+        np.where(few, 0.0, np.clip(fit - median_filter(fit, neighbours, mode="nearest"), -most, most))
+        for fit in fits
     )
     ratio /= 1.0 + offset[:, None] + slope[:, None] * t
     return ratio

@@ -51,10 +51,7 @@ def fit_quadratic(
 
     Args:
         target: (rows, cols), v runs along the rows, u along the columns.
-        u, v: coordinates.
         start: (6,) coefficients to begin with.
-        level: value for a fit without enough samples.
-        cuts: distance from the last fit at which samples lose all weight, one per round.
         damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
 
     Returns:
@@ -62,7 +59,7 @@ def fit_quadratic(
     """
     target, u = read_only(target), read_only(u)
     powers, sums = np.vander(v, 5, increasing=True), np.empty((v.size, 8))
-    expected, found = start, np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
+    expected, solved = start, np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
     for cut in cuts:
         _row_sums(target, u, *_by_row(expected, v), float(expected[3]), 1.0 / float(cut), sums)
         of_weights, of_values = sums[:, :5].T @ powers, sums[:, 5:].T @ powers[:, :3]
@@ -70,13 +67,12 @@ def fit_quadratic(
             break
         normal = of_weights[PAIRS]
         normal.flat[::7] += damping * normal.trace()
-        found = expected = np.linalg.solve(normal, of_values[POWER_U, POWER_V])
+        solved = expected = np.linalg.solve(normal, of_values[POWER_U, POWER_V])
     explained = np.abs(target - quadratic(expected, u, v)) < 0.5 * cuts[-1]
-    return found, float(explained.sum() / max(np.isfinite(target).sum(), 1))
+    return solved, float(explained.sum() / max(np.isfinite(target).sum(), 1))
 
 
 def _by_row(c: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Constant and linear coefficients of a quadratic along each row."""
     return c[0] + v * (c[2] + v * c[5]), c[1] + v * c[4]
 
 

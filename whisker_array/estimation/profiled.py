@@ -47,10 +47,6 @@ ROUNDS = 4
 def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
     """Estimate height and slopes of the surface by the best route that the scan allows.
 
-    Args:
-        scan: scan of one kind of whisker or of several.
-        edges: its edge map, if already computed.
-
     Raises:
         MapError: a sweep without usable samples or without land.
     """
@@ -70,8 +66,6 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One sweep by both shapes: lift and lean at the positions of their tips."""
-
     lift: SweptLines
     lean: SweptLines
     base_ahead: float
@@ -152,7 +146,6 @@ def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> t
 
 
 def _has_jammed(sweep: Sweep, *, most: float = 0.05) -> bool:
-    """Whether so much of a sweep jammed that its land is unreliable, too."""
     on_plate = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
     jammed = (sweep.flags & np.uint8(SampleFlag.JAMMED | SampleFlag.CONTACT_LOST)) != 0
     return bool((jammed & on_plate).sum() > most * on_plate.sum())
@@ -182,19 +175,18 @@ def _without_snags(
 
 
 def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: bool) -> _View:
-    """Lift and lean of one sweep in the whisker's own frame, in which x runs from the tip towards the base."""
-    one, other = (land_ratio(s, s.sweeps[number]) for s in (slopes_of, profiles_of))
-    rows = np.isin(np.round(one.place_mm, 6), np.round(other.place_mm, 6))
-    rows_too = np.isin(np.round(other.place_mm, 6), np.round(one.place_mm, 6))
+    sloped, other = (land_ratio(s, s.sweeps[number]) for s in (slopes_of, profiles_of))
+    rows = np.isin(np.round(sloped.place_mm, 6), np.round(other.place_mm, 6))
+    rows_too = np.isin(np.round(other.place_mm, 6), np.round(sloped.place_mm, 6))
     if not rows.any():
         raise MapError("the rows of the array do not run on the same lines")
     plan = slopes_of.sweeps[number].plan
     e = -1.0 if plan.pushed else 1.0
     s = e * (-1.0 if plan.direction.backward else 1.0)
     phi = e * float(np.arctan(mu))
-    along = s * one.along_mm  # increases towards the base for either direction of travel
+    along = s * sloped.along_mm  # increases towards the base for either direction of travel
     order = np.argsort(along)
-    moment = (1.0 + one.values[rows][:, order]) * float(moment_per_lift(phi, slopes_of.touch.tip))
+    moment = (1.0 + sloped.values[rows][:, order]) * float(moment_per_lift(phi, slopes_of.touch.tip))
     moment *= slopes_of.touch.preload_mm
     lift = (1.0 + other.values[rows_too][:, order]) * profiles_of.touch.preload_mm
     along = along[order]
@@ -213,15 +205,14 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     lifts, leans = np.where(np.isfinite(lift), lifts, np.nan), np.where(np.isfinite(moment), leans, np.nan)
     back = np.argsort(order)
     return _View(
-        lift=SweptLines(lifts[:, back], other.place_mm[rows_too], one.along_mm, one.direction),
-        lean=SweptLines(leans[:, back], one.place_mm[rows], one.along_mm, one.direction),
+        lift=SweptLines(lifts[:, back], other.place_mm[rows_too], sloped.along_mm, sloped.direction),
+        lean=SweptLines(leans[:, back], sloped.place_mm[rows], sloped.along_mm, sloped.direction),
         base_ahead=s,
         friction_sign=e,
     )
 
 
 def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
-    """Shift of each tip from its commanded position, which allows for the lag on land at nominal friction."""
     if friction_sign > 0.0:
         lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
     else:
@@ -230,16 +221,15 @@ def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> 
     return np.where(np.isfinite(shift), shift, 0.0)
 
 
-def _resample(values: Lines, at: Lines, wanted: Lines) -> Lines:
-    """Resample each line linearly to the wanted positions."""
-    if at is wanted:
+def _resample(values: Lines, known_at: Lines, wanted: Lines) -> Lines:
+    if known_at is wanted:
         return values
     out = np.empty(values.shape)
     for i in range(values.shape[0]):
         known = np.isfinite(values[i])
-        order = np.argsort(at[i][known], kind="stable")
+        order = np.argsort(known_at[i][known], kind="stable")
         if order.size < 2:
             out[i] = np.nan
             continue
-        out[i] = np.interp(wanted[i], at[i][known][order], values[i][known][order])
+        out[i] = np.interp(wanted[i], known_at[i][known][order], values[i][known][order])
     return out

@@ -41,9 +41,6 @@ def registration_mm(
     """Plate shift (dx, dy) of each direction that aligns its map with the common one; empty without play.
 
     Args:
-        layers: enhancement of each direction on one grid, (rows, cols).
-        directions: directions of the layers.
-        touch: touch of the scan.
         pitch_mm: pitch of the grid.
 
     Opposite directions share their play equally; the crossed pair is aligned with the first by its profile. Directions
@@ -68,8 +65,8 @@ def registration_mm(
         rows, cols = _offset_pixels(*profiles)
         if max(abs(rows), abs(cols)) > DEAD_BAND_PIXELS:
             for d in OPPOSITE_DIRECTIONS[1]:
-                own = shift.get(d, (0.0, 0.0))
-                shift[d] = (own[0] + cols * pitch_mm, own[1] + rows * pitch_mm)
+                present = shift.get(d, (0.0, 0.0))
+                shift[d] = (present[0] + cols * pitch_mm, present[1] + rows * pitch_mm)
     return shift
 
 
@@ -78,8 +75,6 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
 
     Args:
         ahead, behind: (lines, samples) enhancement of the forward and the backward trace.
-        touch: touch of the scan.
-        pitch_mm: pitch of the samples.
 
     Returns:
         Play, positive when the forward map must move to larger coordinates; 0 without a clear minimum.
@@ -92,8 +87,8 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
     best = int(np.argmin(cost))
     if not 0 < best < plays.size - 1 or cost[best] > 0.98 * np.median(cost):
         return 0.0
-    before, at, after = cost[best - 1 : best + 2]
-    curve = before - 2.0 * at + after
+    before, least, after = cost[best - 1 : best + 2]
+    curve = before - 2.0 * least + after
     return float(plays[best] + (0.5 * (before - after) / curve if curve > 0.0 else 0.0))
 
 
@@ -104,12 +99,7 @@ def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land
     Args:
         ahead, behind: (lines, beyond + samples + beyond) enhancement, padded by its end values.
         halves: half plays, pixels.
-        per_pixel: preload over pitch, which turns preloads per pixel into slopes.
-        steepest: slopes are clipped here.
-        mu: friction.
         row, arm: row and arm of the tip, (3,) each, as in eq. (16).
-        per_land: lift over turn on the land.
-        rim: number of samples at each end that are ignored.
         room: (5, samples) work array.
         cost: (halves,) sums to add to.
     """
@@ -122,13 +112,13 @@ def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land
     for k in range(halves.size):
         # half sum and half difference of two lines shifted towards each other, interpolated
         there, back = math.floor(halves[k]), math.floor(-halves[k])
-        part, rest = halves[k] - there, -halves[k] - back
+        part, back_part = halves[k] - there, -halves[k] - back
         a0, b0 = beyond - int(there), beyond - int(back)
         for i in range(ahead.shape[0]):
-            one, other = ahead[i], behind[i]
+            line, other = ahead[i], behind[i]
             for j in range(n):
-                a = (1.0 - part) * one[a0 + j] + part * one[a0 + j - 1]
-                b = (1.0 - rest) * other[b0 + j] + rest * other[b0 + j - 1]
+                a = (1.0 - part) * line[a0 + j] + part * line[a0 + j - 1]
+                b = (1.0 - back_part) * other[b0 + j] + back_part * other[b0 + j - 1]
                 total[j], edges[j] = 0.5 * (a + b), 0.5 * (a - b)
                 reach[j] = 1.0 + total[j]
             for _ in range(2):
@@ -152,7 +142,6 @@ def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land
 def _costs(
     ahead: Layer, behind: Layer, halves: NDArray[np.floating[Any]], touch: Touch, pitch_mm: float
 ) -> Layer:
-    """Mean square of measured minus predicted edges, if the play is twice each of `halves`."""
     mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
     moment_ratio(0.0, mu, touch.tip)  # raises an error if the whisker jams on the land
     per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
@@ -168,7 +157,6 @@ def _costs(
 
 
 def _shift_rows(layer: Layer, pixels: float) -> Layer:
-    """Shift a layer along its rows by a fraction of pixels, with linear interpolation and repeated ends."""
     from scipy import ndimage
 
     return np.asarray(ndimage.shift(layer, (0.0, pixels), order=1, mode="nearest"))
@@ -185,8 +173,8 @@ def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
     if not (0 < r < 2 * reach and 0 < c < 2 * reach):
         return (0.0, 0.0)
 
-    def vertex(before: float, at: float, after: float) -> float:
-        curve = before - 2.0 * at + after
+    def vertex(before: float, middle: float, after: float) -> float:
+        curve = before - 2.0 * middle + after
         return 0.0 if curve >= 0.0 else 0.5 * (before - after) / curve
 
     return (

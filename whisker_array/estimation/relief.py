@@ -49,9 +49,7 @@ class Relief(OneLine, Validated, error=MapError):
         height_mm: (rows, cols) float32 above the land, negative in a sunk mark; NaN where unknown.
         slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
         slope_y: (rows, cols) float32 dh/dy, or None in the same cases along y.
-        pitch_mm: pitch of the grid.
         origin_mm: (x, y) of its first sample.
-        friction: mu used for the walls.
         friction_sd: its standard error; None where mu was only assumed.
         route: method by which height and slope were separated.
         friction_map: (rows, cols) float32 mu of every pixel, or None; it needs a profiler and two ways.
@@ -92,9 +90,6 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
     Args:
         ahead, back: (rows, cols) enhancement of the two ways, the base ahead in + and in -.
         row, arm: (3,) of the tip, as in eqs. (11) and (14).
-        mu: friction.
-        land: moment per lift on the land.
-        steepest: slopes are clipped here.
         slope: (rows, cols) result; NaN where no slope fits the moments.
         total, count: (rows, cols) sum of the known lifts, in preloads, and their number.
     """
@@ -104,8 +99,8 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
     rows, cols = slope.shape
     for i in range(rows):
         for j in range(cols):
-            one, other = (1.0 + ahead[i, j]) * land, (1.0 + back[i, j]) * land
-            q = one / other
+            forward, other = (1.0 + ahead[i, j]) * land, (1.0 + back[i, j]) * land
+            q = forward / other
             square, linear, constant = b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q)
             disc = linear * linear - 4.0 * square * constant
             # the root nearer to zero; NaN if none is real
@@ -117,7 +112,7 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
             up, down = 1.0 - p * mu, 1.0 + p * mu
             t, s = (mu + p) / up, (mu - p) / down
             give_t, give_s = row[1] - row[0] * t, row[1] - row[0] * s
-            lift_t, lift_s = one * give_t / (arm[1] - arm[0] * t), other * give_s / (arm[1] - arm[0] * s)
+            lift_t, lift_s = forward * give_t / (arm[1] - arm[0] * t), other * give_s / (arm[1] - arm[0] * s)
             known_t = up > 0.0 and give_t > 0.0 and abs(lift_t) < np.inf
             known_s = down > 0.0 and give_s > 0.0 and abs(lift_s) < np.inf
             total[i, j] += (lift_t if known_t else 0.0) + (lift_s if known_s else 0.0)
@@ -130,8 +125,6 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
     Heights of floors and land do not depend on the friction; those of walls do.
 
     Args:
-        edges: edge map of one kind of whisker, dragged.
-        touch: touch of that whisker.
         friction: friction of the surface; default: the nominal one of the touch.
 
     Raises:
@@ -164,7 +157,6 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
 
 
 def _mean_lift(edges: EdgeMap) -> Layer:
-    """Lift in preloads, as if the surface were level everywhere."""
     return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
 
 
@@ -188,8 +180,8 @@ def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
         tau = ahead * np.arctan(np.nan_to_num(slope.astype(np.float64))) if slope is not None else 0.0
         bent = tip_shift_mm(np.minimum(tau + phi, 1.5), lift, touch.tip) - lag
         pixels = ahead * np.nan_to_num(bent) / edges.pitch_mm
-        at = (rows, cols - pixels) if direction.along_x else (rows - pixels, cols)
-        layers.append(map_coordinates(layer.astype(np.float64), at, order=1, mode="nearest"))
+        moved = (rows, cols - pixels) if direction.along_x else (rows - pixels, cols)
+        layers.append(map_coordinates(layer.astype(np.float64), moved, order=1, mode="nearest"))
     return replace(edges, enhancement=np.stack(layers).astype(np.float32))
 
 

@@ -53,7 +53,6 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
     that touches nowhere do not count: at the end of the comb it is dead rather than beyond the part.
 
     Args:
-        shares: shares of all sweeps, in any unit.
         least: share of the moment of the other whiskers below which a tip does not touch.
     """
     least *= _levels_of_lines(shares)[1]
@@ -92,7 +91,6 @@ def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
     The scan itself is returned if there are no such samples.
 
     Args:
-        scan: the recording, in any unit.
         least: as in `beyond_part`.
     """
     if all(s.plan.pushed for s in scan.sweeps) or knows_part(scan):
@@ -127,9 +125,7 @@ def above_noise(shares: Sequence[SweepShares], level: Floats, *, times: float = 
     """(whiskers,) whether a signal changes when the array is lowered, by more than its noise.
 
     Args:
-        shares: shares of all sweeps.
         level: (whiskers,) level of the land; NaN if unknown.
-        times: least level of a signal, in rms values of the noise.
     """
     return np.abs(level) > times * _noise(shares)
 
@@ -148,11 +144,7 @@ def is_clear(
     A tip that hardly touches loses contact in marks and shows every unevenness of the plate.
 
     Args:
-        shares: shares of all sweeps.
         level: (whiskers,) level of the land.
-        least: least level over the noise.
-        lost: share of the level below which contact is lost.
-        few: greatest share of samples without contact.
         even: greatest spread of the lines' levels, share of the level.
     """
     size = np.abs(level)
@@ -177,10 +169,8 @@ class ChannelOrder(NamedTuple):
     """Order of the channels in which neighbouring lines fit best.
 
     Attributes:
-        channel: channel that fits at each whisker.
         backward: whether the lines of passes along (x, y) fit in reverse order within each whisker.
         misfit: mean squared difference of neighbouring lines in this order, at the borders that it changes.
-        misfit_now: the same in the present order.
     """
 
     channel: tuple[int, ...]
@@ -194,11 +184,7 @@ class ChannelOrder(NamedTuple):
         return [whisker for whisker, channel in enumerate(self.channel) if channel != whisker]
 
     def describe(self, columns: Sequence[int]) -> str:
-        """Describe the order.
-
-        Args:
-            columns: number of each whisker in the array.
-        """
+        """Describe the order."""
         axes = " and ".join(axis for axis, backward in zip("xy", self.backward, strict=True) if backward)
         across = f"with positions across the passes along {axes} in reverse order" if axes else ""
         if all(self.backward) and not self.moved:
@@ -236,7 +222,6 @@ class _Borders(NamedTuple):
 
     @property
     def most_gain(self) -> float:
-        """Greatest reduction of the present differences by other pairs of channels."""
         least = np.fmin.reduce(np.minimum(self.difference, self.difference_backward), axis=(1, 2))
         return float(np.nansum(np.maximum(self.now - least, 0.0)))
 
@@ -259,24 +244,20 @@ def best_order(
     their own borders are no reason for it: such a whisker may be dead.
 
     Args:
-        shares: shares of all sweeps, with tips beyond the part.
         beyond: where tips run beyond the part (`beyond_part`).
         wrong: (whiskers,) channels that are left out.
-        least: share of a whisker's moment above which it touches.
-        line_pitch_mm: line pitch of the grid; lines more than two pitches apart are not compared.
         least_gain: least reduction of the misfit that counts; no order is tried where none can reduce it so far.
         cut: greatest difference that counts, share of the land.
-        simpler: share of the greatest gain at which an order that moves fewer channels is preferred.
     """
     lines, usual = _levels_of_lines(shares)
     level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)
     quiet = np.isnan(level) & np.isfinite(lines).any(axis=0) & ~wrong
     level[wrong] = np.nan
-    found = (
+    of_sweeps = (
         _borders(f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut)
         for f, mask in zip(shares, beyond, strict=True)
     )
-    borders = _Borders(*map(np.concatenate, zip(*found, strict=True)))
+    borders = _Borders(*map(np.concatenate, zip(*of_sweeps, strict=True)))
     present = np.arange(level.size)
     if borders.most_gain <= least_gain:
         return ChannelOrder(tuple(present.tolist()))
@@ -358,13 +339,7 @@ def _misfits(
 def doubled_channels(
     shares: Sequence[SweepShares], *, alike: float = 0.999, fewest: int = 64
 ) -> list[tuple[int, int]]:
-    """Channels, each with another that has the same noise while the array is lifted: one signal, recorded twice.
-
-    Args:
-        shares: shares of all sweeps.
-        alike: least correlation of the changes from sample to sample.
-        fewest: least number of changes.
-    """
+    """Channels, each with another that has the same noise while the array is lifted: one signal, recorded twice."""
     changes = np.concatenate(
         [np.diff(f.air, n=4, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
     )

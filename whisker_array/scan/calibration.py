@@ -44,7 +44,6 @@ def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> ND
 
     Args:
         raw: (..., whiskers, samples), N mm as measured.
-        calibration: calibration of these whiskers.
 
     Returns:
         float32 of the same shape.
@@ -73,7 +72,6 @@ def calibrate_lead_in(
         land: (whiskers, samples) raw signal on undisturbed land, N mm.
         expected_land_moment_n_mm: land moment by the whisker model, N mm, negative in its frame. An error in it, for
             example from an unknown friction, changes all gains equally and leaves m / m_land - 1 unchanged.
-        max_gain_uncertainty: largest standard error of a gain as a share of it.
 
     Raises:
         SensorError: lead-in too short, not finite or too noisy; a moment on land that does not stand out from
@@ -124,6 +122,5 @@ def calibrate_lead_in(
 
 
 def _list_whiskers(mask: NDArray[np.bool_]) -> str:
-    """Numbers of the whiskers that are set, at most eight of them."""
     numbers = np.flatnonzero(mask)
     return ", ".join(str(i) for i in numbers[:8]) + (", ..." if numbers.size > 8 else "")

@@ -33,11 +33,7 @@ class CheckedFile:
         return FileError(self.path, what, hint)
 
     def require(self, right: bool | np.bool_, what: str, hint: str = SEE_LAYOUT) -> None:
-        """Check a condition.
-
-        Raises:
-            FileError: it does not hold.
-        """
+        """Check a condition. Raises FileError: it does not hold."""
         if not right:
             raise self.fail(what, hint)
 
@@ -61,44 +57,37 @@ class CheckedFile:
         """Find a dataset of numbers, stored in this file.
 
         Args:
-            name: name of the dataset.
             shape: shape that it must have; None: any length.
-            kinds: numpy's kinds of numbers that are allowed.
-            most: largest number of values.
 
         Raises:
             FileError: no such dataset, or another kind, shape or size.
         """
-        found = self.file.get(name)
-        if not isinstance(found, h5py.Dataset):
+        item = self.file.get(name)
+        if not isinstance(item, h5py.Dataset):
             raise self.fail(f"has no dataset /{name}")
         numbers = "numbers" if "f" in kinds else "whole numbers"
-        self.require(found.dtype.kind in kinds, f"/{name} is of type {found.dtype}, not {numbers}")
-        actual = found.shape or ()
+        self.require(item.dtype.kind in kinds, f"/{name} is of type {item.dtype}, not {numbers}")
+        actual = item.shape or ()
         alike = len(actual) == len(shape) and all(
             n in (None, have) for n, have in zip(shape, actual, strict=True)
         )
         wanted = " x ".join("any" if n is None else str(n) for n in shape)
-        self.require(alike, f"/{name} has shape {found.shape}, not {wanted}")
-        self.require(found.size > 0, f"/{name} is empty", "record at least one pass")
-        over = f"/{name} holds {found.size:,} values, over the limit of {most:,}"
-        self.require(found.size <= most, over, "split the scan")
-        elsewhere = found.is_virtual or found.external
+        self.require(alike, f"/{name} has shape {item.shape}, not {wanted}")
+        self.require(item.size > 0, f"/{name} is empty", "record at least one pass")
+        over = f"/{name} holds {item.size:,} values, over the limit of {most:,}"
+        self.require(item.size <= most, over, "split the scan")
+        elsewhere = item.is_virtual or item.external
         self.require(not elsewhere, f"/{name} keeps its data in another file", "copy the data into this one")
-        written = found.nbytes <= _MOST_PACKED * found.id.get_storage_size()
+        written = item.nbytes <= _MOST_PACKED * item.id.get_storage_size()
         self.require(
             written, f"/{name} declares data that was never written", "let the recording end properly"
         )
-        return found
+        return item
 
     def numbers(
         self, name: str, shape: Shape, *, most: int = MAX_SAMPLES, default: float | None = None
     ) -> NDArray[np.float64]:
-        """Read a dataset as finite numbers; a missing one is filled with the default, if there is one.
-
-        Raises:
-            FileError: as in `dataset`, or a number is not finite although the default is.
-        """
+        """Read a dataset as finite numbers; a missing one is filled with the default, if there is one."""
         if default is not None and name not in self.file:
             return np.full([n or 0 for n in shape], default, dtype=np.float64)
         values = np.asarray(self.dataset(name, shape, most=most)[()], dtype=np.float64)
@@ -107,11 +96,7 @@ class CheckedFile:
         return values
 
     def integers(self, name: str, n_rows: int, *, default: int | None = None) -> NDArray[np.integer[Any]]:
-        """Read a dataset as whole numbers, one for each row; a missing one is filled with the default.
-
-        Raises:
-            FileError: as in `dataset`.
-        """
+        """Read a dataset as whole numbers, one for each row; a missing one is filled with the default."""
         if default is not None and name not in self.file:
             return np.full(n_rows, default)
         return np.asarray(self.dataset(name, (n_rows,), kinds="iu")[()])

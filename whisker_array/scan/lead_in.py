@@ -18,7 +18,6 @@ class LeadIn(OneLine):
     """A calibration and the samples that it is based on.
 
     Attributes:
-        calibration: gain and offset of every whisker.
         air_samples: (whiskers,) samples in the air used for each.
         land_samples: (whiskers,) samples on the land; 0 for a whisker that never ran in on the part, whose
             gain stays 1.
@@ -54,10 +53,12 @@ def calibrate_scan(scan: Scan) -> LeadIn:
             offset[whisker] = float(air.mean(dtype=np.float64))
         else:
             try:
-                one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
+                of_whisker = calibrate_lead_in(
+                    air[None], land[None], expected_land_moment_n_mm=expected[whisker]
+                )
             except SensorError as error:
                 raise SensorError(error.what, where=f"whisker {whisker}", hint=error.hint) from error
-            gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
+            gain[whisker], offset[whisker] = of_whisker.gain[0], of_whisker.offset_n_mm[0]
         over = (np.concatenate([air, land]) - offset[whisker]) / gain[whisker]
         over[air.size :] -= expected[whisker]
         residual[whisker] = np.sqrt(np.mean(over**2))
@@ -71,7 +72,6 @@ def calibrate_scan(scan: Scan) -> LeadIn:
 
 
 def _samples(scan: Scan, whisker: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Air and good lead-in samples of one whisker, of the dragged passes in which its whole lead-in is good."""
     air, land = [], []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):  # when pushed, friction acts the other way
         lead = sweep.plan.n_lead

@@ -50,11 +50,8 @@ class Mounted(OneLine):
         surfaces: surfaces by radius of the tip, mm.
         origin_mm: plate coordinate of the padded surfaces' first sample, both axes.
         size_mm: size of the part itself, along x and y.
-        touches: one per kind of whisker.
-        fidelity: pointwise formula or frictional contact.
         sensor: gains, noise, converter; None: ideal.
         stage: position errors of the stage; None: none.
-        rng: needed with a sensor or a stage.
         drift_n_mm: (whiskers,) drift of the zeros; each pass updates it.
     """
 
@@ -81,9 +78,6 @@ class Mounted(OneLine):
         """Simulate the raw moments of a sweep.
 
         Args:
-            sweep: plan of the sweep; whiskers of the first touch come first.
-            air_samples: number of samples in air before each pass.
-            sample_rate_hz: sample rate of the converter.
             pause_s: time for which the array hangs in air before each pass, in addition to the air samples.
             preload_mm: preload; default: that of the touches.
         """
@@ -97,18 +91,18 @@ class Mounted(OneLine):
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
-            commanded, own = sweep.of(whiskers), ran.of(whiskers)
+            commanded, traced = sweep.of(whiskers), ran.of(whiskers)
             surface = self._along(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
                 surface,
-                own,
+                traced,
                 touch=touch,
                 fidelity=self.fidelity,
                 origin_mm=self.origin_mm,
                 size_mm=self.size_mm,
                 commanded=commanded,
             )
-            shape = (*own.line_mm.shape, own.n_samples)
+            shape = (*traced.line_mm.shape, traced.n_samples)
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
             if stage is not None:
                 moment, flags = apply_screw_wave(moment, flags, commanded, stage)
@@ -160,16 +154,11 @@ def mount(
     Args:
         height_map: the surface; its land should be about level at zero, as a stage would mount the part. For a
             soiled part it is the top of the dirt.
-        touches: one touch per kind of whisker.
-        sample_pitch_mm: pitch of the samples.
-        beyond_mm: greatest distance that whiskers run beyond the part, on its repeated edge.
         friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, or else
             the nominal one.
         soil: soft dirt; default: none.
-        fidelity: pointwise formula or frictional contact.
         sensor: gains, noise, converter; default: ideal.
         stage: position errors of the stage; default: none.
-        rng: needed with a sensor or a stage.
 
     Raises:
         MapError: a friction map or soil that does not fit, or more samples than the limit with the run-in.

@@ -21,10 +21,7 @@ class LoggedPass(OneLine):
     """One pass, its samples, and the posterior after it.
 
     Attributes:
-        order: positions, speed and preload of the pass.
-        sweep: its raw moments.
         why: reason for this pass, in words; may be empty.
-        text: most probable text after it.
         confidence: probability that the whole text is right, 0 to 1.
     """
 
@@ -40,9 +37,6 @@ class PassLog(OneLine, Validated, error=WhiskerError):
     """The passes of a scan in one stage session.
 
     Attributes:
-        passes: the passes, in order.
-        array: the comb.
-        height_mm: character height that the whiskers are built for.
         field_mm: (x0, y0, x1, y1) that the array could reach, plate frame.
         stopped: reason for stopping; may be empty.
         problem: message of the stage if it failed; otherwise empty.

@@ -43,10 +43,6 @@ def write_log(log: PassLog, file: h5py.File) -> None:
 def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
     """Read the log of a recording.
 
-    Args:
-        file: open recording with the log's group.
-        sweeps: sweeps of single passes, in order.
-
     Raises:
         FileError: a log that does not follow the layout or does not fit the passes.
     """
@@ -81,8 +77,8 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
             f"pass {k} has {plan.n_samples} samples from {plan.start_mm:.3f} mm, its plan "
             f"{order.n_samples} from {order.start_mm:.3f} mm",
         )
-        said = {name: values[k] for name, values in texts.items()}
-        passes.append(LoggedPass(order, sweep, confidence=float(confidence[k]), **said))
+        words = {name: values[k] for name, values in texts.items()}
+        passes.append(LoggedPass(order, sweep, confidence=float(confidence[k]), **words))
     with file.naming("log of passes cannot be used: "):
         return PassLog(
             tuple(passes),
@@ -96,12 +92,12 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
 
 
 def _texts(file: CheckedFile, name: str, n: int) -> list[str]:
-    found = file.file[GROUP].get(name)
-    if found is None:
+    dataset = file.file[GROUP].get(name)
+    if dataset is None:
         return [""] * n
-    texts = isinstance(found, h5py.Dataset) and h5py.check_string_dtype(found.dtype) is not None
-    file.require(texts and found.shape == (n,), f"/log/{name} is not one text for each pass")
-    return [str(text)[:_LONGEST_TEXT] for text in found.asstr(errors="replace")[()]]
+    texts = isinstance(dataset, h5py.Dataset) and h5py.check_string_dtype(dataset.dtype) is not None
+    file.require(texts and dataset.shape == (n,), f"/log/{name} is not one text for each pass")
+    return [str(text)[:_LONGEST_TEXT] for text in dataset.asstr(errors="replace")[()]]
 
 
 def _read_array(file: CheckedFile) -> WhiskerArray:

@@ -61,11 +61,7 @@ class RecordingReader(CheckedFile):
         self._pushed = self.integers("passes/pushed", self._n_passes, default=0) != 0
 
     def scan(self) -> Scan:
-        """Read the whole file as a Scan.
-
-        Raises:
-            FileError: the file does not follow the layout.
-        """
+        """Read the whole file as a Scan. Raises FileError: the file does not follow the layout."""
         units = self.text("units", "N*mm")
         known = (*UNIT_N_MM, VOLT)
         self.require(units in known, f"units are {units!r}", f"use one of {', '.join(known)}")
@@ -114,7 +110,6 @@ class RecordingReader(CheckedFile):
         self.require(version == FORMAT_VERSION, f"format_version is {version:g}", must)
 
     def _columns(self, n_channels: int) -> Rows:
-        """Column of each whisker."""
         whisker = np.arange(n_channels)
         if "channels/whisker" in self.file:
             whisker = self.numbers("channels/whisker", (n_channels,)).astype(int)
@@ -140,7 +135,6 @@ class RecordingReader(CheckedFile):
             return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land)
 
     def _kinds(self) -> tuple[tuple[int, ...], tuple[Touch, ...]]:
-        """Kind of each whisker, and the touch of each kind."""
         kind = self.integers("whisker/kind", self._n_whiskers, default=0)
         numbered = kind.min() >= 0 and np.array_equal(np.unique(kind), np.arange(kind.max() + 1))
         self.require(numbered, "/whisker/kind does not number the kinds of whisker 0, 1, 2, ...")
@@ -170,7 +164,6 @@ class RecordingReader(CheckedFile):
         return offset
 
     def _rows_of_passes(self) -> list[tuple[Rows, Rows]]:
-        """The rows of each pass in the air and in touch, in time order."""
         n_rows = len(self._moment)
         number = self.integers("stage/pass", n_rows)
         n = self._n_passes
@@ -201,7 +194,6 @@ class RecordingReader(CheckedFile):
         return moment, flags
 
     def _sweep(self, members: Rows) -> Sweep:
-        """Return the sweep of passes that share direction and way (dragged or pushed)."""
         direction, offset_mm = TraceDirection(int(self._direction[members[0]])), self._offset_mm
         name = f"passes in direction {int(direction)} deg"
         lifted, lowered = zip(*(self._rows[p] for p in members), strict=True)
@@ -254,7 +246,6 @@ class RecordingReader(CheckedFile):
         )
 
     def _along(self, direction: TraceDirection, members: Rows, touching: Rows) -> tuple[float, float]:
-        """Start and step along the trace, as stated for the passes or from the stage's positions."""
         n_samples = touching.shape[1]
         if "passes/start_mm" in self.file and "passes/step_mm" in self.file:
             starts, steps = (
@@ -287,7 +278,6 @@ class RecordingReader(CheckedFile):
 
 
 def _common(values: NDArray[np.float64]) -> float:
-    """The common value if all are equal, otherwise the mean."""
     return float(values[0]) if np.ptp(values) == 0.0 else float(values.mean())
 
 

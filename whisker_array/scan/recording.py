@@ -60,16 +60,7 @@ _CHUNK = 4096
 
 
 def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
-    """Write a scan; the file appears whole or not at all.
-
-    Args:
-        scan: the scan.
-        path: the file to write.
-        volts: whether its moments are the converter's volts, to be calibrated later.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
+    """Write a scan; the file appears whole or not at all. Raises FileError: the file cannot be written."""
     with replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         _write(scan, file)
         if volts:
@@ -163,7 +154,6 @@ def _write(scan: Scan, file: h5py.File) -> None:
 
 
 def _in_time(air: NDArray[Any], touching: NDArray[Any]) -> NDArray[Any]:
-    """Join lifted and touching samples, (passes, whiskers, samples) each, in time: (passes x samples, whiskers)."""
     return np.concatenate([air, touching], axis=2).transpose(0, 2, 1).reshape(-1, touching.shape[1])
 
 
@@ -186,10 +176,6 @@ def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
 
 def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
     """Read a recording; sizes are checked before any data is read.
-
-    Args:
-        path: the file.
-        raw: ignore the calibration and leave signals in volts, in order to calibrate.
 
     Raises:
         FileError: the file is missing, damaged, foreign, newer, too large, or does not follow the layout.

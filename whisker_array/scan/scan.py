@@ -29,9 +29,7 @@ class Scan(OneLine, Validated, error=MapError):
         sweeps: one per trace direction and way (dragged or pushed).
         touch: whisker, preload, tip and nominal friction of the first kind of whisker.
         line_pitch_mm: distance between neighbouring lines of the interlaced passes.
-        sample_rate_hz: converter rate.
         calibration: gain and offset of each whisker if known; `None`: unit gain and no offset.
-        part_id: name of the part.
         start_time: ISO 8601 with zone, or empty.
         fidelity: "pointwise", "contact" or "measured".
         others: touches of the array's other kinds of whisker.
@@ -106,10 +104,6 @@ def trace_scan(
     Args:
         height_map: the surface; its land should be about level at zero, as a stage would mount the part. For a
             soiled part it is the top of the dirt.
-        touch: whisker, preload, tip.
-        plan: passes and directions.
-        part_id: name of the part.
-        others: touches of the further kinds of the plan's array.
         bench: as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a
             (rows, cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft
             dirt of the part; default: none), sensor (gains, noise, converter; default: ideal), stage (play and

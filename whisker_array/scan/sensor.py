@@ -82,15 +82,11 @@ class SensorChain(Gauges):
     """Gauge, amplifier and converter of every whisker of an array.
 
     Attributes:
-        noise_n_mm: rms of the white gauge and amplifier noise of one sample, N mm.
         drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second.
         vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers at one
             sample, because they share the base.
         adc_range_n_mm: full scale in both directions, N mm; inf with adc_bits None.
         adc_bits: resolution, 2 to 32 bits for the whole range from negative to positive; None: no conversion.
-
-    Raises:
-        SensorError: as in `Gauges`, negative rms values, an invalid converter.
     """
 
     noise_n_mm: NotNegative = 0.0
@@ -125,13 +121,10 @@ def draw_sensor_chain(
     """Draw a typical chain; whiskers differ slightly.
 
     Args:
-        n_whiskers: number of whiskers.
-        rng: random generator of gains and offsets.
         full_scale_n_mm: converter range in both directions, N mm. About three times the land moment leaves room
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
         gain_sd: standard deviation of the gain about 1; draws are limited to 3 standard deviations.
         offset_sd: standard deviation of the offset, as a share of full scale.
-        vibration: rms vibration of the base as a share of the preload.
         adc_bits: resolution of the converter; None: no conversion.
         noise: rms of one sample, as a share of full scale (the largest load); measured on whiskers.
         drift_a_minute: rms drift of the zero in a minute, as a share of full scale; measured on whiskers.
@@ -154,11 +147,7 @@ def draw_sensor_chain(
 
 
 def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> None:
-    """Check the number of whiskers of a signal.
-
-    Raises:
-        SensorError: the number of whiskers differs.
-    """
+    """Check the number of whiskers of a signal. Raises SensorError: the number of whiskers differs."""
     if signal.ndim < 2 or signal.shape[-2] != n_whiskers:
         raise SensorError(
             f"{name} has shape {signal.shape}", hint=f"it must be (..., {n_whiskers} whiskers, samples)"
@@ -203,8 +192,6 @@ def measure(
     Args:
         moment_n_mm: (..., whiskers, samples), N mm, passes in the order in which they were run; NaN (no contact) stays
             NaN.
-        chain: sensor chain of these whiskers.
-        sample_rate_hz: samples per second, which sets the drift of the zero between two samples.
         rng: random generator of vibration, noise and drift; the same seed gives the same raw signal.
         drift_n_mm: (whiskers,) drift of the zeros before the first sample, which is updated; default: none.
         pause_s: time in air before each pass, in addition to the air samples; 0: none.

@@ -32,12 +32,9 @@ class Fitting(OneLine):
 
     Attributes:
         touch: whiskers, usual preload, tip, nominal friction.
-        array: the comb.
-        height_mm: character height that the whiskers are built for.
         field_mm: (x0, y0, x1, y1) that the array can reach, plate frame.
         calibration: gain and offset of each whisker; None if not known.
         fidelity: fidelity of the samples: "measured", or how they are simulated.
-        part_id: name of the part.
     """
 
     touch: Touch
@@ -59,9 +56,6 @@ class StageSession(Protocol):
     def feel(self, order: Pass) -> Sweep:
         """Feel one pass.
 
-        Args:
-            order: positions, speed and preload of the pass.
-
         Returns:
             The raw moments, a sweep of one pass.
 
@@ -77,11 +71,7 @@ class SessionStage(Protocol[Part]):
     """A stage that scans pass by pass."""
 
     def open(self, part: Part) -> StageSession:
-        """Mount a part and level it.
-
-        Raises:
-            StageError: the part cannot be mounted, and what to do.
-        """
+        """Mount a part and level it. Raises StageError: the part cannot be mounted, and what to do."""
 
 
 def gather_sweeps(passes: Sequence[Sweep]) -> tuple[Sweep, ...]:
@@ -90,16 +80,13 @@ def gather_sweeps(passes: Sequence[Sweep]) -> tuple[Sweep, ...]:
     Passes of one direction may begin and end at different positions: the merged sweep covers all of them, and a pass is
     flagged OUTSIDE where it was not run. They share one step and one grid.
 
-    Args:
-        passes: sweeps of single passes, in order.
-
     Raises:
         ValueError: passes of one direction have different steps.
     """
     groups: dict[tuple[int, bool], list[Sweep]] = {}
     for sweep in passes:
         groups.setdefault((int(sweep.plan.direction), sweep.plan.pushed), []).append(sweep)
-    return tuple(one[0] if len(one) == 1 else _together(one) for one in groups.values())
+    return tuple(group[0] if len(group) == 1 else _together(group) for group in groups.values())
 
 
 def _together(sweeps: Sequence[Sweep]) -> Sweep:
@@ -115,15 +102,15 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
     for b, sweep in zip(begin, sweeps, strict=True):
         lead, before = sweep.plan.n_lead, b - earliest
         after = n - before - sweep.plan.n_samples
-        own = sweep.flags.copy()
+        padded = sweep.flags.copy()
         # lead-in and lead-out of a pass within the line do not count
         if before:
-            own[..., :lead] |= outside
+            padded[..., :lead] |= outside
         if after:
-            own[..., sweep.plan.n_samples - lead :] |= outside
+            padded[..., sweep.plan.n_samples - lead :] |= outside
         around = ((0, 0), (0, 0), (before, after))
         moment.append(np.pad(sweep.moment_n_mm, around))
-        flags.append(np.pad(own, around, constant_values=outside))
+        flags.append(np.pad(padded, around, constant_values=outside))
     plan = SweepPlan(
         direction=first.direction,
         line_mm=np.concatenate([s.plan.line_mm for s in sweeps]),

@@ -40,7 +40,6 @@ class SimulatedSession:
     """A `StageSession` over a height map.
 
     Attributes:
-        fitting: whiskers, field and calibration.
         felt_s: stage seconds of the passes so far.
     """
 
@@ -60,13 +59,6 @@ class SimulatedSession:
         """Mount the part.
 
         Args:
-            height_map: the surface, level, with its land about at zero.
-            touch: whisker, usual preload, tip.
-            array: the comb, of one row.
-            height_mm: character height that the whiskers are built for.
-            sample_pitch_mm: finest sample pitch that will be used.
-            calibration: calibration of the sensor, if known; ignored for ideal sensors.
-            part_id: name of the part.
             bench: fidelity, friction, soil, sensor, stage and rng, as in `trace_scan`.
 
         Raises:
@@ -97,11 +89,7 @@ class SimulatedSession:
         self._part: Mounted | None = part
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass.
-
-        Raises:
-            StageError: the session is closed, or the pass is meant for another array.
-        """
+        """Feel one pass. Raises StageError: the session is closed, or the pass is meant for another array."""
         if self._part is None:
             raise StageError("the part is no longer on the stage", "open a new session for every part")
         whiskers = self.fitting.array.n_whiskers * self.fitting.array.kinds

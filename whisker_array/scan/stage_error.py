@@ -6,11 +6,7 @@ from glyphs.errors import MarksError
 
 
 class StageError(MarksError):
-    """A stage or camera could not carry out a command; the hint says what to do.
-
-    Attributes:
-        later: whether the same command may succeed later.
-    """
+    """A stage or camera could not carry out a command; the hint says what to do."""
 
     is_usage = False
     later = False

@@ -33,8 +33,6 @@ class StagePlay(Validated):
         play_mm: travel lost when the direction is reversed.
         rate: error of travel from the plate's origin, as a share of the travel.
         wave_mm: amplitude of the error that repeats with each turn of the screw.
-        lead_mm: travel of one turn.
-        phase_rad: phase of the wave at the plate's origin.
         return_mm: rms error across the trace with which a pass returns to its line.
 
     Raises:
@@ -57,13 +55,7 @@ def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
 
 
 def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
-    """Return the plan as the stage runs it, except for the screw's wave, which varies along a line.
-
-    Args:
-        plan: the requested plan.
-        stage: errors of the stage.
-        rng: random generator of the return of each pass to its line.
-    """
+    """Return the plan as the stage runs it, except for the screw's wave, which varies along a line."""
     way = -1.0 if plan.direction.backward else 1.0
     off = rng.normal(0.0, stage.return_mm, size=(plan.line_mm.shape[0], 1))
     return replace(
@@ -81,18 +73,18 @@ def apply_screw_wave(
 
     Args:
         moment: (..., samples).
-        flags: same shape; the flags of both neighbours are kept.
-        plan: the requested plan.
         stage: errors of the stage; the wave must be a small part of a step.
     """
     if stage.wave_mm == 0.0:
         return moment, flags
     way = -1.0 if plan.direction.backward else 1.0
-    at = plan.position_mm()
-    ahead = way * stage.wave_mm * np.sin(2.0 * np.pi * at / stage.lead_mm + stage.phase_rad) / plan.step_mm
-    place = np.clip(np.arange(at.size) + ahead, 0.0, at.size - 1.0)
+    position = plan.position_mm()
+    ahead = (
+        way * stage.wave_mm * np.sin(2.0 * np.pi * position / stage.lead_mm + stage.phase_rad) / plan.step_mm
+    )
+    place = np.clip(np.arange(position.size) + ahead, 0.0, position.size - 1.0)
     before = np.floor(place).astype(np.intp)
-    after = np.minimum(before + 1, at.size - 1)
+    after = np.minimum(before + 1, position.size - 1)
     part = (place - before).astype(np.float32)
     between = (np.float32(1.0) - part) * moment[..., before] + part * moment[..., after]
     return between, np.where(part > 0.0, flags[..., before] | flags[..., after], flags[..., before])

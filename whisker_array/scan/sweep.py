@@ -17,7 +17,6 @@ class Sweep(OneLine):
     """The raw moments of all passes in one direction.
 
     Attributes:
-        plan: positions of the passes.
         moment_n_mm: (passes, whiskers, samples) float32, raw: with sensor gain, offset and drift.
         flags: same shape, uint8 of SampleFlag.
         air_n_mm: (passes, whiskers, air samples) float32, moments with the array lifted before each pass.

@@ -53,8 +53,6 @@ class SurfacePose(OneLine):
         column_mm: coefficients of u, the position along the grid's columns.
         row_mm: coefficients of v, the position along its rows.
         tilt: (rise_mm, along, across), added to the heights.
-        share: share of D that is added.
-        friction: Coulomb coefficient.
     """
 
     column_mm: tuple[float, float, float]
@@ -90,15 +88,8 @@ def trace_contact(
     """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
 
     Args:
-        surface: surface in the trace frame, whose columns run along the trace.
-        tip: compliance and moment arm of the whisker.
         lines_mm: (lines,) lateral coordinate of each trace, mm.
-        start_mm: commanded position of the first sample along the trace, mm.
-        step_mm: distance between samples, mm.
-        n_samples: number of samples per line.
         preload_mm: d0, mm.
-        nominal_friction: friction at which the stage was set up (for the lag on the land).
-        pose: pose of a surface that is not in the trace frame.
 
     Raises:
         WhiskerError: preload or step not positive.

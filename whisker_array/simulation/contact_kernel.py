@@ -70,7 +70,7 @@ def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def
 
 
 @inline_kernel
-def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignore[no-untyped-def]
+def _sinking_step(K, track, top, kappa, friction, balance, turning):  # type: ignore[no-untyped-def]
     """Newton's step in x, z and sinkage s: both balances along the track, and kappa s = f_n, by Cramer's rule."""
     p, q, inv_norm = track
     ux, uz = friction
@@ -83,7 +83,7 @@ def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignor
     a, b, c = x0 + p * x1 + ux * nx + turning[0], z0 + p * z1 + ux * nz + turning[1], y0 + p * y1 + ux * ns
     d, e, f = x2 + q * x1 + uz * nx + turning[1], z2 + q * z1 + uz * nz + turning[2], y2 + q * y1 + uz * ns
     g, h, i = kappa[1] - nx, kappa[2] - nz, kappa[0] - ns
-    u, v, w = rest
+    u, v, w = balance
     det = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     det = det if abs(det) > 1e-30 else 1e-30  # a huge step is clipped later, a NaN would stay
     step_x = u * (e * i - f * h) - b * (v * i - f * w) + c * (v * h - e * w)

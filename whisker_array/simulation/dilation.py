@@ -52,8 +52,8 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     ends = [(left, min(left + _BLOCK, z_mm.shape[1]) + 2 * reach) for left in range(0, z_mm.shape[1], _BLOCK)]
     highest = np.stack([padded[:, first:end].max(axis=1) for first, end in ends], axis=1)
     out = np.array(z_mm, dtype=np.float32)
-    given = read_only(padded), read_only(lift), read_only(half), read_only(highest), reach, out
-    in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
+    arrays = read_only(padded), read_only(lift), read_only(half), read_only(highest), reach, out
+    in_threads(lambda first, last: _dilate(first, last, *arrays), z_mm.shape[0])
     return out
 
 

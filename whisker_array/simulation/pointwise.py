@@ -30,7 +30,7 @@ _JAMMED = np.uint8(SampleFlag.JAMMED)
 @kernel(allow=FAST)
 def _kernel(first, last, h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flags):  # type: ignore[no-untyped-def]
     samples = h.shape[1]
-    one, zero = np.float32(1.0), np.float32(0.0)
+    unity, zero = np.float32(1.0), np.float32(0.0)
     for i in range(first, last):
         beside = mu[i % mu.shape[0]]
         each = 1 if beside.size == samples else 0  # from a map; otherwise one number for all
@@ -41,7 +41,7 @@ def _kernel(first, last, h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flag
                 p = p + p
             m = beside[j * each]
             ax = -(p + m)
-            ay = one - m * p
+            ay = unity - m * p
             reach = d0 + h[i, j]
             give = dyx * ax + dyy * ay
             lost, jam = reach <= zero, give <= zero
@@ -61,10 +61,7 @@ def trace_pointwise(
 
     Args:
         height_mm: dilated heights above the land at each sample, float32.
-        tip: compliance and moment arm of the whisker.
-        step_mm: distance between neighbouring samples.
         preload_mm: d0, depth of the unloaded tip below the land.
-        friction: one coefficient or one for each sample.
 
     Raises:
         WhiskerError: preload or step not positive.
@@ -76,6 +73,6 @@ def trace_pointwise(
     flags = np.empty(h.shape, dtype=np.uint8)
     compliance, arm = tip.compliance_mm_per_n, tip.moment_arm_mm
     numbers = preload_mm, 0.5 / step_mm, compliance[1, 0], compliance[1, 1], arm[0], arm[1]
-    given = read_only(h), mu, *(np.float32(number) for number in numbers), moment, flags
-    in_threads(lambda first, last: _kernel(first, last, *given), h.shape[0])
+    arguments = read_only(h), mu, *(np.float32(number) for number in numbers), moment, flags
+    in_threads(lambda first, last: _kernel(first, last, *arguments), h.shape[0])
     return Traces(moment_n_mm=moment, flags=flags)

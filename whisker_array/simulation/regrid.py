@@ -20,8 +20,6 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
     steps. Maps finer than half the step are averaged in blocks. The centre of the top left sample stays in place.
 
     Args:
-        height_map: the surface, (rows, cols).
-        friction: one coefficient, or a map of the same shape, which is resampled, too.
         target_mm: step of the scan's samples, mm.
 
     Raises:
@@ -64,8 +62,6 @@ def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float)
 
     Args:
         soil: the dirt on the grid of `top`.
-        top: the original map.
-        fitted: the resampled map.
         target_mm: as in `fit_pitch`.
     """
     if fitted is top:
@@ -84,7 +80,6 @@ def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float)
 
 
 def _factor(ratio: float) -> int:
-    """Number of samples made from one if the grid is coarser than the step by this ratio."""
     return int(np.ceil(ratio - 1e-6))
 
 
@@ -95,7 +90,6 @@ def _block(ratio: float) -> int:
 
 
 def _fit_beside(beside: Friction, factor: int, block: int) -> Friction:
-    """Resample another map on the same grid; a number stays a number."""
     if not isinstance(beside, np.ndarray):
         return beside
     if factor > 1:
@@ -117,7 +111,6 @@ def _interpolate(values: NDArray[np.float32], factor: int, *, order: int) -> NDA
 
 
 def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    """The mask of each sample on the interpolated grid, centred on the sample."""
     half = factor // 2
     return np.repeat(np.repeat(mask, factor, axis=0), factor, axis=1)[half:, half:]
 

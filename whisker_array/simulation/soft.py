@@ -76,13 +76,7 @@ def sunken_heights(
     e depends on the slope of the track, and the slope weakly on e, so a few iterations per sample converge.
 
     Args:
-        top_mm: dilated heights of the dirt's top above the land.
-        bottom_mm: dilated heights of the surface below the dirt.
-        stiffness_n_per_mm: kappa of the dirt.
-        tip: compliance of the whisker.
-        step_mm: distance between neighbouring samples.
         preload_mm: d0.
-        friction: coefficient under each sample.
     """
     if not (top_mm > bottom_mm).any():
         return bottom_mm
@@ -104,7 +98,6 @@ def sunken_heights(
 
 
 def _slope(values: NDArray[np.float64], step_mm: float) -> NDArray[np.float64]:
-    """Slope along the trace: central differences, one-sided at the ends."""
     if values.shape[1] < 2:
         return np.zeros_like(values)
     return np.asarray(np.gradient(values, step_mm, axis=1))

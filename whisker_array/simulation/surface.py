@@ -28,7 +28,6 @@ class TouchSurface(OneLine):
         fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, and friction of the surface
             below all soft dirt.
         dropout: (rows, cols) bool: whether the height was not measured but filled from its surroundings.
-        pitch_mm: grid pitch, mm.
         yielding: (rows, cols, 7) float32, None without soft dirt: height and both slopes of the dirt's top, the
             stiffness N/mm with which it carries the tip (`soft`), both slopes of the stiffness, and 1 where dirt
             affects the tip.
@@ -78,11 +77,7 @@ def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
 
 
 def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
-    """Check that dirt lies on the grid of the height map.
-
-    Raises:
-        MapError: the grids differ.
-    """
+    """Check that dirt lies on the grid of the height map. Raises MapError: the grids differ."""
     if soil.shape != shape:
         raise MapError(f"soil {soil.shape} does not fit the height map {shape}", hint="give both on one grid")
 
@@ -95,8 +90,6 @@ def prepare_surface(
     For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between.
 
     Args:
-        height_map: the surface, (rows, cols).
-        tip_radius_mm: ball radius at the whisker's tip, mm.
         friction: Coulomb coefficient, one number or a (rows, cols) map (oil lowers it in patches).
         soil: dirt on the same grid, whose top is the height map; its friction is ignored here.
 
@@ -209,6 +202,6 @@ def sample_lines(
     fields, dropout = read_only(surface.fields), read_only(surface.dropout)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     place = 1.0 / surface.pitch_mm, lines, float(start_mm), float(step_mm)
-    given = fields, dropout, *place, height, mu, missing
-    in_threads(lambda first, last: _sample_lines(first, last, *given), lines.size)
+    arrays = fields, dropout, *place, height, mu, missing
+    in_threads(lambda first, last: _sample_lines(first, last, *arrays), lines.size)
     return height, mu, missing

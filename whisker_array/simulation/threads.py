@@ -22,5 +22,5 @@ def in_threads(work: Callable[[int, int], None], rows: int) -> None:
     with ThreadPoolExecutor(count - 1) as others:
         begun = [others.submit(work, *stretch) for stretch in pairwise(ends[1:])]
         work(*ends[:2])
-        for one in begun:
-            one.result()
+        for future in begun:
+            future.result()

@@ -32,11 +32,7 @@ def trace_sweep(
 
     Args:
         oriented: surface in the trace frame of the sweep's direction (`orient`).
-        sweep: actual positions of the whiskers.
-        touch: touch of these whiskers.
-        fidelity: pointwise formula or frictional contact.
         origin_mm: plate coordinate of the padded surface's first sample, both axes.
-        size_mm: size of the part itself, along x and y.
         commanded: commanded positions, which decide which samples are OUTSIDE; default: the actual ones.
 
     Returns:

@@ -46,10 +46,10 @@ def cross_matrix(r: Vector) -> Matrix:
         (3, 3) or (n, 3, 3) float64.
     """
     r = np.asarray(r, dtype=np.float64)
-    made = np.zeros((*r.shape, 3))
+    matrix = np.zeros((*r.shape, 3))
     for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        made[..., a, b], made[..., b, a] = -r[..., c], r[..., c]
-    return made
+        matrix[..., a, b], matrix[..., b, a] = -r[..., c], r[..., c]
+    return matrix
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,8 +59,6 @@ class Segment(OneLine):
     Attributes:
         start_mm: (3,) float64, the end nearer the base, world frame, mm.
         end_mm: (3,) float64, the end nearer the tip, mm.
-        section: constant section, or a Taper from start to end.
-        material: material of the beam.
 
     Raises:
         WhiskerError: points that are not finite 3-vectors, or a length of zero.
@@ -115,15 +113,17 @@ class Segment(OneLine):
         )
         return np.asarray(axes.T @ (axes / about[:, None]))
 
-    def section_compliances(self, at: Vector) -> Matrix:
+    def section_compliances(self, fractions: Vector) -> Matrix:
         """(n, 3, 3) `section_compliance` at the shares (n,) of the length."""
         constant = not isinstance(self.section, Taper)
-        made = np.stack([self.section_compliance(float(t)) for t in (at[:1] if constant else at)])
-        return np.broadcast_to(made, (at.size, 3, 3))
+        compliances = np.stack(
+            [self.section_compliance(float(t)) for t in (fractions[:1] if constant else fractions)]
+        )
+        return np.broadcast_to(compliances, (fractions.size, 3, 3))
 
-    def points_mm(self, at: Vector) -> Matrix:
+    def points_mm(self, fractions: Vector) -> Matrix:
         """(n, 3) points at the shares (n,) of the length, mm."""
-        return self.start_mm + at[:, None] * (self.end_mm - self.start_mm)
+        return self.start_mm + fractions[:, None] * (self.end_mm - self.start_mm)
 
 
 def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
@@ -152,7 +152,6 @@ def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: 
 
 
 def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
-    """Contribution of one segment to D; a taper is refined until its blocks converge."""
     previous: Matrix | None = None
     for t, weight in _rules(segment):
         d = _integrate(segment, tip, t, weight, axial)
@@ -203,7 +202,6 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     """Compliance D of eqs. (1) and (2) at the tip of a chain clamped at its base.
 
     Args:
-        segments: base to tip; each begins at the end of the one before.
         axial: whether to include the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without
             it a straight whisker's D11 is singular.
 

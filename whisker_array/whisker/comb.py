@@ -44,12 +44,8 @@ class Body(OneLine, Validated, error=WhiskerError):
     """Space occupied by a whisker.
 
     Attributes:
-        width_mm: greatest width across the trace.
-        thickness_mm: greatest thickness in the plane of tracing.
-        aside_mm: greatest sideways bend in use.
         shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and at the greatest bend.
         clamp_mm: (length ahead of the base, half height).
-        mass_g: mass of the whisker and its clamp.
 
     Raises:
         WhiskerError: a size not positive.
@@ -90,7 +86,6 @@ class Body(OneLine, Validated, error=WhiskerError):
 
     @cached_property
     def _outlines(self) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
-        """Shapes and clamp with a point every thickness, cached for hundreds of distances."""
         x, y = self.clamp_mm
         block = np.array([(0.0, -y), (0.0, y), (x, y), (x, -y), (0.0, -y)])
         return tuple(_dense(s, self.thickness_mm) for s in self.shapes_mm), _dense(block, self.thickness_mm)
@@ -108,7 +103,6 @@ class Body(OneLine, Validated, error=WhiskerError):
 
 
 def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Resample a line with a point every step or closer; keep its corners."""
     out = [line[:1]]
     for a, b in pairwise(line):
         n = max(1, math.ceil(float(np.hypot(*(b - a))) / step))
@@ -117,7 +111,6 @@ def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
 
 
 def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
-    """Least distance of points from a line of segments."""
     starts, steps = line[:-1], np.diff(line, axis=0)
     length = np.maximum((steps**2).sum(axis=1), 1e-30)
     x, y = (points[:, k, None] - starts[:, k] for k in (0, 1))
@@ -128,7 +121,6 @@ def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
 
 
 def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: float) -> bool:
-    """Whether a line runs through the clamp of a whisker at `at_mm` along the trace."""
     x, y = line[:, 0] - at_mm, line[:, 1]
     return bool(((x > 0.0) & (x < clamp_mm[0]) & (np.abs(y) < clamp_mm[1])).any())
 
@@ -171,15 +163,11 @@ def _body(
     """Compute the body of a whisker.
 
     Args:
-        whisker: the whisker.
         preload: d0, mm.
-        bent: its line at the greatest bend.
         steepest: tangent of the steepest wall that pushes the tip sideways, 60 degrees.
-        clamp_thicknesses: half the height of the clamp, thicknesses of the whisker; the clamp is as long as high,
-            and as wide as the whisker.
     """
     segments = whisker.segments()
-    rest = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
+    outline = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
     sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]
     thick = 2.0 * max(s.c_vertical_mm for s in sections)
     tip: TipModel = whisker.tip_model()
@@ -193,7 +181,7 @@ def _body(
         width_mm=wide,
         thickness_mm=thick,
         aside_mm=aside,
-        shapes_mm=(rest, bent),
+        shapes_mm=(outline, bent),
         clamp_mm=clamp,
         mass_g=1e6 * tonnes,
     )
@@ -224,7 +212,6 @@ class Comb(Validated, error=WhiskerError):
     """Positions of whiskers, in one comb or several, one behind the other.
 
     Attributes:
-        n_whiskers: number of whiskers in one comb.
         pitch_mm: lateral distance between neighbouring whiskers.
         rows: number of staggered rows of one comb: whisker i is in row i mod rows.
         stagger_mm: distance between neighbouring rows along the trace.
@@ -252,12 +239,7 @@ def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
 
 
 def collisions(body: Body, comb: Comb) -> str:
-    """Describe the first two whiskers that would touch; empty if none do.
-
-    Args:
-        body: space occupied by every whisker.
-        comb: positions of the whiskers.
-    """
+    """Describe the first two whiskers that would touch; empty if none do."""
     in_row, several = comb.rows * comb.pitch_mm, comb.n_whiskers > comb.rows
     if several and in_row < body.side_room_mm:
         return (
@@ -281,11 +263,6 @@ def collisions(body: Body, comb: Comb) -> str:
 
 def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
     """Smallest distance between neighbouring rows, in whole steps, at which none touch; 0 for one row.
-
-    Args:
-        body: space occupied by every whisker.
-        comb: positions of the whiskers; its stagger is ignored.
-        step_mm: step of the distances tried.
 
     Raises:
         WhiskerError: whiskers of one row touch.

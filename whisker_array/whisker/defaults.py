@@ -39,8 +39,6 @@ def default_whisker(
     The whisker is a profiler (F = 1) at H = 1.78 mm; for smaller characters rising walls make the moment smaller.
 
     Args:
-        character_height_mm: H.
-        gauge_room_mm: least distance from the axis to the land: room for a foil gauge on its carrier, with its cable.
         gauge_room_heights: the same in character heights, for gauges and clamps that grow with the whisker.
 
     Raises:

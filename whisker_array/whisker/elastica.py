@@ -76,7 +76,6 @@ class LinearError:
     """Errors of the linear beam at one lift: positive where it overestimates.
 
     Attributes:
-        lift_mm: height of the tip above its free position, mm.
         force: (linear - exact) / exact of the contact force.
         moment: (linear - exact) / exact of the moment at the sensor. The linear moment has the arm to the
             unloaded tip, as in (13); the errors of force and arm partly cancel.
@@ -96,8 +95,6 @@ class LinearError:
 
 @dataclass(frozen=True)
 class _Rod:
-    """The n segments at rest and the direction of the load; lines relative to the tip, in whole lengths."""
-
     segments: tuple[Segment, ...]
     length_mm: float
     start: NDArray[np.float64]  # (2, n, 1) where each segment begins
@@ -196,12 +193,12 @@ def _follow(rod: _Rod, target: float) -> Any:
     reached, step = 0.0, min(LOAD_STEP, target)
     while True:
         bend = min(reached + step, target)
-        found = _solve(rod, bend, mesh, guess, force)
-        turned_rad = np.abs(bend * found.sol(mesh)[:n] - reached * guess[:n]).max()
-        if found.success and 0.5 < found.p[0] / (force or 1.0) < 2.0 and turned_rad < _TURN_STEP_RAD:
+        solved = _solve(rod, bend, mesh, guess, force)
+        turned_rad = np.abs(bend * solved.sol(mesh)[:n] - reached * guess[:n]).max()
+        if solved.success and 0.5 < solved.p[0] / (force or 1.0) < 2.0 and turned_rad < _TURN_STEP_RAD:
             if bend >= target:
-                return found
-            guess, force, reached = found.sol(mesh), float(found.p[0]), bend
+                return solved
+            guess, force, reached = solved.sol(mesh), float(solved.p[0]), bend
             step = min(2.0 * step, LOAD_STEP)
             continue
         step /= 4.0
@@ -213,11 +210,11 @@ def _follow(rod: _Rod, target: float) -> Any:
             )
 
 
-def _shape(rod: _Rod, found: Any, lift_mm: float) -> Matrix:
+def _shape(rod: _Rod, solution: Any, lift_mm: float) -> Matrix:
     """The bent line (points, 2) relative to the clamp, mm, with every corner once."""
     n = len(rod.segments)
     t = np.linspace(0.0, 1.0, max(2, math.ceil(_SHAPE_POINTS / n)) + 1)
-    shift = found.sol(t).reshape(3, n, -1)[1:]
+    shift = solution.sol(t).reshape(3, n, -1)[1:]
     line = rod.length_mm * (rod.start + t * rod.along) + lift_mm * shift
     line = np.concatenate([line[:, 0, :1], line[:, :, 1:].reshape(2, -1)], axis=1)
     return np.asarray((line - line[:, :1]).T)
@@ -229,9 +226,7 @@ def large_deflection(
     """Compute the exact force, moment and shape of a whisker on a surface: (11) and (13) without linearisation.
 
     Args:
-        whisker: any whisker that lies in the plane of tracing.
         lift_mm: d0 + h, height of the tip above its unloaded position, mm, positive.
-        mu: friction coefficient.
         alpha_rad: intersection angle of the surface, rad.
 
     Raises:
@@ -249,11 +244,11 @@ def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
             f"the tip cannot be {height:g} mm above the clamp of a whisker {rod.length_mm:g} mm long",
             hint="lower the lift",
         )
-    found = _follow(rod, lift_mm / rod.length_mm)
-    force = float(found.p[0]) * lift_mm / rod.yields_mm_per_n[1] * rod.push
-    shift = np.array([-lift_mm * float(found.y[len(rod.segments), 0]), lift_mm, 0.0])
+    solution = _follow(rod, lift_mm / rod.length_mm)
+    force = float(solution.p[0]) * lift_mm / rod.yields_mm_per_n[1] * rod.push
+    shift = np.array([-lift_mm * float(solution.y[len(rod.segments), 0]), lift_mm, 0.0])
     arm = rod.arm_mm + cross_matrix(shift)[2]
-    return LargeDeflection(force, float(arm @ force), shift, _shape(rod, found, lift_mm))
+    return LargeDeflection(force, float(arm @ force), shift, _shape(rod, solution, lift_mm))
 
 
 def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad: float = 0.0) -> LinearError:

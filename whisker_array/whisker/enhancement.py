@@ -139,8 +139,6 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
 
     Args:
         slope: dh/dx, any shape, dimensionless; positive where the surface rises ahead of the tip.
-        mu: friction coefficient.
-        tip_model: the whisker.
 
     Returns:
         float64 of the same shape; 1 on the land, NaN where the whisker jams (see is_jammed) or the

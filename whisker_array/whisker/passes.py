@@ -55,7 +55,6 @@ class SweepPlan(OneLine):
     """Passes in one trace direction that begin and end at the same positions.
 
     Attributes:
-        direction: direction in which the whiskers are dragged.
         line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); with
             several kinds, whiskers of the first kind come first.
         start_mm: plate coordinate along the trace of the first touching sample.
@@ -98,15 +97,9 @@ class Pass(OneLine, Validated, error=WhiskerError):
     """One travel of the array.
 
     Attributes:
-        direction: direction in which the whiskers are dragged.
         line_mm: plate coordinate across the trace of every whisker of the array.
         along_mm: (least, greatest) plate coordinate along the trace, without lead-in and lead-out.
-        sample_pitch_mm: distance between samples along a line.
-        speed_mm_s: speed of the stage while tracing.
-        lead_mm: lead-in and lead-out on land.
-        air_samples: samples taken with the array lifted before the pass, for the offsets.
         turnaround_s: time to lift, move and set down for the next pass.
-        pushed: whether the base follows the tip.
         preload_mm: depth of the unloaded tip below the land; default: that of the touch.
         offset_mm: see `SweepPlan`; for a comb, `WhiskerArray.offset_mm`.
 

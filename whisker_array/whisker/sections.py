@@ -42,11 +42,8 @@ class Material(Validated, error=WhiskerError):
     """An isotropic, linearly elastic material.
 
     Attributes:
-        name: name of the material.
-        e_mpa: Young's modulus, MPa.
         poisson: Poisson's ratio, 0 <= nu < 0.5.
         density_g_cm3: density, g/cm^3.
-        yield_mpa: yield stress in bending, MPa.
 
     Raises:
         WhiskerError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
@@ -81,12 +78,10 @@ class Section(Validated, error=WhiskerError):
     """A cross-section: its dimensions and the values derived from them.
 
     Attributes:
-        area_mm2: area of the section.
         i_vertical_mm4: second moment for bending in the vertical plane of the whisker (about the lateral axis).
         i_lateral_mm4: second moment for bending sideways (about the in-plane axis across the beam).
         j_mm4: St. Venant torsion constant; for a round section it is the polar second moment.
         c_vertical_mm: distance from the lateral axis to the outer fibre.
-        c_lateral_mm: half of the lateral extent.
     """
 
     area_mm2: float = field(init=False, repr=False, compare=False)
@@ -133,7 +128,6 @@ class Tube(Section):
     """Round tube, e.g. hypodermic tubing.
 
     Attributes:
-        outer_mm: outer diameter, mm.
         inner_mm: inner diameter, mm, 0 <= inner < outer.
     """
 
@@ -166,7 +160,6 @@ class Rectangle(Section):
     """Rectangular section; with width_mm well above thickness_mm it is a ribbon.
 
     Attributes:
-        thickness_mm: side in the bending plane of the whisker (vertical), mm.
         width_mm: lateral side, mm.
     """
 
@@ -199,7 +192,6 @@ class Taper(OneLine):
     """A section whose dimensions vary linearly along a segment.
 
     Attributes:
-        start: section at the end nearer the base.
         end: section at the end nearer the tip, of the same kind.
 
     Raises:

@@ -92,12 +92,10 @@ class LShaped(OneLine, Validated, error=WhiskerError):
     """The L-shaped whisker of Fig. 3, the differentiator.
 
     Attributes:
-        l1_mm: beam length, mm.
         l2_mm: length of the tip arm, mm, >= 0; it hangs vertically from the end of l1 at any beta.
         l3_mm: distance by which the sensor base is lowered towards the tip, mm; None means l3 = l2.
         beta_rad: setting angle of l1 from the horizontal, rad.
         section: constant section of both arms, or a Taper over l1 (the tip arm then has its end section).
-        material: material of the whisker.
 
     Raises:
         WhiskerError: a length or angle out of range.
@@ -160,10 +158,7 @@ def straight_whisker(
     Without its axial term (`tip_model(axial=False)`) D11 is singular.
 
     Args:
-        length_mm: l, mm.
         beta_rad: setting angle from the horizontal, rad, |beta| < pi/2.
-        section: constant section, or a Taper from base to tip.
-        material: material of the whisker.
 
     Raises:
         WhiskerError: a length is not positive, or the angle is out of range.
@@ -178,7 +173,6 @@ class Chain(OneLine, Validated, error=WhiskerError):
     Attributes:
         points_mm: (n + 1, 3) float64, base to tip in the world frame (tip behind the base), mm; read-only.
         sections: n sections or Tapers, one for each segment; a single one is used throughout.
-        material: material of the whisker.
         l3_mm: distance by which the sensor base is lowered below the first point, mm.
 
     Raises:

@@ -28,11 +28,8 @@ class Touch(OneLine, Validated, error=WhiskerError):
     """Touch of a whisker: tip, preload, ball and friction.
 
     Attributes:
-        tip: compliance and moment arm at the tip.
         preload_mm: d0, depth of the unloaded tip below the land.
-        tip_radius_mm: ball radius.
         friction: nominal Coulomb coefficient, used if no better value is known (templates, lag on the land).
-        whisker: one line describing the whisker, for people.
     """
 
     tip: TipModel

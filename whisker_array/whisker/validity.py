@@ -97,11 +97,9 @@ def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, part
     3.516 / (2 pi l^2) sqrt(EI / rho A). Rotary inertia is left out.
 
     Args:
-        whisker: the whisker, clamped at its base.
         tip_held: whether contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
             frequency of a straight whisker is then 4.4 times higher. Its sideways frequency, the lowest of round
             wire, does not change.
-        parts: number of pieces per segment.
     """
     lumped = lumped_whisker(whisker, parts=parts)
     weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)
