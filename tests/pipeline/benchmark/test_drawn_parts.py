@@ -32,7 +32,7 @@ def part() -> DrawnPart:
 
 
 @pytest.fixture(scope="module")
-def kept(part: DrawnPart, reader: Reader, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def drawn_file(part: DrawnPart, reader: Reader, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drawn") / "000008.h5"
     save_part(path, part, feel_part(part, reader), seconds_drawn=1.5)
     return path
@@ -49,8 +49,8 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-def test_a_part_comes_back_as_it_was(part: DrawnPart, kept: Path) -> None:
-    loaded, _ = load_part(kept)
+def test_a_part_comes_back_as_it_was(part: DrawnPart, drawn_file: Path) -> None:
+    loaded, _ = load_part(drawn_file)
     assert loaded.facts == part.facts
     assert same(loaded.height_map.z_mm, part.height_map.z_mm)
     assert loaded.height_map.pitch_mm == part.height_map.pitch_mm
@@ -60,19 +60,19 @@ def test_a_part_comes_back_as_it_was(part: DrawnPart, kept: Path) -> None:
 
 
 def test_a_kept_part_is_read_without_simulation_as_one_drawn_afresh(
-    part: DrawnPart, kept: Path, reader: Reader, monkeypatch: pytest.MonkeyPatch
+    part: DrawnPart, drawn_file: Path, reader: Reader, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     touch, vision = reader.read(part.height_map, soil=part.soil_layer), reader.read(part.photo)
     afresh = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
     monkeypatch.setattr(drawn_parts, "mount", None)
-    loaded, sweeps = load_part(kept)
+    loaded, sweeps = load_part(drawn_file)
     readings = read_part(loaded, sweeps, reader)["readings"]
     assert same(readings, {source: kept_of(reading) for source, reading in afresh.items()})
     assert sweeps.simulated == 0
 
 
-def test_another_surface_is_simulated(part: DrawnPart, kept: Path) -> None:
-    _, sweeps = load_part(kept)
+def test_another_surface_is_simulated(part: DrawnPart, drawn_file: Path) -> None:
+    _, sweeps = load_part(drawn_file)
     raised = HeightMap(-part.height_map.z_mm, part.height_map.pitch_mm)
     with sweeps.in_place_of_simulation():
         scan = virtual_feel()(raised, part.height_mm)

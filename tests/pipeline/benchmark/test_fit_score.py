@@ -100,13 +100,13 @@ def test_the_weights_by_which_texts_were_drawn_come_back() -> None:
         odds, covered = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
         right = bool(rng.random() < expit(0.6 * odds - 0.5 - 2.0 * covered))
         readings.append(known(odds, right, COVERED=covered))
-    made = fit_terms("tactile", readings)
+    fitted = fit_terms("tactile", readings)
     # some five standard errors of 20,000 readings
-    assert made.slope == pytest.approx(0.6, abs=0.04)
-    assert made.bias == pytest.approx(-0.5, abs=0.15)
-    assert made.terms[Measure.COVERED].nats(1.0) == pytest.approx(-2.0, abs=0.3)
-    scores = np.array([made.probability(one.measures) for one in readings])
-    assert scores.mean() == pytest.approx(np.mean([one.right for one in readings]), abs=2e-3)
+    assert fitted.slope == pytest.approx(0.6, abs=0.04)
+    assert fitted.bias == pytest.approx(-0.5, abs=0.15)
+    assert fitted.terms[Measure.COVERED].nats(1.0) == pytest.approx(-2.0, abs=0.3)
+    scores = np.array([fitted.probability(reading.measures) for reading in readings])
+    assert scores.mean() == pytest.approx(np.mean([reading.right for reading in readings]), abs=2e-3)
 
 
 def test_a_measure_never_counts_the_wrong_way() -> None:
@@ -134,10 +134,10 @@ def test_a_camera_that_exaggerates_gets_the_weight_that_corrects_it(camera: floa
 def test_the_gradient_of_the_conditional_logit_is_that_of_its_loss() -> None:
     places = FusionPlaces.of(drawn_parts(6, 20))
     qualities = np.random.default_rng(1).normal(size=(places.truth.size, 2))
-    at = np.array([0.9, 0.4, 0.1, -0.2, 0.3, 0.05])
-    gradient = places.loss(at, qualities)[1].sum(axis=0)
-    for k, step in enumerate(np.eye(at.size) * 1e-6):
-        upper, lower = (places.loss(at + sign * step, qualities)[0].sum() for sign in (1, -1))
+    weights = np.array([0.9, 0.4, 0.1, -0.2, 0.3, 0.05])
+    gradient = places.loss(weights, qualities)[1].sum(axis=0)
+    for k, step in enumerate(np.eye(weights.size) * 1e-6):
+        upper, lower = (places.loss(weights + sign * step, qualities)[0].sum() for sign in (1, -1))
         assert gradient[k] == pytest.approx((upper - lower) / 2e-6, rel=1e-4, abs=1e-4)
 
 
@@ -195,11 +195,11 @@ def test_accepted_readings_reach_the_threshold_of_their_source(seed: int) -> Non
     ]
     thresholds = find_thresholds(judged)
     for risk in (0.05, 0.01, 0.001):
-        kept = [test for tested, test in thresholds["tactile"].items() if tested <= risk]
-        accepted = [one for one in judged if accepts(one, thresholds, risk)]
-        assert bool(accepted) == bool(kept)
-        if kept:
-            assert len(accepted) == max(test.accepted for test in kept)
+        tests = [test for tested, test in thresholds["tactile"].items() if tested <= risk]
+        accepted = [reading for reading in judged if accepts(reading, thresholds, risk)]
+        assert bool(accepted) == bool(tests)
+        if tests:
+            assert len(accepted) == max(test.accepted for test in tests)
     broken = replace(judged[0].reading, broken=True)
     assert not accepts(Judged("tactile", broken, 1.0), thresholds, 0.05)
 
@@ -275,17 +275,17 @@ def test_the_shipped_fit_is_that_of_the_kept_readings() -> None:
         assert_same(json.loads(json.dumps(content)), json.loads(path.read_text(encoding="utf-8")))
 
 
-def assert_same(made: Any, shipped: Any) -> None:
+def assert_same(fitted: Any, shipped: Any) -> None:
     """Equal, but for the last digits, in which optimisers differ between machines."""
     if isinstance(shipped, dict):
-        assert set(made) == set(shipped)
+        assert set(fitted) == set(shipped)
         for name in shipped:
-            assert_same(made[name], shipped[name])
+            assert_same(fitted[name], shipped[name])
     elif isinstance(shipped, list):
-        assert len(made) == len(shipped)
-        for one, other in zip(made, shipped, strict=True):
-            assert_same(one, other)
+        assert len(fitted) == len(shipped)
+        for number, other in zip(fitted, shipped, strict=True):
+            assert_same(number, other)
     elif isinstance(shipped, str):
-        assert made == shipped
+        assert fitted == shipped
     else:
-        assert made == pytest.approx(shipped, rel=0.01, abs=0.01)
+        assert fitted == pytest.approx(shipped, rel=0.01, abs=0.01)

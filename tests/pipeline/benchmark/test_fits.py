@@ -27,12 +27,12 @@ def test_a_fit_finds_the_gain_that_made_its_steps() -> None:
         lines = {Way.ALONG: int(rng.integers(4, 16))}
         sure = rng.random() < true.chance(way, lines, confidences)
         tried.append(Tried(way, lines, confidences, bool(sure)))
-    found = fit_gain(tried)
+    gain = fit_gain(tried)
     # no fit may be worse than the truth on its own steps
-    assert loss_nats(found, tried) <= loss_nats(true, tried) + 0.001
+    assert loss_nats(gain, tried) <= loss_nats(true, tried) + 0.001
     probe = ((Way.CROSS, {Way.ALONG: 8}, (0.3, 0.4)), (Way.ALONG, {Way.ALONG: 8}, (0.02,) * 4))
     for case in probe:
-        assert found.chance(*case) == pytest.approx(true.chance(*case), abs=0.08)
+        assert gain.chance(*case) == pytest.approx(true.chance(*case), abs=0.08)
     with pytest.raises(ValueError, match="some made the serial sure"):
         fit_gain(tried[:0])
 

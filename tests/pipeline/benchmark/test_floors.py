@@ -63,7 +63,7 @@ def test_counts_are_of_one_mode_each() -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "said"),
+    ("counts", "problems"),
     [
         (FLOOR, []),
         (Counts(91, 9, 6, 0), []),
@@ -79,19 +79,19 @@ def test_counts_are_of_one_mode_each() -> None:
         (Counts(99, 9, 9, 2), ["tactile: accepted but wrong 2, the limit is 1"]),
     ],
 )
-def test_what_is_worse_is_said(found: Counts, said: list[str]) -> None:
-    assert objections({"tactile": found}, {"tactile": FLOOR}) == said
+def test_what_is_worse_is_said(counts: Counts, problems: list[str]) -> None:
+    assert objections({"tactile": counts}, {"tactile": FLOOR}) == problems
 
 
 def test_the_camera_may_lose_a_line_to_rounding() -> None:
     assert objections({"vision": Counts(82, 7, 3, 1)}, {"vision": FLOOR}) == []
-    (said,) = objections({"vision": Counts(81, 7, 3, 1)}, {"vision": FLOOR})
-    assert said == "vision: characters 81, the floor is 90 (less 8 for rounding)"
+    (problem,) = objections({"vision": Counts(81, 7, 3, 1)}, {"vision": FLOOR})
+    assert problem == "vision: characters 81, the floor is 90 (less 8 for rounding)"
 
 
 def test_a_mode_without_a_floor_is_no_pass_and_one_that_is_not_read_is_not_asked() -> None:
-    (said,) = objections({"tactile": FLOOR}, {"vision": FLOOR})
-    assert said.startswith("tactile: has no floor yet")
+    (problem,) = objections({"tactile": FLOOR}, {"vision": FLOOR})
+    assert problem.startswith("tactile: has no floor yet")
 
 
 def test_floors_only_tighten() -> None:
@@ -108,10 +108,10 @@ def test_floors_come_back_as_they_were_written(tmp_path: Path) -> None:
 
 
 def _git(*arguments: str) -> str:
-    found = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
-    if found.returncode:
-        pytest.skip(f"no history here: {found.stderr.strip()}")
-    return found.stdout
+    ended = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
+    if ended.returncode:
+        pytest.skip(f"no history here: {ended.stderr.strip()}")
+    return ended.stdout
 
 
 @pytest.mark.parametrize("edition", EDITIONS)

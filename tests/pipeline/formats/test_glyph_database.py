@@ -68,8 +68,8 @@ def test_round_trip_keeps_everything(full, saved):
 @given(data=st.data())
 def test_any_flipped_byte_is_noticed(saved, tmp_path, data):
     content = bytearray(saved.read_bytes())
-    at = data.draw(st.one_of(st.integers(0, 600), st.integers(0, len(content) - 1)))
-    content[at] ^= data.draw(st.integers(1, 255))
+    place = data.draw(st.one_of(st.integers(0, 600), st.integers(0, len(content) - 1)))
+    content[place] ^= data.draw(st.integers(1, 255))
     path = tmp_path / "flipped.h5"
     path.write_bytes(content)
     with pytest.raises(FileError, match=r"flipped\.h5"):

@@ -29,8 +29,8 @@ ACROSS = [0.0, 0.5, 1.0]
 
 def told(**more: Any) -> TracesFile:
     columns = {**COLUMNS, **more.pop("columns", {})}
-    given = {"whisker": "w.toml", "columns": columns, "across_mm": ACROSS, "lead_mm": 0.7, **more}
-    return TracesFile.model_validate(given)
+    keys = {"whisker": "w.toml", "columns": columns, "across_mm": ACROSS, "lead_mm": 0.7, **more}
+    return TracesFile.model_validate(keys)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,8 @@ def rows_of(scan: Scan, *, behind: tuple[int, ...] = (0, 0, 0)) -> dict[str, np.
             for name, values in zip(parts, (x, y, up, np.full(x.size, number), *logged), strict=True):
                 parts[name].append(values)
             number += 1
-    found = {name: np.concatenate(values) for name, values in parts.items()}
-    return {**found, "t": np.arange(found["x"].size) / scan.sample_rate_hz}
+    columns = {name: np.concatenate(values) for name, values in parts.items()}
+    return {**columns, "t": np.arange(columns["x"].size) / scan.sample_rate_hz}
 
 
 def write_csv(
@@ -71,11 +71,11 @@ def write_csv(
     return path
 
 
-def assert_like(found: Scan, scan: Scan) -> None:
+def assert_like(read: Scan, scan: Scan) -> None:
     """Sample by sample; nine digits of text leave 1e-6 of a position, and so of a moment."""
-    assert found.directions == tuple(sorted(scan.directions, key=int))
+    assert read.directions == tuple(sorted(scan.directions, key=int))
     for sweep in scan.sweeps:
-        (other,) = (s for s in found.sweeps if s.plan.direction is sweep.plan.direction)
+        (other,) = (s for s in read.sweeps if s.plan.direction is sweep.plan.direction)
         assert other.plan.n_lead == sweep.plan.n_lead
         assert other.plan.n_samples == sweep.plan.n_samples
         assert other.plan.start_mm == pytest.approx(sweep.plan.start_mm, abs=1e-6)
@@ -86,11 +86,11 @@ def assert_like(found: Scan, scan: Scan) -> None:
 
 
 def test_what_is_written_as_text_is_the_scan_again(scan: Scan, tmp_path: Path) -> None:
-    found = import_traces([write_csv(tmp_path / "t.csv", rows_of(scan))], told(), touch=TOUCH)
-    assert_like(found, scan)
-    assert found.sample_rate_hz == pytest.approx(scan.sample_rate_hz, rel=1e-6)
-    assert found.line_pitch_mm == pytest.approx(scan.line_pitch_mm, abs=1e-6)
-    assert not any(s.flags.any() for s in found.sweeps)
+    read = import_traces([write_csv(tmp_path / "t.csv", rows_of(scan))], told(), touch=TOUCH)
+    assert_like(read, scan)
+    assert read.sample_rate_hz == pytest.approx(scan.sample_rate_hz, rel=1e-6)
+    assert read.line_pitch_mm == pytest.approx(scan.line_pitch_mm, abs=1e-6)
+    assert not any(s.flags.any() for s in read.sweeps)
 
 
 def test_units_numbered_columns_and_other_text_are_taken_as_told(scan: Scan, tmp_path: Path) -> None:
@@ -104,21 +104,21 @@ def test_units_numbered_columns_and_other_text_are_taken_as_told(scan: Scan, tmp
         for k, v in COLUMNS.items()
     }
     how = {"delimiter": ";", "decimal": ",", "skip_lines": 1}
-    said = told(columns=columns, csv=how, position_unit="m", moment_unit="N*m")
-    assert_like(import_traces([path], said, touch=TOUCH), scan)
+    layout = told(columns=columns, csv=how, position_unit="m", moment_unit="N*m")
+    assert_like(import_traces([path], layout, touch=TOUCH), scan)
 
 
 def test_files_of_one_pass_each_and_samples_that_stand_still(scan: Scan, tmp_path: Path) -> None:
     rows, files = rows_of(scan), []
     for k in range(int(rows["n"].max()) + 1):
-        one = {name: values[rows["n"] == k] for name, values in rows.items() if name not in ("n", "t")}
+        columns = {name: values[rows["n"] == k] for name, values in rows.items() if name not in ("n", "t")}
         # the stage stands before it starts, and when it has stopped
-        one = {name: np.r_[values[:6], values[5:], values[-1:]] for name, values in one.items()}
-        files.append(write_csv(tmp_path / f"{k}.csv", one))
-    said = told(columns={"pass": None, "time": None}, sampling_rate_hz=500.0)
-    found = import_traces(files, said, touch=TOUCH)
-    assert_like(found, scan)
-    assert found.sample_rate_hz == 500.0
+        columns = {name: np.r_[values[:6], values[5:], values[-1:]] for name, values in columns.items()}
+        files.append(write_csv(tmp_path / f"{k}.csv", columns))
+    layout = told(columns={"pass": None, "time": None}, sampling_rate_hz=500.0)
+    read = import_traces(files, layout, touch=TOUCH)
+    assert_like(read, scan)
+    assert read.sample_rate_hz == 500.0
 
 
 def test_an_uneven_stage_is_laid_even_and_what_it_skipped_is_missing(scan: Scan, tmp_path: Path) -> None:
@@ -128,10 +128,10 @@ def test_an_uneven_stage_is_laid_even_and_what_it_skipped_is_missing(scan: Scan,
     keep = np.ones(x.size, dtype=bool)
     keep[20:23] = False  # three samples of the first pass were lost
     keep[60::7] = False  # and single ones of all
-    found = import_traces(
+    read = import_traces(
         [write_csv(tmp_path / "t.csv", {k: v[keep] for k, v in smooth.items()})], told(), touch=TOUCH
     )
-    sweep = next(s for s in found.sweeps if s.plan.direction is TraceDirection.FORWARD_X)
+    sweep = next(s for s in read.sweeps if s.plan.direction is TraceDirection.FORWARD_X)
     good = sweep.flags == 0
     truth = np.sin(sweep.plan.position_mm())
     # straight lines over 0.2 mm of a sine miss it by 0.2^2 / 8
@@ -142,19 +142,19 @@ def test_an_uneven_stage_is_laid_even_and_what_it_skipped_is_missing(scan: Scan,
 
 def test_rows_of_whiskers_are_each_laid_where_their_tip_was(scan: Scan, tmp_path: Path) -> None:
     path = write_csv(tmp_path / "t.csv", rows_of(scan, behind=(0, 4, 4)))
-    found = import_traces([path], told(behind_mm=[0.0, 0.4, 0.4]), touch=TOUCH)
-    assert_like(found, scan)
-    assert found.sweeps[0].plan.offset_mm == pytest.approx((0.0, 0.4, 0.4), rel=1e-4)
+    read = import_traces([path], told(behind_mm=[0.0, 0.4, 0.4]), touch=TOUCH)
+    assert_like(read, scan)
+    assert read.sweeps[0].plan.offset_mm == pytest.approx((0.0, 0.4, 0.4), rel=1e-4)
 
 
 def test_a_comb_that_turns_and_a_part_that_ends(scan: Scan, tmp_path: Path) -> None:
     path = write_csv(tmp_path / "t.csv", rows_of(scan))
-    found = import_traces([path], told(turns=True, part_mm=[0.0, 0.0, 5.0, 1.6]), touch=TOUCH)
-    by_way = {int(s.plan.direction): s for s in found.sweeps}
+    read = import_traces([path], told(turns=True, part_mm=[0.0, 0.0, 5.0, 1.6]), touch=TOUCH)
+    by_way = {int(s.plan.direction): s for s in read.sweeps}
     assert by_way[0].plan.line_mm[0, 2] - by_way[0].plan.line_mm[0, 0] == pytest.approx(1.0)
     for way in (90, 180):
         assert by_way[way].plan.line_mm[0, 2] - by_way[way].plan.line_mm[0, 0] == pytest.approx(-1.0)
-    for sweep in found.sweeps:
+    for sweep in read.sweeps:
         line = np.broadcast_to(sweep.plan.line_mm[:, :, None], sweep.flags.shape)
         along = np.broadcast_to(sweep.plan.position_mm(), sweep.flags.shape)
         x, y = (along, line) if sweep.plan.direction.along_x else (line, along)
@@ -172,19 +172,19 @@ def test_tdms_is_the_scan_again_and_its_damage_is_said(scan: Scan, tmp_path: Pat
             writer.write_segment([nptdms.ChannelObject("bench", k, v, increment) for k, v in columns.items()])
 
     write(rows)
-    said = told(columns={"time": None, "moment": ["a", "bench/b", "c"]})
-    found = import_traces([path], said, touch=TOUCH)
-    assert_like(found, scan)
-    assert found.sample_rate_hz == pytest.approx(scan.sample_rate_hz, rel=1e-9)
+    layout = told(columns={"time": None, "moment": ["a", "bench/b", "c"]})
+    read = import_traces([path], layout, touch=TOUCH)
+    assert_like(read, scan)
+    assert read.sample_rate_hz == pytest.approx(scan.sample_rate_hz, rel=1e-9)
     write({**rows, "b": rows["b"][:-3]})
     with pytest.raises(FileError, match=r"t\.tdms: has [\d,]+ samples in channel 'bench/b' and"):
-        import_traces([path], said, touch=TOUCH)
+        import_traces([path], layout, touch=TOUCH)
     write({k: v for k, v in rows.items() if k != "c"})
     with pytest.raises(FileError, match=r"t\.tdms: has no channel 'c' \(it has bench/x"):
-        import_traces([path], said, touch=TOUCH)
+        import_traces([path], layout, touch=TOUCH)
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(FileError, match=r"t\.tdms: "):
-        import_traces([path], said, touch=TOUCH)
+        import_traces([path], layout, touch=TOUCH)
 
 
 def test_tdms_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,9 +200,9 @@ def _line(text: str, n: int, old: str, new: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _swapped(text: str, one: int, other: int) -> str:
+def _swapped(text: str, first: int, second: int) -> str:
     lines = text.splitlines()
-    lines[one - 1], lines[other - 1] = lines[other - 1], lines[one - 1]
+    lines[first - 1], lines[second - 1] = lines[second - 1], lines[first - 1]
     return "\n".join(lines) + "\n"
 
 
@@ -255,7 +255,7 @@ def test_a_wrong_key_is_named(tmp_path: Path, more: str, says: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "says"),
+    ("keys", "says"),
     [
         (
             {"moment_unit": "N*m"},
@@ -266,14 +266,14 @@ def test_a_wrong_key_is_named(tmp_path: Path, more: str, says: str) -> None:
     ],
 )
 def test_units_and_extents_of_no_bench_are_refused(
-    scan: Scan, tmp_path: Path, said: dict[str, Any], says: str
+    scan: Scan, tmp_path: Path, keys: dict[str, Any], says: str
 ) -> None:
     rows = rows_of(scan)
-    if "moment_unit" in said:
+    if "moment_unit" in keys:
         rows = {name: 50.0 * values if name in ("a", "b") else values for name, values in rows.items()}
     path = write_csv(tmp_path / "t.csv", rows)
     with pytest.raises(FileError, match=says):
-        import_traces([path], told(**said), touch=TOUCH)
+        import_traces([path], told(**keys), touch=TOUCH)
 
 
 def test_the_command_says_which_whisker_is_missing(

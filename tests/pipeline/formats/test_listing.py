@@ -112,10 +112,10 @@ _FOLDERS = st.sampled_from(["", "/", "lot", "x/lot", "/x/lot", "y/lot", "s3://x/
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(_FOLDERS, _STEMS), max_size=12))
-def test_names_made_apart_are_unique_and_end_as_they_were(found: list[tuple[str, str]]) -> None:
+def test_names_made_apart_are_unique_and_end_as_they_were(files: list[tuple[str, str]]) -> None:
     parts = [
         PartFiles(stem, f"{folder}/{number}.npz" if folder else f"{number}.npz")
-        for number, (folder, stem) in enumerate(found)
+        for number, (folder, stem) in enumerate(files)
     ]
     apart = with_unique_names(parts)
     assert len({p.name for p in apart}) == len(parts)
@@ -161,9 +161,9 @@ def test_tables_of_texts_among_the_files_of_a_folder_are_passed_over(tmp_path: P
     for name, head in (("truth.csv", "part,text"), ("rows.csv", "part,text,decision")):
         (tmp_path / name).write_text(f"{head}\na,AB12\n")
     (tmp_path / "a.npz").write_bytes(b"x")
-    found = discover([str(p) for p in sorted(tmp_path.iterdir())])
-    assert [p.name for p in found] == ["a"]
-    assert [Path(file).name for file in found.passed_over.files] == ["rows.csv", "truth.csv"]
+    listing = discover([str(p) for p in sorted(tmp_path.iterdir())])
+    assert [p.name for p in listing] == ["a"]
+    assert [Path(file).name for file in listing.passed_over.files] == ["rows.csv", "truth.csv"]
     with pytest.raises(FileError, match="must name one of"):
         discover([str(tmp_path / "truth.csv")])
 
@@ -210,8 +210,8 @@ def test_a_photograph_alone_is_a_part(folder: Path) -> None:
 
 def test_the_photograph_beside_a_file_named_is_its_own_where_wanted(folder: Path) -> None:
     for beside in (False, True):
-        found = discover([folder / "b.npz"], beside=beside)
-        assert named(folder, found) == [("b", "b.npz", "", "b.png" if beside else "")]
+        listing = discover([folder / "b.npz"], beside=beside)
+        assert named(folder, listing) == [("b", "b.npz", "", "b.png" if beside else "")]
     assert named(folder, discover([folder / "c.png"], beside=True)) == [("c", "", "", "c.png")]
 
 
@@ -291,12 +291,12 @@ def test_what_is_no_file_or_an_unknown_one_is_a_part_to_be_refused_later(folder:
     (folder / "lost.npz").symlink_to("none.npz")
     (folder / "loop.npz").symlink_to("loop.npz")
     assert {"lost", "loop"} < {part.name for part in discover([folder])}
-    found = discover([folder / name for name in ("none.npz", "notes.txt", "lost.npz", "loop.npz")])
-    assert named(folder, found[:2]) == [("none", "none.npz", "", ""), ("notes", "notes.txt", "", "")]
+    listing = discover([folder / name for name in ("none.npz", "notes.txt", "lost.npz", "loop.npz")])
+    assert named(folder, listing[:2]) == [("none", "none.npz", "", ""), ("notes", "notes.txt", "", "")]
     (long,) = discover(["x" * 5000 + ".npz"])
     assert len(long.name) < 100
     missing, unopened = r"is not there; check the name", r"cannot be opened .*; check the name"
-    for part, told in ((found[2], missing), (found[3], unopened), (long, unopened)):
+    for part, told in ((listing[2], missing), (listing[3], unopened), (long, unopened)):
         with pytest.raises(FileError, match=told):
             read_height_map(part.height_map)
 
@@ -318,11 +318,11 @@ def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.Mon
         discover([tmp_path])
 
 
-@pytest.mark.parametrize("given", [[], ["*.npz"], ["."]])
-def test_nothing_found_is_said(given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("inputs", [[], ["*.npz"], ["."]])
+def test_nothing_found_is_said(inputs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(NothingFoundError, match="no height map"):
-        discover(given)
+        discover(inputs)
 
 
 def test_numbered_photographs_are_of_one_part(tmp_path: Path) -> None:

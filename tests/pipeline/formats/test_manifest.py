@@ -34,10 +34,10 @@ def test_every_column_is_read(tmp_path: Path) -> None:
         "A2,,,s3://lots/7/b.jpg,,,\n"
         "A3,,,c.png | more/d.png|s3://e.png,,,\n",
     )
-    one, other, several = read_manifest(source)
+    first, second, several = read_manifest(source)
     files = [str(tmp_path / name) for name in ("a.npz", "a.h5", "a.png")]
-    assert one == PartFiles("A1", *files[:2], (files[2],), "KB74", "AA99,x", "block")
-    assert other == PartFiles("A2", photos=("s3://lots/7/b.jpg",))
+    assert first == PartFiles("A1", *files[:2], (files[2],), "KB74", "AA99,x", "block")
+    assert second == PartFiles("A2", photos=("s3://lots/7/b.jpg",))
     assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
 
 

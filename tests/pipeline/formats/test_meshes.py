@@ -40,11 +40,11 @@ def points() -> NDArray[np.float64]:
     return np.column_stack([x.ravel(), y.ravel(), PART.z_mm.ravel()])
 
 
-def mesh(at: NDArray[np.float64]) -> trimesh.Trimesh:
+def mesh(corners: NDArray[np.float64]) -> trimesh.Trimesh:
     k = np.arange(ROWS * COLS).reshape(ROWS, COLS)
     a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
     return trimesh.Trimesh(
-        at, np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)]), process=False
+        corners, np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)]), process=False
     )
 
 
@@ -56,9 +56,9 @@ def write(path: Path) -> Path:
 
 @pytest.mark.parametrize("name", ["mesh.stl", "mesh.ply", "points.ply", "points.xyz"])
 def test_a_grid_keeps_its_heights(name: str, tmp_path: Path) -> None:
-    found = read_height_map(write(tmp_path / name))
-    assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)  # coordinates are float32
-    np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)
+    height_map = read_height_map(write(tmp_path / name))
+    assert height_map.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)  # coordinates are float32
+    np.testing.assert_allclose(height_map.z_mm, PART.z_mm, atol=1e-6)
 
 
 SMALL = PART.z_mm[100:140, 100:150]
@@ -68,11 +68,11 @@ def small_mesh() -> trimesh.Trimesh:
     """Some of the part."""
     rows, cols = SMALL.shape
     row, col = np.indices(SMALL.shape)
-    at = np.column_stack([col.ravel() * PART.pitch_mm, -row.ravel() * PART.pitch_mm, SMALL.ravel()])
+    corners = np.column_stack([col.ravel() * PART.pitch_mm, -row.ravel() * PART.pitch_mm, SMALL.ravel()])
     k = np.arange(rows * cols).reshape(rows, cols)
     a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
     faces = np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-    return trimesh.Trimesh(at, faces, process=False)
+    return trimesh.Trimesh(corners, faces, process=False)
 
 
 def grouped_obj() -> str:
@@ -102,9 +102,9 @@ def text_stl() -> str:
 @pytest.mark.parametrize(("name", "make"), [("a.obj", grouped_obj), ("a.stl", text_stl)])
 def test_groups_and_solids_are_one_surface(name: str, make: Callable[[], str], tmp_path: Path) -> None:
     (tmp_path / name).write_text(make())
-    found = read_height_map(tmp_path / name)
-    assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)
-    np.testing.assert_allclose(found.z_mm, SMALL, atol=1e-6)
+    height_map = read_height_map(tmp_path / name)
+    assert height_map.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)
+    np.testing.assert_allclose(height_map.z_mm, SMALL, atol=1e-6)
 
 
 @pytest.mark.parametrize("joined", [True, False])
@@ -112,24 +112,24 @@ def test_off_a_grid_triangles_are_resampled(joined: bool, tmp_path: Path) -> Non
     turned = points() @ TURN.T
     if joined:
         mesh(turned).export(tmp_path / "a.stl")
-        found = read_height_map(tmp_path / "a.stl")
+        height_map = read_height_map(tmp_path / "a.stl")
     else:
         jitter = np.random.default_rng(0).uniform(-0.2, 0.2, (len(turned), 2)) * PART.pitch_mm
         turned[:, :2] += jitter
         trimesh.PointCloud(turned).export(tmp_path / "a.ply")
-        found = read_height_map(tmp_path / "a.ply")
+        height_map = read_height_map(tmp_path / "a.ply")
     # where each sample of the map lies on the part
-    v, u = np.nonzero(np.isfinite(found.z_mm))
-    x = turned[:, 0].min() + u * found.pitch_mm
-    y = turned[:, 1].max() - v * found.pitch_mm
+    v, u = np.nonzero(np.isfinite(height_map.z_mm))
+    x = turned[:, 0].min() + u * height_map.pitch_mm
+    y = turned[:, 1].max() - v * height_map.pitch_mm
     back = np.column_stack([x, y, np.zeros_like(x)]) @ TURN
     col, row = (back[:, 0] - 3.0) / PART.pitch_mm, (5.0 - back[:, 1]) / PART.pitch_mm
     nearest = PART.z_mm[
         np.rint(row).astype(int).clip(0, ROWS - 1), np.rint(col).astype(int).clip(0, COLS - 1)
     ]
     # half a sample aside on a wall of 45 degrees makes 0.035 mm, twice that for one corner of a triangle
-    assert np.percentile(np.abs(found.z_mm[v, u] - nearest), 99.9) < 2.0 * 0.7 * PART.pitch_mm
-    assert len(v) == pytest.approx(ROWS * COLS * (PART.pitch_mm / found.pitch_mm) ** 2, rel=0.02)
+    assert np.percentile(np.abs(height_map.z_mm[v, u] - nearest), 99.9) < 2.0 * 0.7 * PART.pitch_mm
+    assert len(v) == pytest.approx(ROWS * COLS * (PART.pitch_mm / height_map.pitch_mm) ** 2, rel=0.02)
 
 
 def turned_by(deg: float, axis: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -150,16 +150,16 @@ def turned_by(deg: float, axis: tuple[float, float, float]) -> NDArray[np.float6
 def test_a_tilted_plate_is_seen_along_its_normal(
     turn: NDArray[np.float64], name: str, tmp_path: Path
 ) -> None:
-    at = points() @ turn.T
-    (mesh(at) if name == "a.stl" else trimesh.PointCloud(at)).export(tmp_path / name)
-    found = read_height_map(tmp_path / name)
+    corners = points() @ turn.T
+    (mesh(corners) if name == "a.stl" else trimesh.PointCloud(corners)).export(tmp_path / name)
+    height_map = read_height_map(tmp_path / name)
     # neither mirrored nor turned over: the marks are where they were, and as deep
-    row, col = np.indices(found.shape) * found.pitch_mm / PART.pitch_mm
+    row, col = np.indices(height_map.shape) * height_map.pitch_mm / PART.pitch_mm
     there = ndimage.map_coordinates(PART.z_mm, (row, col), order=1, mode="nearest")
-    known = np.isfinite(found.z_mm)
+    known = np.isfinite(height_map.z_mm)
     assert known.mean() > 0.97
     plane = np.stack([np.ones(row.shape), row, col], axis=-1)[known]
-    off = (found.z_mm - there)[known]
+    off = (height_map.z_mm - there)[known]
     off -= plane @ np.linalg.lstsq(plane, off, rcond=None)[0]
     # a third of a sample aside on the walls
     assert np.sqrt(np.mean(off**2)) < 0.02
@@ -175,9 +175,9 @@ def test_a_block_keeps_its_axes(tmp_path: Path) -> None:
 
 def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:
     trimesh.creation.box((20.0, 10.0, 4.0)).export(tmp_path / "box.stl")
-    found = read_height_map(tmp_path / "box.stl")
-    assert found.z_mm == pytest.approx(2.0)
-    assert found.size_mm == pytest.approx((20.0, 10.0), abs=2.0 * found.pitch_mm)
+    height_map = read_height_map(tmp_path / "box.stl")
+    assert height_map.z_mm == pytest.approx(2.0)
+    assert height_map.size_mm == pytest.approx((20.0, 10.0), abs=2.0 * height_map.pitch_mm)
 
 
 @pytest.mark.parametrize(
@@ -210,9 +210,9 @@ def test_long_thin_triangles_are_drawn_by_what_they_cover(tmp_path: Path) -> Non
     fan = np.column_stack([np.zeros(k.size, dtype=int), k, k + 1])
     faces = np.concatenate([fan, [[0, edge.size + 1, 1]]])
     trimesh.Trimesh(corners, faces, process=False).export(tmp_path / "fan.stl")
-    found = read_height_map(tmp_path / "fan.stl").z_mm
-    rows = np.linspace(0.02, 0.0, found.shape[0])[:, None]
-    np.testing.assert_allclose(found, np.broadcast_to(rows, found.shape), atol=2e-5)
+    z_mm = read_height_map(tmp_path / "fan.stl").z_mm
+    rows = np.linspace(0.02, 0.0, z_mm.shape[0])[:, None]
+    np.testing.assert_allclose(z_mm, np.broadcast_to(rows, z_mm.shape), atol=2e-5)
 
 
 PITCH_MM = 0.1

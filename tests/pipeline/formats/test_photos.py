@@ -202,8 +202,8 @@ def test_the_pitch_that_a_file_states(
     if suffix == ".png":
         data = data[:33] + chunk(b"pHYs", struct.pack(">IIB", *numbers)) + data[33:]
     else:
-        at = data.index(b"JFIF\0") + 7
-        data = data[:at] + struct.pack(">BHH", *numbers) + data[at + 5 :]
+        place = data.index(b"JFIF\0") + 7
+        data = data[:place] + struct.pack(">BHH", *numbers) + data[place + 5 :]
     path = tmp_path / f"part{suffix}"
     path.write_bytes(data)
     assert read_photo(path).pitch_mm == (None if pitch_mm is None else pytest.approx(pitch_mm))
@@ -222,8 +222,8 @@ def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
 def test_the_pitch_that_imagej_states(unit: str, count: float | None, tmp_path: Path) -> None:
     tags = {270: f"ImageJ=1.54f\nunit={unit}\n", 282: count or 20.0, 283: count or 20.0, 296: 1}
     Image.fromarray(COLOUR).save(tmp_path / "part.tif", tiffinfo=tags)
-    found = read_photo(tmp_path / "part.tif").pitch_mm
-    assert found == (None if count is None else pytest.approx(0.05, rel=1e-4))
+    pitch = read_photo(tmp_path / "part.tif").pitch_mm
+    assert pitch == (None if count is None else pytest.approx(0.05, rel=1e-4))
 
 
 def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:

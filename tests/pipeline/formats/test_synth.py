@@ -34,8 +34,8 @@ def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
         assert (tmp_path / "few" / f"{name}.png").read_bytes() == (
             tmp_path / "more" / f"{name}.png"
         ).read_bytes()
-        one, other = (read_height_map(tmp_path / f / f"{name}.npz") for f in ("few", "more"))
-        np.testing.assert_array_equal(one.z_mm, other.z_mm)
+        first, second = (read_height_map(tmp_path / f / f"{name}.npz") for f in ("few", "more"))
+        np.testing.assert_array_equal(first.z_mm, second.z_mm)
         assert len(text) == 2
     assert make_part(spec, 1).text == more[1][1]
     changed = make_part(SynthSpec(format="A9", seed=8, height_mm=3.0), 1)
@@ -43,8 +43,8 @@ def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
 
 
 def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
-    made = write_parts(SynthSpec(format="99", height_mm=3.0), tmp_path / "out", parts=2)
-    assert load_truth(tmp_path / "out" / "truth.csv") == dict(made)
+    truth = write_parts(SynthSpec(format="99", height_mm=3.0), tmp_path / "out", parts=2)
+    assert load_truth(tmp_path / "out" / "truth.csv") == dict(truth)
     files = [f"part-00{k}.{suffix}" for k in (0, 1) for suffix in ("npz", "png")]
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*files, "truth.csv"]
     with np.load(tmp_path / "out" / "part-000.npz") as content:
@@ -89,8 +89,8 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
     )
     with np.load(tmp_path / "out" / "part-001.npz") as content:
         assert sorted(content.files) == ["friction", "hardness_mpa", "pitch_mm", "rows", "soft_mm", "z_mm"]
-        for name, kept in soil_members(soiled.soil).items():  # half precision: eleven bits
-            np.testing.assert_allclose(content[name].astype(np.float32), kept, rtol=2**-11, atol=1e-7)
+        for name, values in soil_members(soiled.soil).items():  # half precision: eleven bits
+            np.testing.assert_allclose(content[name].astype(np.float32), values, rtol=2**-11, atol=1e-7)
     photo = spec.photograph(soiled)
     back = read_photo(tmp_path / "out" / "part-001.png")
     np.testing.assert_array_equal(back.pixels, photo.pixels)

@@ -140,16 +140,16 @@ def test_soil_turns_with_its_map(tmp_path: Path) -> None:
         assert read.height_map.z_mm[0, 0] == pytest.approx(0.01 * first)
 
 
-@pytest.mark.parametrize("given", ["friction", "soft_mm", "hardness_mpa"])
+@pytest.mark.parametrize("member", ["friction", "soft_mm", "hardness_mpa"])
 @pytest.mark.parametrize(("shape", "dtype"), [(Z.shape, np.float16), ((), np.float64), ((1,), np.float32)])
 def test_members_that_are_missing_are_filled_in(
-    given: str, shape: tuple[int, ...], dtype: type, tmp_path: Path
+    member: str, shape: tuple[int, ...], dtype: type, tmp_path: Path
 ) -> None:
-    write_npz(tmp_path / "a.npz", MAP, more={given: np.full(shape, 0.5, dtype)})
+    write_npz(tmp_path / "a.npz", MAP, more={member: np.full(shape, 0.5, dtype)})
     read = read_part_map(tmp_path / "a.npz").soil
     assert read is not None
     missing = {"friction": NOMINAL_FRICTION, "soft_mm": 0.0, "hardness_mpa": DEFAULT_HARDNESS_MPA}
-    expected = {**missing, given: 0.5}
+    expected = {**missing, member: 0.5}
     for name, values in soil_members(read).items():
         np.testing.assert_array_equal(values, np.full(Z.shape, expected[name], np.float32))
 

@@ -64,10 +64,10 @@ def row(part: str, text: str) -> ReadingRecord:
 
 
 def score(rows: list[ReadingRecord], truth: dict[str, str]) -> Accuracy:
-    found = Accuracy(PartTexts(truth))
+    accuracy = Accuracy(PartTexts(truth))
     for row in rows:
-        found.add(row)
-    return found
+        accuracy.add(row)
+    return accuracy
 
 
 def test_accuracy_by_its_definition() -> None:
@@ -79,9 +79,9 @@ def test_accuracy_by_its_definition() -> None:
         row("d", ""),  # four missing
         row("stranger", "X"),
     ]
-    found = score(rows, truth)
-    assert (found.parts, found.parts_right, found.characters, found.edits) == (4, 2, 27, 6)
-    assert found.lines() == [
+    accuracy = score(rows, truth)
+    assert (accuracy.parts, accuracy.parts_right, accuracy.characters, accuracy.edits) == (4, 2, 27, 6)
+    assert accuracy.lines() == [
         "characters 77.78% (6 edits in 27), serials 50.00% (2 of 4); 1 without a truth, 1 of the truth not read",
         "wrong: b (EFGH5678 read as EFH5679), d (JKLM read as nothing)",
     ]
@@ -101,8 +101,8 @@ def test_the_accepted_that_are_wrong_are_named() -> None:
 
 
 def test_truths_that_no_serial_of_the_format_can_be_are_named() -> None:
-    found = score([], {"a": "BHO193", "b": "bh0193", "c": "BH0193", "other": "X"})
-    assert found.outside(Grammar.parse("AA9999"), ("a", "b", "c", "d")) == [
+    accuracy = score([], {"a": "BHO193", "b": "bh0193", "c": "BH0193", "other": "X"})
+    assert accuracy.outside(Grammar.parse("AA9999"), ("a", "b", "c", "d")) == [
         "a should read 'BHO193', but it does not fit the format AA9999",
         "b should read 'bh0193', but it does not fit the format AA9999",
     ]
@@ -212,12 +212,12 @@ def _workbook_of(path: Path, sheet: str) -> Path:
     """A workbook with this content of its sheet."""
     whole = workbook(path.with_name("whole.xlsx"), ("part", "text"), ("a", "B"))
     space = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
+    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
         for name in source.namelist():
             content = source.read(name)
             if name.endswith("sheet1.xml"):
                 content = f'<worksheet xmlns="{space}"><sheetData>{sheet}</sheetData></worksheet>'.encode()
-            made.writestr(name, content)
+            target.writestr(name, content)
     return path
 
 

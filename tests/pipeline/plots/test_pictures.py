@@ -127,10 +127,10 @@ def test_pictures_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"), [("AB C", "ABC", True), ("", "", True), ("AB", "BA", False)]
+    ("text", "truth", "same"), [("AB C", "ABC", True), ("", "", True), ("AB", "BA", False)]
 )
-def test_spaces_are_not_stamped(one: str, other: str, same: bool) -> None:
-    assert same_text(one, other) is same
+def test_spaces_are_not_stamped(text: str, truth: str, same: bool) -> None:
+    assert same_text(text, truth) is same
 
 
 def test_the_headline_tells_the_reading() -> None:

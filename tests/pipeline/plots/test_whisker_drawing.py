@@ -56,13 +56,13 @@ def test_the_dimensions_are_the_whiskers(
     drawing = ezdxf.readfile(path)
     assert not drawing.audit().errors
     assert drawing.units == ezdxf.units.MM
-    found: dict[bool, list[float]] = {False: [], True: []}
+    measured: dict[bool, list[float]] = {False: [], True: []}
     for dimension in drawing.modelspace().query("DIMENSION"):
         factor = dimension.override().get("dimlfac", 1.0)
         angular = dimension.dimtype == 5
-        found[angular].append(dimension.get_measurement() * (1.0 if angular else factor))
-    assert sorted(found[False]) == pytest.approx(sorted(lengths), abs=1e-9)
-    assert sorted(found[True]) == pytest.approx(sorted(angles), abs=1e-9)
+        measured[angular].append(dimension.get_measurement() * (1.0 if angular else factor))
+    assert sorted(measured[False]) == pytest.approx(sorted(lengths), abs=1e-9)
+    assert sorted(measured[True]) == pytest.approx(sorted(angles), abs=1e-9)
     # the whisker itself, from free tip to clamp, is drawn in millimetres
     (line,) = [
         p for p in drawing.modelspace().query("LWPOLYLINE") if p.dxf.hasattr("const_width") and not p.closed

@@ -26,9 +26,9 @@ BENCHMARK = Benchmark(PARTS, ("tactile",), ReaderSettings())
 def trials(texts: str, *, decision: str = "review") -> list[Trial]:
     """Of every part and given; the n-th reads the n-th letter, which should be A."""
     blanks = [
-        Trial(item.part, item.number, {**item.condition.levels, **given_levels(given)}, "tactile", "A")
+        Trial(item.part, item.number, {**item.condition.levels, **given_levels(facts)}, "tactile", "A")
         for item in PARTS.items()
-        for given in item.given
+        for facts in item.given
     ]
     return [replace(b, text=t, decision=decision) for b, t in zip(blanks, texts, strict=True)]
 
@@ -64,18 +64,18 @@ def test_readings_are_paired_by_part_and_what_was_given() -> None:
     """All with the font are gained at dirt 0.3 alone; the readings without it stay as they were."""
     order = [(t.severity, t.given) for t in trials("A" * 12)]
     after = "".join("A" if level == (0.3, "font,format") else "B" for level in order)
-    found = changes(trials("B" * 12), trials(after))
-    assert found.parts == 6
-    assert [(row.compared.first.reader, row.compared.parts) for row in found.overall] == [
+    compared = changes(trials("B" * 12), trials(after))
+    assert compared.parts == 6
+    assert [(row.compared.first.reader, row.compared.parts) for row in compared.overall] == [
         ("tactile, given format", 6), ("tactile, given font, format", 6),
     ]  # fmt: skip
-    assert [row.compared.serials.only_first for row in found.overall] == [0, 3]
+    assert [row.compared.serials.only_first for row in compared.overall] == [0, 3]
     by_level = {
-        (r.compared.first.reader, r.level): r.compared for r in found.by_factor if r.factor == "severity"
+        (r.compared.first.reader, r.level): r.compared for r in compared.by_factor if r.factor == "severity"
     }
     assert by_level["tactile, given font, format", 0.3].characters.difference.value == 1.0
     assert by_level["tactile, given font, format", 0.6].characters.difference.value == 0.0
-    assert found.counts["tactile, given font, format"] == {Flip.GAINED: 3}
+    assert compared.counts["tactile, given font, format"] == {Flip.GAINED: 3}
 
 
 def test_other_parts_are_refused() -> None:
@@ -115,8 +115,8 @@ def test_the_command_shows_what_flipped(
         [*trials("AABBABBBBAAA", decision="review")[:-1], *trials("B" * 12, decision="accept")[-1:]],
     )
     assert main(["benchmark", "compare", str(before), str(after)]) == 0
-    said = capsys.readouterr().out
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("wrote"))
+    printed = capsys.readouterr().out
+    assert all(len(line) <= 80 for line in printed.splitlines() if not line.startswith("wrote"))
     rows = csv_rows(after / "compare.csv")
     assert [r["flip"] for r in rows] == [
         Flip.ACCEPTED_WRONG.value, Flip.LOST.value, Flip.LOST.value, Flip.GAINED.value, Flip.GAINED.value,

@@ -38,14 +38,12 @@ def test_a_level_is_set_against_the_mean_of_the_others_whatever_their_sizes() ->
         trial(3, 2, soil="b"),
         trial(4, 1, soil="c"),
     ]
-    found = effect(trials, "soil")
-    assert [e.level for e in found.levels] == ["c", "b", "a"]
-    assert [e.difference.value for e in found.levels] == pytest.approx(
-        [0.25 - 0.75, 0.5 - 0.625, 1.0 - 0.375]
-    )
-    assert [e.parts for e in found.levels] == [1, 1, 3]
-    assert found.spread == 0.75
-    assert {e.difference.low for e in found.levels} == {None}
+    soil = effect(trials, "soil")
+    assert [e.level for e in soil.levels] == ["c", "b", "a"]
+    assert [e.difference.value for e in soil.levels] == pytest.approx([0.25 - 0.75, 0.5 - 0.625, 1.0 - 0.375])
+    assert [e.parts for e in soil.levels] == [1, 1, 3]
+    assert soil.spread == 0.75
+    assert {e.difference.low for e in soil.levels} == {None}
 
 
 def test_a_part_read_twice_is_one_cluster() -> None:
@@ -53,8 +51,8 @@ def test_a_part_read_twice_is_one_cluster() -> None:
     rng = np.random.default_rng(3)
     once = [trial(k, int(rng.integers(0, 5)), soil="ab"[k % 2], **LESS) for k in range(60)]
     twice = [*once, *(Trial(**{**vars(t), "levels": {**t.levels, **MORE}}) for t in once)]
-    one, two = effect(once, "soil"), effect(twice, "soil")
-    for a, b in zip(one.levels, two.levels, strict=True):
+    single, double = effect(once, "soil"), effect(twice, "soil")
+    for a, b in zip(single.levels, double.levels, strict=True):
         assert (a.difference.low, a.difference.high) == pytest.approx((b.difference.low, b.difference.high))
         assert a.parts == b.parts == 30
 
@@ -63,9 +61,9 @@ def test_the_interval_is_that_of_two_means_apart() -> None:
     """1.96 standard errors of a difference of means, which 200 parts a level obey."""
     rng = np.random.default_rng(4)
     right = rng.integers(0, 5, size=400)
-    found = effect([trial(k, int(r), soil="ab"[k % 2]) for k, r in enumerate(right)], "soil")
+    soil = effect([trial(k, int(r), soil="ab"[k % 2]) for k, r in enumerate(right)], "soil")
     error = np.sqrt(sum(np.var(right[k::2] / 4, ddof=1) / 200 for k in (0, 1)))
-    width = found.levels[0].difference.high - found.levels[0].difference.low
+    width = soil.levels[0].difference.high - soil.levels[0].difference.low
     assert width / 2 == pytest.approx(1.96 * error, rel=0.08)  # 2000 draws: quantiles to some 4 %
 
 
@@ -99,9 +97,9 @@ def test_readers_are_paired_with_the_same_given_only() -> None:
         for mode, r in (("tactile", 4), ("vision", 3), ("fused", 4), ("rapidocr relief", 2))
         for levels in (LESS, MORE)
     ]
-    found = list(between_readers(group_trials(trials, (GIVEN_FACTOR,))))
-    assert all(c.first.levels == c.second.levels and c.parts == 3 for c in found)
-    assert [(c.first.mode, c.second.mode) for c in found[:4]] == [
+    pairs = list(between_readers(group_trials(trials, (GIVEN_FACTOR,))))
+    assert all(c.first.levels == c.second.levels and c.parts == 3 for c in pairs)
+    assert [(c.first.mode, c.second.mode) for c in pairs[:4]] == [
         ("fused", "tactile"), ("fused", "rapidocr relief"), ("tactile", "vision"), ("tactile", "rapidocr relief"),
     ]  # fmt: skip
     others = [t for t in trials if t.mode in ("rapidocr relief",)] + [
@@ -114,10 +112,10 @@ def test_no_group_holds_a_part_twice() -> None:
     trials = [
         trial(k, 3, soil="ab"[k % 2], severity=0.3, **levels) for k in range(4) for levels in (LESS, MORE)
     ]
-    found = statistics_of(trials, ("soil", "severity"))
-    assert [g.serials.total for g in found.by_mode] == [4, 4]
-    assert [c.serials.total for c in found.cells] == [2, 2, 2, 2]
-    assert [g.key.mode for g in found.by_severity] == ["tactile"] * 2
+    statistics = statistics_of(trials, ("soil", "severity"))
+    assert [g.serials.total for g in statistics.by_mode] == [4, 4]
+    assert [c.serials.total for c in statistics.cells] == [2, 2, 2, 2]
+    assert [g.key.mode for g in statistics.by_severity] == ["tactile"] * 2
 
 
 SOILS = ("rust", "mud", "paint")
@@ -127,14 +125,14 @@ PARTS = 400
 
 def trials_of_soils(mode: str = "tactile") -> list[Trial]:
     """Of every soil 350 sure and right, 50 doubtful ones, of which half are wrong."""
-    made = []
+    trials = []
     for soil in SOILS:
         for k in range(PARTS):
             sure = k < 350
             text = "A1" if sure or k % 2 else "B1"
             confidence = 0.995 if sure else 0.6
-            made.append(Trial(f"{soil}-{k}", k, {"soil": soil}, mode, "A1", text, "review", confidence))
-    return made
+            trials.append(Trial(f"{soil}-{k}", k, {"soil": soil}, mode, "A1", text, "review", confidence))
+    return trials
 
 
 def at_risk(rows: list[Trial], *risks: float) -> list[RiskAcceptance]:
@@ -142,10 +140,10 @@ def at_risk(rows: list[Trial], *risks: float) -> list[RiskAcceptance]:
 
 
 def test_the_threshold_of_other_soils_is_used_whatever_the_reader_decided() -> None:
-    (found,) = at_risk(trials_of_soils(), 0.01)
-    assert (found.risk, found.accepted.count, found.accepted.total) == (0.01, 1050, 1200)
-    assert (found.wrong_of_accepted.count, found.wrong_of_accepted.total) == (0, 1050)
-    assert 0.6 < found.least[0] <= found.least[1] <= 0.995
+    (acceptance,) = at_risk(trials_of_soils(), 0.01)
+    assert (acceptance.risk, acceptance.accepted.count, acceptance.accepted.total) == (0.01, 1050, 1200)
+    assert (acceptance.wrong_of_accepted.count, acceptance.wrong_of_accepted.total) == (0, 1050)
+    assert 0.6 < acceptance.least[0] <= acceptance.least[1] <= 0.995
 
 
 def test_wrong_ones_of_the_soil_left_out_are_counted_and_do_not_move_its_own_threshold() -> None:
@@ -153,17 +151,17 @@ def test_wrong_ones_of_the_soil_left_out_are_counted_and_do_not_move_its_own_thr
         replace(t, text="B1") if t.levels["soil"] == "mud" and t.confidence > 0.9 and t.number < 2 else t
         for t in trials_of_soils()
     ]
-    (found,) = at_risk(rows, 0.01)
-    assert found.wrong_of_accepted.count == 2
-    assert found.accepted.count == 1050
+    (acceptance,) = at_risk(rows, 0.01)
+    assert acceptance.wrong_of_accepted.count == 2
+    assert acceptance.accepted.count == 1050
 
 
 def test_a_reading_that_breaks_a_contract_is_never_accepted() -> None:
     rows = [replace(t, broken=t.number % 2 == 0) for t in trials_of_soils()]
     rows[1] = replace(rows[1], error="FileError: x", text="")
     rows[3] = replace(rows[3], decision="reject")
-    (found,) = at_risk(rows, 0.01)
-    assert (found.accepted.count, found.accepted.total) == (598, 1200)
+    (acceptance,) = at_risk(rows, 0.01)
+    assert (acceptance.accepted.count, acceptance.accepted.total) == (598, 1200)
 
 
 @pytest.mark.parametrize(

@@ -58,9 +58,9 @@ def test_flips_are_counted_part_by_part() -> None:
 
 
 def test_all_other_findings_are_of_parts_as_they_are() -> None:
-    found = statistics_of(TRIALS)
-    assert [g.serials.total for g in found.by_mode] == [4]
-    assert PERTURBED not in found.levels
+    statistics = statistics_of(TRIALS)
+    assert [g.serials.total for g in statistics.by_mode] == [4]
+    assert PERTURBED not in statistics.levels
     assert statistics_of(TRIALS[:4]).stability == ()
     assert changes(TRIALS, TRIALS[:4]).flips == ()
 
@@ -82,7 +82,7 @@ def steadfast(part: ExamPart) -> str:
 def test_every_part_is_read_again_by_those_whom_the_perturbation_reaches(tmp_path: Path) -> None:
     SIZES.clear()
     reading = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
-    names = tuple(f"{__name__}:{own.__name__}" for own in (misled, steadfast))
+    names = tuple(f"{__name__}:{reader.__name__}" for reader in (misled, steadfast))
     benchmark = Benchmark(designed_parts(), names, reading, PERTURBATIONS)
     trials = run_benchmark(benchmark, tmp_path)
     assert [t.perturbed for t in trials if t.mode == names[0]] == ["", *(p.name for p in PERTURBATIONS)]
@@ -122,11 +122,11 @@ def test_an_accepted_serial_that_becomes_another_fails_the_run(
     arguments = [
         "benchmark", "run", "--perturb", "--dirt", "0", "--parts", "1", "--format", "A9",
     ]  # fmt: skip
-    bad, good = (f"{__name__}:{own.__name__}" for own in (misled, steadfast))
+    bad, good = (f"{__name__}:{reader.__name__}" for reader in (misled, steadfast))
     assert main([*arguments, "--mode", bad, "--out", str(tmp_path / "bad")]) == 1
-    said = capsys.readouterr()
-    assert "accepted as A1, and under scale as B2" in said.out
-    assert "became other accepted serials" in said.err
+    printed = capsys.readouterr()
+    assert "accepted as A1, and under scale as B2" in printed.out
+    assert "became other accepted serials" in printed.err
     page = (tmp_path / "bad" / "report.html").read_text(encoding="utf-8")
     assert 'id="stability"' in page
     assert "Accepted as one serial, and perturbed as another" in page

@@ -62,9 +62,9 @@ def test_a_serial_shifted_by_one_has_two_edits_and_all_places_wrong() -> None:
 
 
 def test_confusion_has_a_class_of_its_own_for_missing_and_extra() -> None:
-    found = confusion([trial("A8", "A3"), trial("A8", "A"), trial("A8", "A8B")])
-    assert (found["A", "A"], found["8", "8"]) == (3, 1)
-    assert mistakes(found) == [("8", "3", 1), ("8", MISSING, 1), (EXTRA, "B", 1)]
+    counts = confusion([trial("A8", "A3"), trial("A8", "A"), trial("A8", "A8B")])
+    assert (counts["A", "A"], counts["8", "8"]) == (3, 1)
+    assert mistakes(counts) == [("8", "3", 1), ("8", MISSING, 1), (EXTRA, "B", 1)]
 
 
 def test_a_share_of_nothing_knows_nothing_and_one_of_more_than_all_is_refused() -> None:
@@ -77,9 +77,9 @@ def test_parts_drawn_again_give_the_spread_of_independent_parts() -> None:
     """The half-width against 1.96 standard errors of the mean over parts, which a few hundred parts obey."""
     rng = np.random.default_rng(4)
     right = rng.binomial(8, rng.beta(8, 2, size=300))
-    found = bootstrap_share(right, np.full(300, 8))
-    low, high = found.low, found.high
-    assert found.value == right.sum() / 2400
+    estimate = bootstrap_share(right, np.full(300, 8))
+    low, high = estimate.low, estimate.high
+    assert estimate.value == right.sum() / 2400
     error = np.std(right / 8, ddof=1) / math.sqrt(300)
     assert (high - low) / 2 == pytest.approx(1.96 * error, rel=0.08)  # 2000 draws: quantiles to some 4 %
     assert low < right.sum() / 2400 < high
@@ -101,10 +101,10 @@ def test_the_interval_is_the_bca_of_scipy() -> None:
 
     rng = np.random.default_rng(6)
     right = rng.binomial(8, rng.beta(8, 1, size=60))
-    found = bootstrap_share(right.tolist(), [8] * 60)
+    estimate = bootstrap_share(right.tolist(), [8] * 60)
     again = bootstrap((right / 8,), np.mean, method="BCa", n_resamples=20000, random_state=rng)
-    assert found.low == pytest.approx(again.confidence_interval.low, abs=0.004)
-    assert found.high == pytest.approx(again.confidence_interval.high, abs=0.004)
+    assert estimate.low == pytest.approx(again.confidence_interval.low, abs=0.004)
+    assert estimate.high == pytest.approx(again.confidence_interval.high, abs=0.004)
 
 
 def test_the_headline_is_the_mean_over_severities_and_relative_to_the_baseline_over_soils() -> None:
@@ -138,19 +138,19 @@ def test_reliability_agrees_with_scikit_learn() -> None:
     from sklearn.calibration import calibration_curve
 
     rng = np.random.default_rng(5)
-    said = rng.uniform(size=3000)
-    right = rng.uniform(size=3000) < said**1.5
-    found = reliability(said, right)
-    true, predicted = calibration_curve(right, said, n_bins=10)
-    assert [b.right.value for b in found.bins] == pytest.approx(true.tolist())
-    assert [b.confidence for b in found.bins] == pytest.approx(predicted.tolist())
-    weights = np.histogram(said, bins=np.linspace(0, 1, 11))[0] / 3000
-    assert found.error == pytest.approx(float(weights @ np.abs(true - predicted)))
+    confidences = rng.uniform(size=3000)
+    right = rng.uniform(size=3000) < confidences**1.5
+    diagram = reliability(confidences, right)
+    true, predicted = calibration_curve(right, confidences, n_bins=10)
+    assert [b.right.value for b in diagram.bins] == pytest.approx(true.tolist())
+    assert [b.confidence for b in diagram.bins] == pytest.approx(predicted.tolist())
+    weights = np.histogram(confidences, bins=np.linspace(0, 1, 11))[0] / 3000
+    assert diagram.error == pytest.approx(float(weights @ np.abs(true - predicted)))
 
 
 def test_an_honest_confidence_has_no_calibration_error() -> None:
-    found = reliability([0.75] * 4 + [1.0] * 5 + [0.0], [True, True, True, False] + [True] * 5 + [False])
-    assert found.error == 0.0
+    diagram = reliability([0.75] * 4 + [1.0] * 5 + [0.0], [True, True, True, False] + [True] * 5 + [False])
+    assert diagram.error == 0.0
     with pytest.raises(ValueError, match="between 0 and 1"):
         reliability([1.2], [True])
 
@@ -158,25 +158,25 @@ def test_an_honest_confidence_has_no_calibration_error() -> None:
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([0.1, 0.5, 0.5, 0.9]), st.booleans()), min_size=1, max_size=6))
 def test_the_risk_is_the_mean_over_all_orders_that_the_confidence_allows(
-    said: list[tuple[float, bool]],
+    readings: list[tuple[float, bool]],
 ) -> None:
     orders = [
         order
-        for order in itertools.permutations(said)
+        for order in itertools.permutations(readings)
         if all(a[0] >= b[0] for a, b in itertools.pairwise(order))
     ]
     wrong = np.array([[not right for _, right in order] for order in orders], dtype=float)
-    risks = np.cumsum(wrong, axis=1) / np.arange(1, len(said) + 1)
-    found = risk_coverage([c for c, _ in said], [r for _, r in said])
-    np.testing.assert_allclose(found.risk, risks.mean(axis=0), atol=1e-12)
-    assert found.area == pytest.approx(float(risks.mean()))
-    assert found.least_area <= found.area + 1e-12
+    risks = np.cumsum(wrong, axis=1) / np.arange(1, len(readings) + 1)
+    curve = risk_coverage([c for c, _ in readings], [r for _, r in readings])
+    np.testing.assert_allclose(curve.risk, risks.mean(axis=0), atol=1e-12)
+    assert curve.area == pytest.approx(float(risks.mean()))
+    assert curve.least_area <= curve.area + 1e-12
 
 
 def test_coverage_without_risk_ends_at_the_first_mistake() -> None:
-    found = risk_coverage([0.9, 0.8, 0.7, 0.6], [True, True, False, True])
-    assert found.coverage_at(0.0) == 0.5
-    assert found.coverage_at(0.25) == 1.0
+    curve = risk_coverage([0.9, 0.8, 0.7, 0.6], [True, True, False, True])
+    assert curve.coverage_at(0.0) == 0.5
+    assert curve.coverage_at(0.25) == 1.0
     assert risk_coverage([0.5, 0.5], [True, False]).coverage_at(0.0) == 0.0
 
 
@@ -184,12 +184,12 @@ def test_coverage_without_risk_ends_at_the_first_mistake() -> None:
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=7))
 def test_the_permutation_test_counts_out_every_exchange(pairs: list[tuple[int, int]]) -> None:
     first, second = ([p[k] for p in pairs] for k in (0, 1))
-    found = compare_characters(first, second, [4] * len(pairs))
+    test = compare_characters(first, second, [4] * len(pairs))
     d = np.array(first) - np.array(second)
     sums = np.array([np.dot(signs, d) for signs in itertools.product((-1, 1), repeat=d.size)])
-    assert found.difference.value == pytest.approx(d.sum() / (4 * d.size))
-    assert found.p_differ == pytest.approx(np.mean(np.abs(sums) >= abs(d.sum())))
-    assert found.difference.low is None  # fewer than eight parts
+    assert test.difference.value == pytest.approx(d.sum() / (4 * d.size))
+    assert test.p_differ == pytest.approx(np.mean(np.abs(sums) >= abs(d.sum())))
+    assert test.difference.low is None  # fewer than eight parts
 
 
 def test_what_became_of_the_parts() -> None:
@@ -209,8 +209,8 @@ def test_fused_is_compared_with_the_better_single_mode() -> None:
     def of(mode: str, texts: str) -> list[Trial]:
         return [trial("A", t, mode=mode, part=f"p{k}") for k, t in enumerate(texts)]
 
-    found = statistics_of([*of("tactile", "AABB"), *of("vision", "AAAB"), *of("fused", "AAAA")])
-    first = found.comparisons[0]
+    statistics = statistics_of([*of("tactile", "AABB"), *of("vision", "AAAB"), *of("fused", "AAAA")])
+    first = statistics.comparisons[0]
     assert (first.first.mode, first.second.mode) == ("fused", "vision")
     assert (first.serials.only_first, first.serials.only_second) == (1, 0)
     assert first.characters.difference.value == 0.25
@@ -221,8 +221,8 @@ def test_fused_is_compared_with_the_better_single_mode() -> None:
 def test_figures_are_plain_json_values() -> None:
     import json
 
-    found = statistics_of([trial("A1", "A1"), trial("A1", "A7", part="q")])
-    told = json.loads(json.dumps(plain(list(found.by_mode))))
+    statistics = statistics_of([trial("A1", "A1"), trial("A1", "A7", part="q")])
+    told = json.loads(json.dumps(plain(list(statistics.by_mode))))
     assert told[0]["serials"] == {"count": 1, "total": 2, "share": 0.5, "low": 0.094531, "high": 0.905469}
     assert told[0]["mistakes"] == [["1", "7", 1]]
     assert "compute_s" not in told[0]

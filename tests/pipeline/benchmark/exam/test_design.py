@@ -46,14 +46,14 @@ def design(**more: Any) -> Design:
 @given(st.integers(1, 4), st.integers(1, 5), st.integers(1, 4), st.integers(0, 3))
 def test_every_cell_has_every_level_equally_often(cells: int, first: int, second: int, seed: int) -> None:
     whole = cells * first * second
-    made = design(
+    exam = design(
         parts=whole, seed=seed, cross=("severity",),
         part={
             "severity": [k / 10 for k in range(cells)], "height_mm": [3.0 + k for k in range(first)],
             "depth_mm": [0.1 * (k + 1) for k in range(second)],
         },
     )  # fmt: skip
-    plan_parts = [condition for *_, condition in made.plan_parts()]
+    plan_parts = [condition for *_, condition in exam.plan_parts()]
     for factor, levels in (("height_mm", first), ("depth_mm", second)):
         pairs = Counter((c["severity"], c[factor]) for c in plan_parts)
         assert set(pairs.values()) == {whole // cells // levels}
@@ -68,18 +68,18 @@ def test_every_severity_has_all_levels_equally_often_after_any_round(
     severities: int, formats: int, levels: int, rounds: int, seed: int
 ) -> None:
     cells = severities * formats
-    made = design(
+    exam = design(
         parts=cells * rounds, seed=seed, cross=("severity", "format"),
         part={
             "severity": [k / 10 for k in range(severities)], "format": ["A", "9", "A9", "9A", "AA"][:formats],
             "height_mm": [3.0 + k for k in range(levels)],
         },
     )  # fmt: skip
-    plan_parts = [condition for *_, condition in made.plan_parts()]
+    plan_parts = [condition for *_, condition in exam.plan_parts()]
     for parts in range(cells, len(plan_parts) + 1, cells):
         counts = Counter((c["severity"], c["height_mm"]) for c in plan_parts[:parts])
-        for severity in made.part["severity"]:
-            each = [counts[severity, height] for height in made.part["height_mm"]]
+        for severity in exam.part["severity"]:
+            each = [counts[severity, height] for height in exam.part["height_mm"]]
             assert max(each) - min(each) <= 1
 
 
@@ -113,39 +113,39 @@ def test_a_longer_design_begins_as_a_shorter_one() -> None:
 def test_a_file_gives_the_parts_it_declares(tmp_path: Path) -> None:
     path = tmp_path / "two-soils.toml"
     path.write_text(TOML)
-    made = Design.load(path)
-    assert (made.name, made.n_parts, len(made.cells(made.all_sections()[0]))) == ("two-soils", 12, 6)
-    items = DesignedParts(made).items()
+    exam = Design.load(path)
+    assert (exam.name, exam.n_parts, len(exam.cells(exam.all_sections()[0]))) == ("two-soils", 12, 6)
+    items = DesignedParts(exam).items()
     assert items[4].part == "glyphs.soiling.workshop.mixture_workshop-0.5-0000"
     assert items[0].given == ("format", "font,format")
     assert len({item.part for item in items}) == 12
     assert Counter(item.condition["font"] for item in items) == {"gothic": 6, "futuram": 6}
-    specimens = [DesignedParts(made).make(item).truth for item in items]
+    specimens = [DesignedParts(exam).make(item).truth for item in items]
     assert len(set(specimens)) > 6  # serials of their own, where cells are not alike
 
 
 def test_sections_have_levels_of_their_own() -> None:
-    made = design(
+    exam = design(
         parts=0,
         section=[
             {"name": "a", "parts": 4},
             {"name": "b", "parts": 6, "kept_out": True, "part": {"font": "futuram"}},
         ],
     )
-    fonts = [(section.name, condition.font) for section, _, _, condition in made.plan_parts()]
+    fonts = [(section.name, condition.font) for section, _, _, condition in exam.plan_parts()]
     assert fonts == [("a", "gothic")] * 4 + [("b", "futuram")] * 6
-    numbers = [item.number for item in DesignedParts(made).items()]
+    numbers = [item.number for item in DesignedParts(exam).items()]
     assert len(set(numbers)) == 10
 
 
 def test_parts_of_a_design_without_sections_are_numbered_from_nought() -> None:
     """Several designs at once: a number must not hang on where in memory a section lies."""
-    kept = [DesignedParts(design(parts=parts)).items() for parts in (3, 12, 40)]
-    assert [[item.number for item in items] for items in kept] == [list(range(n)) for n in (3, 12, 40)]
+    item_lists = [DesignedParts(design(parts=parts)).items() for parts in (3, 12, 40)]
+    assert [[item.number for item in items] for items in item_lists] == [list(range(n)) for n in (3, 12, 40)]
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "problem"),
     [
         ({"parts": 0}, "give parts, parts_a_cell or sections"),
         ({"cross": ("soil",)}, "cross names soil"),
@@ -156,13 +156,13 @@ def test_parts_of_a_design_without_sections_are_numbered_from_nought() -> None:
         ({"given": ()}, "name at least one"),
     ],
 )
-def test_what_cannot_be_is_named(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(SettingsError, match=said):
+def test_what_cannot_be_is_named(change: dict[str, Any], problem: str) -> None:
+    with pytest.raises(SettingsError, match=problem):
         design(**change)
 
 
 @pytest.mark.parametrize(
-    ("part", "error", "said"),
+    ("part", "error", "problem"),
     [
         ({"colour": "red"}, SettingsError, "no factor 'colour'.*height_mm"),
         ({"light": "moon"}, SettingsError, "no light 'moon'"),
@@ -176,20 +176,22 @@ def test_what_cannot_be_is_named(change: dict[str, Any], said: str) -> None:
         ({"generator": "sketched", "die": "sharp"}, SettingsError, "a sketched part has no die"),
     ],
 )
-def test_parts_that_cannot_be_made_are_named(part: dict[str, Any], error: type[Exception], said: str) -> None:
-    with pytest.raises(error, match=said):
+def test_parts_that_cannot_be_made_are_named(
+    part: dict[str, Any], error: type[Exception], problem: str
+) -> None:
+    with pytest.raises(error, match=problem):
         DesignedParts(design(part=part))
 
 
 def test_a_file_that_is_no_design_is_named_with_its_setting(tmp_path: Path) -> None:
     path = tmp_path / "d.toml"
-    for text, said in (
+    for text, problem in (
         ("parts = 'x'\n[part]\n", "says parts = 'x'"),
         ("parts = [", "is not TOML"),
         (TOML.replace("font,format", "serial"), "cannot be given 'serial'"),
     ):
         path.write_text(text)
-        with pytest.raises(FileError, match=f"d.toml.*{said}"):
+        with pytest.raises(FileError, match=f"d.toml.*{problem}"):
             Design.load(path)
 
 
@@ -202,19 +204,19 @@ def test_a_file_that_is_no_design_is_named_with_its_setting(tmp_path: Path) -> N
     ],
 )
 def test_what_a_reader_is_given(text: str, levels: tuple[bool, ...]) -> None:
-    found = parse_given(text)
-    assert tuple(given_levels(found).values()) == levels
-    assert parse_given(found) == found
+    facts = parse_given(text)
+    assert tuple(given_levels(facts).values()) == levels
+    assert parse_given(facts) == facts
 
 
 def test_a_designs_parts_may_be_read_by_others() -> None:
-    made = design(given=("format",))
-    assert made.with_given(()) is made
-    other = made.with_given(("height,font", "nothing"))
+    exam = design(given=("format",))
+    assert exam.with_given(()) is exam
+    other = exam.with_given(("height,font", "nothing"))
     assert other.given == ("font,height", "nothing")
-    assert list(other.plan_parts()) == list(made.plan_parts())
+    assert list(other.plan_parts()) == list(exam.plan_parts())
     with pytest.raises(SettingsError, match="cannot be given"):
-        made.with_given(("serial",))
+        exam.with_given(("serial",))
 
 
 def test_a_condition_knows_what_it_was_not_given() -> None:
@@ -232,8 +234,8 @@ def test_the_first_parts_of_an_edition_hold_all_severities() -> None:
 
 
 def test_a_design_crosses_both_generators() -> None:
-    made = design(cross=["generator", "severity"], parts=4, part={"generator": ["stamped", "sketched"]})
-    parts = DesignedParts(made)
+    exam = design(cross=["generator", "severity"], parts=4, part={"generator": ["stamped", "sketched"]})
+    parts = DesignedParts(exam)
     for item in parts.items():
         specimen = parts.make(item)
         assert specimen.truth == parts.truth_of(item)
@@ -246,12 +248,12 @@ def test_a_design_crosses_both_generators() -> None:
 
 @pytest.mark.parametrize("edition", ["marks-exam-2-1000", "marks-exam-2-96"])
 def test_the_second_exam_has_nothing_that_anything_was_fitted_to(edition: str) -> None:
-    made = design_named(edition)
-    assert all(section.kept_out for section in made.all_sections())
-    assert set(made.part["soil"]) == set(made.kept_out_soils)
-    assert set(made.fonts) == set(made.font_names)
-    for font in made.font_names:
-        assert kept_out(Path(made.fonts[font].file))
+    exam = design_named(edition)
+    assert all(section.kept_out for section in exam.all_sections())
+    assert set(exam.part["soil"]) == set(exam.kept_out_soils)
+    assert set(exam.fonts) == set(exam.font_names)
+    for font in exam.font_names:
+        assert kept_out(Path(exam.fonts[font].file))
 
 
 CLEAN = Soiling()

@@ -25,12 +25,12 @@ FITS = re.compile(r"\bsklearn\b|\btorch\b|curve_fit|\.fit\.json")
 
 def kept_out_fonts() -> set[str]:
     """Names, files and hashes of the fonts that only sections kept out have."""
-    kept: set[str] = set()
+    fonts: set[str] = set()
     for design in map(design_named, editions()):
         for section in design.all_sections():
             if section.kept_out:
-                kept |= {word for font in fonts_of(design, section.part) for word in marks_of(design, font)}
-    return kept
+                fonts |= {word for font in fonts_of(design, section.part) for word in marks_of(design, font)}
+    return fonts
 
 
 def fonts_of(design: Design, part: dict[str, tuple[str | bool | float, ...]]) -> set[str]:
@@ -53,10 +53,10 @@ def manifests() -> list[Path]:
 
 
 def fitting_code() -> list[Path]:
-    found: set[Path] = set()
+    paths: set[Path] = set()
     for folder in (*FLOORS, "tests/benchmarks"):
-        found |= {path for path in (ROOT / folder).rglob("*.py") if FITS.search(path.read_text("utf-8"))}
-    return sorted(found)
+        paths |= {path for path in (ROOT / folder).rglob("*.py") if FITS.search(path.read_text("utf-8"))}
+    return sorted(paths)
 
 
 def named_in(path: Path) -> set[str]:
@@ -69,10 +69,10 @@ def named_in(path: Path) -> set[str]:
 
 
 def offences(path: Path) -> Iterator[str]:
-    kept = kept_out_fonts()
+    fonts = kept_out_fonts()
     if path.relative_to(ROOT).as_posix() not in (SCALE,):
-        kept = kept | kept_out_soils()
-    yield from sorted(kept & named_in(path))
+        fonts = fonts | kept_out_soils()
+    yield from sorted(fonts & named_in(path))
 
 
 def test_the_editions_keep_something_out_and_no_section_shares_it() -> None:
@@ -97,8 +97,8 @@ def test_no_code_that_fits_names_what_is_kept_out(path: Path) -> None:
 
 
 def test_the_known_fits_are_among_those_looked_at() -> None:
-    found = {path.relative_to(ROOT).as_posix() for path in (*manifests(), *fitting_code())}
-    assert {"tests/benchmarks/soil_severity.py", SCALE} <= found
+    paths = {path.relative_to(ROOT).as_posix() for path in (*manifests(), *fitting_code())}
+    assert {"tests/benchmarks/soil_severity.py", SCALE} <= paths
 
 
 def test_every_fitted_file_has_a_manifest() -> None:

@@ -40,14 +40,16 @@ def _labels(folder: Path) -> list[dict[str, object]]:
 def test_a_part_is_written_as_it_is_made(exam: tuple[DesignedParts, Path]) -> None:
     parts, folder = exam
     for item in parts.items():
-        made, path = parts.make(item), folder / "parts" / f"{item.part}.npz"
-        np.testing.assert_array_equal(read_height_map(path).z_mm, made.height_map.z_mm)
-        assert (read_part_map(path).soil is None) == (made.soil is None) == (item.condition.severity == 0.0)
+        specimen, path = parts.make(item), folder / "parts" / f"{item.part}.npz"
+        np.testing.assert_array_equal(read_height_map(path).z_mm, specimen.height_map.z_mm)
+        assert (
+            (read_part_map(path).soil is None) == (specimen.soil is None) == (item.condition.severity == 0.0)
+        )
         with Image.open(folder / "ideal" / f"{item.part}.png") as picture:
             step, zero = float(picture.text["step"]), int(picture.text["zero"])  # type: ignore[attr-defined]
             heights = (np.asarray(picture, dtype=np.float64) - zero) * step
         # rounded to a step
-        np.testing.assert_allclose(heights, made.height_map.z_mm, atol=0.5001 * step)
+        np.testing.assert_allclose(heights, specimen.height_map.z_mm, atol=0.5001 * step)
 
 
 def test_truth_in_all_layouts(exam: tuple[DesignedParts, Path]) -> None:
@@ -60,13 +62,13 @@ def test_truth_in_all_layouts(exam: tuple[DesignedParts, Path]) -> None:
     assert len(lines) == 2 * 4
     assert all((folder / path).is_file() for path, _ in lines)
     assert {text for _, text in lines} == set(texts.values())
-    for path, found in (line.split("\t") for line in (folder / "det_gt.txt").read_text().splitlines()):
-        asked, beside = json.loads(found)
-        assert asked["transcription"] in texts.values()
+    for path, boxes in (line.split("\t") for line in (folder / "det_gt.txt").read_text().splitlines()):
+        wanted_line, beside = json.loads(boxes)
+        assert wanted_line["transcription"] in texts.values()
         assert beside["transcription"] == "###"
         with Image.open(folder / path) as picture:
-            assert max(x for x, _ in asked["points"]) < picture.width
-            assert max(y for _, y in asked["points"]) < picture.height
+            assert max(x for x, _ in wanted_line["points"]) < picture.width
+            assert max(y for _, y in wanted_line["points"]) < picture.height
     pictures = [json.loads(line) for line in (folder / "truth.jsonl").read_text().splitlines()]
     assert [p["view"] for p in pictures] == 2 * ["photo", "edges", "relief", "ideal"]
     assert all("".join(c["char"] for c in p["characters"]) == p["transcription"] for p in pictures)
@@ -153,8 +155,8 @@ def test_values_come_back_to_half_a_step(tmp_path: Path, most: float) -> None:
         pixels = np.asarray(picture)
     assert pixels.dtype == np.uint16
     assert pixels[2, 3] == 0
-    found = np.where(pixels == 0, np.nan, (pixels.astype(float) - int(text["zero"])) * float(text["step"]))
-    np.testing.assert_allclose(found, values, atol=0.5001 * step)
+    decoded = np.where(pixels == 0, np.nan, (pixels.astype(float) - int(text["zero"])) * float(text["step"]))
+    np.testing.assert_allclose(decoded, values, atol=0.5001 * step)
     assert (text["unit"], text["pitch_mm"], text["origin_mm"]) == ("mm", "0.05", "0.5 -1")
     assert step == step_of(values)
     assert step == FINEST or step / 2 * 32767 < most  # the least that fits

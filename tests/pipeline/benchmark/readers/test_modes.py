@@ -67,7 +67,7 @@ def test_without_a_contract_a_reading_that_broke_it_alone_is_accepted() -> None:
 
 
 def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyPatch) -> None:
-    term = next(one for one in score_of("tactile").terms if one is not Measure.ODDS)
+    term = next(measure for measure in score_of("tactile").terms if measure is not Measure.ODDS)
     worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
     measures = {Measure.ODDS: 9.0, term: worst}
     groups = {tuple(measures): lambda: measures}
@@ -101,9 +101,9 @@ def lattice(**belief: tuple[float, float]) -> Lattice:
 
 
 def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
-    own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
+    beliefs = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
     doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
-    line = replace(believed_line(own), by_expert={"network": own, "templates": doubting})
+    line = replace(believed_line(beliefs), by_expert={"network": beliefs, "templates": doubting})
 
     def whole(line: ReadLine, source: Source = "tactile") -> Reading:
         log = Log(seconds={"scan": 2.0})
@@ -136,9 +136,9 @@ def test_a_part_is_read_once_for_all_of_them(tmp_path: Path, monkeypatch: pytest
     assert read.call_count == 1
     assert tuple(t.mode for t in trials) == APART
     assert not any(t.error for t in trials)
-    whole, own, templates = trials
-    assert whole.text == own.text == templates.text == whole.truth
-    assert own.scan_s == whole.scan_s > 0.0
+    whole, network, templates = trials
+    assert whole.text == network.text == templates.text == whole.truth
+    assert network.scan_s == whole.scan_s > 0.0
     compared = {(c.first.mode, c.second.mode) for c in statistics_of(trials).comparisons}
     assert compared == {("tactile", "tactile network"), ("tactile", "tactile templates")}
 
@@ -148,9 +148,9 @@ def test_four_lights_are_read_as_one_and_the_camera_alone_reads_one() -> None:
     item = parts.items()[0]
     specimen, reader = parts.make(item), Reader(ReaderSettings(format=item.condition.format))
     senses = PartReadings(specimen, reader)
-    several, one = (open_mode(name, reader).read(senses)[0] for name in ("lights", "vision"))
-    assert (several.photos, one.photos) == (4, 1)
-    assert several.text == one.text == specimen.truth
+    several, single = (open_mode(name, reader).read(senses)[0] for name in ("lights", "vision"))
+    assert (several.photos, single.photos) == (4, 1)
+    assert several.text == single.text == specimen.truth
     # what other modes take is not charged to it
     assert {"photographs", "lights", "photograph", "vision"} == senses.seconds.keys()
     folder = PartReadings(replace(specimen, take_lights=None), reader)

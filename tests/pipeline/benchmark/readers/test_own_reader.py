@@ -46,7 +46,7 @@ def ends(part: ExamPart) -> str:
 def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     parts = designed_parts(given=("format", "height"))
     reading = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
-    names = tuple(f"{__name__}:{own.__name__}" for own in (look, by_text, faulty, ends))
+    names = tuple(f"{__name__}:{reader.__name__}" for reader in (look, by_text, faulty, ends))
     trials = run_benchmark(Benchmark(parts, names, reading), tmp_path)
     first, text, fault, ended, _, unformatted, *_ = trials
     assert (first.text, first.accepted, first.confidence) == ("A1", True, pytest.approx(0.81))
@@ -64,15 +64,15 @@ def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "problem"),
     [
         ("nowhere:read", "cannot be found"),
         (f"{__name__}:SHOWN", "not a function"),
         (":read", "not in the form module:name"),
     ],
 )
-def test_a_reader_that_is_not_there_is_named(name: str, said: str) -> None:
-    with pytest.raises(SettingsError, match=said):
+def test_a_reader_that_is_not_there_is_named(name: str, problem: str) -> None:
+    with pytest.raises(SettingsError, match=problem):
         open_mode(name, Reader(ReaderSettings()))
 
 

@@ -60,14 +60,14 @@ class Page(HTMLParser):
 
 
 def trial(part: int, text: str, **more: object) -> Trial:
-    given: dict[str, object] = {
+    fields: dict[str, object] = {
         "part": f"gothic-A9-0.3-{part:04d}", "number": part,
         "levels": {"severity": 0.3, "font": "gothic", "format": "A9"},
         "mode": "tactile", "truth": "A1", "decision": "accept", "confidence": 0.9,
         "characters": tuple(ReadCharacter(c, 0.95, 0.9) for c in text), "compute_s": 1.0, "scan_s": 60.0,
         "simulated_s": 0.75 if more.get("mode", "tactile") == "tactile" else 0.0,
     }  # fmt: skip
-    return Trial(text=text, **{**given, **more})  # type: ignore[arg-type]
+    return Trial(text=text, **{**fields, **more})  # type: ignore[arg-type]
 
 
 TRIALS = [
@@ -115,9 +115,9 @@ def test_the_table_has_a_line_a_trial(written: Path) -> None:
 
 def test_the_tables_for_documents_are_those_of_the_trials(written: Path) -> None:
     text = (written / report.DOCUMENT).read_text(encoding="utf-8")
-    first, given, headlines, leaders, pairs, *more = text.strip().split("\n\n")
+    first, facts, headlines, leaders, pairs, *more = text.strip().split("\n\n")
     assert first == "tactile-marks benchmark run --seed 1"
-    assert given == "Readers are given nothing. Touch: real sensors."
+    assert facts == "Readers are given nothing. Touch: real sensors."
     assert "| tactile | – | 50.0 | 20.0 | 40.0 | – |" in headlines
     assert "| fused | vision | +0.0 (–) | 0 | 0 | 1.000 |" in pairs
     assert more[-1] == "1 trials have no reading; they count as read empty. report.html lists the errors."
@@ -166,8 +166,8 @@ def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_r
     item = parts.items()[0]
     truth = parts.make(item).truth
     read = WorstPart((trial(0, "A1", truth="?" + truth),), "", "font,height,format")
-    found = draw_worst(benchmark, (read, item))
-    assert (found.picture, found.problem) == ("", f"made again, it is another part, with {truth} stamped")
+    shown = draw_worst(benchmark, (read, item))
+    assert (shown.picture, shown.problem) == ("", f"made again, it is another part, with {truth} stamped")
 
 
 def test_parts_unlike_the_certified_ones_are_told_by_mode() -> None:
@@ -175,9 +175,9 @@ def test_parts_unlike_the_certified_ones_are_told_by_mode() -> None:
     alike = [dict(part) for part in measured(20, seed=2)]
     trials = [replace(trial(k, "A1"), measures=rough[k]) for k in range(20)]
     trials += [replace(trial(k, "A1", mode="fused"), measures=alike[k]) for k in range(20)]
-    found = report.drift_of(trials, a_certificate(sources=("fused", "tactile")))
-    assert list(found) == ["tactile"]
-    assert "fine roughness" in found["tactile"]
+    drift = report.drift_of(trials, a_certificate(sources=("fused", "tactile")))
+    assert list(drift) == ["tactile"]
+    assert "fine roughness" in drift["tactile"]
 
 
 def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) -> None:
@@ -185,11 +185,11 @@ def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) ->
     parts = designed_parts(parts=4, soil=("workshop", "rust"), given=("format", "font,format"))
     trials = [
         Trial(
-            item.part, item.number, {**item.condition.levels, **given_levels(given)}, mode, "A1",
-            "A1" if item.condition["soil"] == "workshop" or ("font" in given and item.number % 2) else "A7",
+            item.part, item.number, {**item.condition.levels, **given_levels(facts)}, mode, "A1",
+            "A1" if item.condition["soil"] == "workshop" or ("font" in facts and item.number % 2) else "A7",
             "review", 0.5,
         )
-        for item in parts.items() for given in item.given for mode in ("tactile", "rapidocr relief")
+        for item in parts.items() for facts in item.given for mode in ("tactile", "rapidocr relief")
     ]  # fmt: skip
     benchmark = Benchmark(parts, ("tactile", "rapidocr relief"), ReaderSettings())
     with pytest.MonkeyPatch.context() as patch:
@@ -216,10 +216,10 @@ def test_two_parts_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
         "--format", "99", "--fidelity", "pointwise", "--give", "font,height,format",
     ]  # fmt: skip
     assert main(arguments) == 0
-    said = capsys.readouterr().out
-    assert max(len(line) for line in said.splitlines() if not line.startswith("wrote")) <= 80
-    assert f"wrote {out / 'report.html'}" in said
-    row, *_ = (line.split() for line in said.splitlines() if line.startswith(" tactile"))
+    printed = capsys.readouterr().out
+    assert max(len(line) for line in printed.splitlines() if not line.startswith("wrote")) <= 80
+    assert f"wrote {out / 'report.html'}" in printed
+    row, *_ = (line.split() for line in printed.splitlines() if line.startswith(" tactile"))
     assert row[:3] == ["tactile", "2", "0.0"]
     times = [(float(r["reading_s"]), float(r["compute_s"])) for r in csv_rows(out / "benchmark.csv")]
     assert all(0.0 < reading < compute for reading, compute in times)  # the scan is simulated

@@ -18,8 +18,10 @@ TRUTH = {"p1": "K4", "p2": "R7", "p3": "X1"}
 
 
 def test_every_comparison_is_made_on_the_parts_it_can_be_made_on() -> None:
-    found = [(a.kind, a.who, a.parts.count, a.parts.total, a.disagreed) for a in agreements(RATINGS, TRUTH)]
-    assert found == [
+    comparisons = [
+        (a.kind, a.who, a.parts.count, a.parts.total, a.disagreed) for a in agreements(RATINGS, TRUTH)
+    ]
+    assert comparisons == [
         (Kind.WITHIN, "A", 3, 4, ("p2",)),
         (Kind.WITHIN, "B", 3, 3, ()),
         (Kind.BETWEEN, "A, B, C", 1, 3, ("p2", "p3")),
@@ -87,11 +89,11 @@ def test_all_alike_have_no_kappa_and_serials_of_their_own_have_the_share() -> No
     assert fleiss_kappa([["A", "A"], ["A", "A"]]) is None
     assert mean_cohen_kappa([(["A", "A"], ["A", "A"])]) is None
     assert mean_cohen_kappa([([], [])]) is None
-    own = [[f"S{k}", f"S{k}"] for k in range(40)]
-    assert fleiss_kappa(own).value == pytest.approx(1.0)  # type: ignore[union-attr]
-    own[:4] = [[f"S{k}", f"T{k}"] for k in range(4)]
+    serials = [[f"S{k}", f"S{k}"] for k in range(40)]
+    assert fleiss_kappa(serials).value == pytest.approx(1.0)  # type: ignore[union-attr]
+    serials[:4] = [[f"S{k}", f"T{k}"] for k in range(4)]
     # 36 of 40 agree; by chance about 1 in 40 does
-    assert fleiss_kappa(own).value == pytest.approx(0.9, abs=0.005)  # type: ignore[union-attr]
+    assert fleiss_kappa(serials).value == pytest.approx(0.9, abs=0.005)  # type: ignore[union-attr]
 
 
 def test_ratings_that_do_not_match_are_refused() -> None:
@@ -117,8 +119,8 @@ AIAG = np.array(
 
 def test_the_manuals_example() -> None:
     """Table III-B 7 and the ones after it."""
-    found = gauge_rr(AIAG)
-    rows = {row.source: row for row in found.table}
+    study = gauge_rr(AIAG)
+    rows = {row.source: row for row in study.table}
     assert rows["parts"].squares == pytest.approx(88.3619, abs=1e-4)
     assert rows["appraisers"].squares == pytest.approx(3.1673, abs=1e-4)
     assert rows["parts x appraisers"].squares == pytest.approx(0.3590, abs=1e-4)
@@ -128,14 +130,14 @@ def test_the_manuals_example() -> None:
         9, 2, 18, 60, 89,
     ]  # fmt: skip
     assert rows["parts x appraisers"].f == pytest.approx(0.434, abs=1e-3)
-    assert found.pooled
-    assert found.repeatability_mm == pytest.approx(0.199933, abs=1e-6)
-    assert found.reproducibility_mm == pytest.approx(0.226838, abs=1e-6)
-    assert found.gauge_mm == pytest.approx(0.302373, abs=2e-6)  # rounded in between there
-    assert found.part_mm == pytest.approx(1.042327, abs=1e-6)
-    assert found.share == pytest.approx(0.279, abs=5e-4)
-    assert found.categories == 4
-    assert found.verdict == "marginal"
+    assert study.pooled
+    assert study.repeatability_mm == pytest.approx(0.199933, abs=1e-6)
+    assert study.reproducibility_mm == pytest.approx(0.226838, abs=1e-6)
+    assert study.gauge_mm == pytest.approx(0.302373, abs=2e-6)  # rounded in between there
+    assert study.part_mm == pytest.approx(1.042327, abs=1e-6)
+    assert study.share == pytest.approx(0.279, abs=5e-4)
+    assert study.categories == 4
+    assert study.verdict == "marginal"
 
 
 @pytest.mark.parametrize("appraisers", [1, 20])
@@ -145,20 +147,20 @@ def test_what_was_put_in_comes_out(appraisers: int) -> None:
     x = 0.2 + 0.02 * rng.standard_normal((200, 1, 1)) + 0.003 * rng.standard_normal((200, appraisers, 3))
     x = x + 0.005 * rng.standard_normal((1, appraisers, 1)) * (appraisers > 1)
     x = x + 0.004 * rng.standard_normal((200, appraisers, 1)) * (appraisers > 1)
-    found = gauge_rr(x)
-    assert found.part_mm == pytest.approx(0.02, rel=0.15)
-    assert found.repeatability_mm == pytest.approx(0.003, rel=0.1)
+    study = gauge_rr(x)
+    assert study.part_mm == pytest.approx(0.02, rel=0.15)
+    assert study.repeatability_mm == pytest.approx(0.003, rel=0.1)
     if appraisers == 1:
-        assert found.reproducibility_mm is None
+        assert study.reproducibility_mm is None
     else:
-        assert not found.pooled
+        assert not study.pooled
         # of 20 appraisers the standard error is 0.005 / sqrt(40)
-        assert found.reproducibility_mm == pytest.approx(np.hypot(0.005, 0.004), abs=4 * 0.005 / 40**0.5)
+        assert study.reproducibility_mm == pytest.approx(np.hypot(0.005, 0.004), abs=4 * 0.005 / 40**0.5)
 
 
 def test_a_gauge_that_never_varies() -> None:
-    found = gauge_rr(np.repeat([0.125, 0.25, 0.5], 4).reshape(3, 2, 2))
-    assert (found.gauge_mm, found.share, found.categories, found.verdict) == (0.0, 0.0, None, "good")
+    study = gauge_rr(np.repeat([0.125, 0.25, 0.5], 4).reshape(3, 2, 2))
+    assert (study.gauge_mm, study.share, study.categories, study.verdict) == (0.0, 0.0, None, "good")
     alike = gauge_rr(np.full((3, 1, 2), 0.25))
     assert (alike.total_mm, alike.share) == (0.0, 0.0)
 

@@ -32,12 +32,12 @@ def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> lis
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
-    """Every measurement that is asked for."""
-    given: list[tuple[str, Retake | None]] = []
+def requests(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
+    """Every measurement that is requested, with its retake."""
+    calls: list[tuple[str, Retake | None]] = []
 
     def read(job: PartJob) -> Reading:
-        given.append((job.files.name, job.retake))
+        calls.append((job.files.name, job.retake))
         if job.files.name == "bad":
             raise MarksError("is broken")
         if job.files.name == "faulty":
@@ -45,7 +45,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
         return reading_of("A 1")
 
     monkeypatch.setattr(repeats, "reading_of", read)
-    return given
+    return calls
 
 
 def test_numbered_recordings_are_one_part_and_a_number_alone_is_none() -> None:
@@ -57,33 +57,33 @@ def test_numbered_recordings_are_one_part_and_a_number_alone_is_none() -> None:
 
 
 def test_recordings_come_as_they_are_and_what_lacks_is_perturbed(
-    asked: list[tuple[str, Retake | None]], tmp_path: Path
+    requests: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
     plan = StudyPlan(ReadSettings(), repeats=3, arrays=1)
-    found = measured(plan, studied_parts([RECORDED, SECOND, MAP]), tmp_path)
-    assert [(m.part, m.number, m.levels["recorded"]) for m in found] == [
+    trials = measured(plan, studied_parts([RECORDED, SECOND, MAP]), tmp_path)
+    assert [(m.part, m.number, m.levels["recorded"]) for m in trials] == [
         ("r", 1, True), ("r", 2, True), ("r", 3, False), ("m", 1, False), ("m", 2, False), ("m", 3, False),
     ]  # fmt: skip
-    assert [name for name, _ in asked] == ["r.1", "r.2", "r.1", "m", "m", "m"]
-    seeds = [again.seed for _, again in asked if again is not None]
+    assert [name for name, _ in requests] == ["r.1", "r.2", "r.1", "m", "m", "m"]
+    seeds = [again.seed for _, again in requests if again is not None]
     assert len(set(seeds)) == 4
-    assert {m.text for m in found} == {"A1"}
-    assert {m.mode for m in found} == {"the reader"}
+    assert {m.text for m in trials} == {"A1"}
+    assert {m.mode for m in trials} == {"the reader"}
 
 
 def test_an_array_keeps_its_sensors_from_trial_to_trial(
-    asked: list[tuple[str, Retake | None]], tmp_path: Path
+    requests: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
-    found = measured(StudyPlan(ReadSettings(), 2, 2), studied_parts([MAP]), tmp_path)
-    assert [(m.mode, m.number) for m in found] == [
+    trials = measured(StudyPlan(ReadSettings(), 2, 2), studied_parts([MAP]), tmp_path)
+    assert [(m.mode, m.number) for m in trials] == [
         ("array 1", 1), ("array 1", 2), ("array 2", 1), ("array 2", 2),
     ]  # fmt: skip
-    assert [again.array for _, again in asked if again is not None] == [0, 0, 1, 1]
-    assert len({again.seed for _, again in asked if again is not None}) == 4
+    assert [again.array for _, again in requests if again is not None] == [0, 0, 1, 1]
+    assert len({again.seed for _, again in requests if again is not None}) == 4
 
 
 def test_what_cannot_be_read_is_a_trial_with_its_error(
-    asked: list[tuple[str, Retake | None]], tmp_path: Path
+    requests: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
     parts = studied_parts([PartFiles("bad", scan="bad.h5"), PartFiles("faulty", scan="f.h5")])
     bad, faulty = measured(StudyPlan(ReadSettings(), 1, 1), parts, tmp_path)
@@ -92,14 +92,14 @@ def test_what_cannot_be_read_is_a_trial_with_its_error(
 
 
 def test_a_study_goes_on_where_it_was_broken_off(
-    asked: list[tuple[str, Retake | None]], tmp_path: Path
+    requests: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
     plan = StudyPlan(ReadSettings(), repeats=2, arrays=1)
     first = measured(plan, studied_parts([MAP]), tmp_path)
-    asked.clear()
+    requests.clear()
     both = measured(plan, studied_parts([MAP, PartFiles("n", height_map="n.npz")]), tmp_path)
     assert both[:2] == first
-    assert [name for name, _ in asked] == ["n", "n"]
+    assert [name for name, _ in requests] == ["n", "n"]
     with pytest.raises(FileError, match=r"another study \(repeats was 2, now 3\)"):
         measured(StudyPlan(ReadSettings(), repeats=3, arrays=1), studied_parts([MAP]), tmp_path)
 
@@ -154,14 +154,14 @@ def test_a_part_whose_depth_is_not_known_each_time_is_left_out() -> None:
         *trials("c", [0.30, None, 0.30, 0.31]),
     ]  # fmt: skip
     ada = [Trial(part, 1, {"recorded": True}, "Ada", "", text) for part, text in (("a", "A1"), ("b", "B1"))]
-    found = Study(tuple(measured), tuple(ada), {"a": "A1"})
-    assert found.depthless == ("c",)
-    assert found.depth is not None
-    assert (found.depth.parts, found.depth.appraisers, found.depth.trials) == (2, 2, 2)
-    assert found.appraisers == ("array 1", "array 2", "Ada")
-    between = next(a for a in found.serials if a.kind == "between")
+    study = Study(tuple(measured), tuple(ada), {"a": "A1"})
+    assert study.depthless == ("c",)
+    assert study.depth is not None
+    assert (study.depth.parts, study.depth.appraisers, study.depth.trials) == (2, 2, 2)
+    assert study.appraisers == ("array 1", "array 2", "Ada")
+    between = next(a for a in study.serials if a.kind == "between")
     assert between.disagreed == ("b",)
-    assert all(not a.disagreed for a in found.serials if "truth" in a.kind)
+    assert all(not a.disagreed for a in study.serials if "truth" in a.kind)
     few = Study(tuple(measured[:4]))
     assert few.depth is None
     assert "fewer than two parts" in few.no_depth

@@ -108,7 +108,7 @@ def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureF
         tmp_path, "part,text,accepted", *(f"p{k},AB0{k // 2},yes" for k in range(7)), "z,A,no", name="b.csv"
     )
     score([half, all_right], truth=truth, out=tmp_path / "B", give="format")
-    said = capsys.readouterr()
+    printed = capsys.readouterr()
     document = (tmp_path / "B" / "benchmark.md").read_text()
     # of 32 characters: one wrong in each of p1 to p6, all four of p7
     assert re.search(
@@ -116,9 +116,9 @@ def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureF
         document,
     )
     assert re.search(r"\| b \| a \| −31\.2 \([^|]* \| 0 \| 7 \| 0\.016 \|", document)
-    assert " b " in said.out
-    assert "b: 1 without an answer, counted as read empty: p7" in said.err
-    assert "b: 1 not in the exam, not counted: z" in said.err
+    assert " b " in printed.out
+    assert "b: 1 without an answer, counted as read empty: p7" in printed.err
+    assert "b: 1 not in the exam, not counted: z" in printed.err
     written = json.loads((tmp_path / "B" / "benchmark.json").read_text())
     assert (written["parts"], written["benchmark"]["modes"]) == (8, ["b", "a"])
     assert len((tmp_path / "B" / "benchmark.csv").read_text().splitlines()) == 1 + 2 * 8

@@ -215,8 +215,8 @@ def test_a_book_comes_back_as_it_was(tmp_path: Path) -> None:
     with TrialJournal(tmp_path, SEEDED) as book:
         book.keep("p", (TRIAL,))
     for again in (TrialJournal.read(tmp_path), TrialJournal(tmp_path, SEEDED)):
-        (found,) = again.done["p"]
-        assert asdict(found) == asdict(TRIAL)
+        (trial,) = again.done["p"]
+        assert asdict(trial) == asdict(TRIAL)
 
 
 def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
