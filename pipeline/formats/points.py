@@ -120,7 +120,8 @@ def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
         raise DataError(f"holds its points as {form}", hint)
     sizes = [int(size) * count for size, count in zip(head["SIZE"], counts, strict=True)]
     count = int(head["POINTS"][0])
-    if min(sizes) < 0:
+    # before there is a type: NumPy has none for records of gigabytes
+    if min(sizes) < 0 or len(data) - end < count * sum(sizes):
         raise DataError(*CUT_SHORT)
     record = np.dtype({
         "names": ["x", "y", "z"],

@@ -23,6 +23,7 @@ from pipeline.formats.grid import part_map
 from pipeline.formats.raw_map import RawMap
 from pipeline.formats.touch_file import read_height_map
 from recognition.see.levelling import square_to_plate
+from tests.support.bad_files import PCD_HEAD
 from tests.support.tilted import tilted
 
 trimesh = lazy_loader.load("trimesh")
@@ -188,6 +189,7 @@ def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:
         ("a.stl", bytes(80) + b"\xff\xff\xff\x7f" + bytes(50), "damaged|holds 0 points"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n", "ends too soon"),
         ("a.ply", b"hello, this is text", "damaged"),
+        ("a.pcd", PCD_HEAD % 1_000_000_000 + bytes(1200), "ends too soon"),
         ("a.xyz", b"0 0 0\n1 2 1\n2 4 0\n3 6 1\n4 8 0\n", "holds a profile"),
         ("a.las", b"LASF" + bytes(50), "ends too soon"),
         ("a.ply", NO_Y, "has no y; export x, y and z"),
