@@ -68,12 +68,9 @@ class _Pass:
 
 
 def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
-    """Read a scan from trace files; moments in N mm, volts unchanged. Its notes name faults of the signals.
+    """Read a scan from trace files, in the order of recording; moments in N mm, volts unchanged.
 
-    Args:
-        paths: trace files, in the order in which they were recorded.
-        layout: description of the files.
-        touch: the whiskers.
+    Its notes name faults of the signals.
 
     Raises:
         FileError: a file that cannot be used, with its line or channel.
@@ -314,11 +311,7 @@ def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restar
 def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, position_unit: str) -> None:
     """Refuse times or positions with an impossibly slow or fast stage; the hint names the likely unit.
 
-    Args:
-        step_mm: step from sample to sample.
-        rate_hz: samples a second.
-        time_unit: unit of the times; None if the rate was stated.
-        position_unit: unit of the positions.
+    `time_unit` is None if the rate was stated.
 
     Raises:
         DataError: the speed is impossible.

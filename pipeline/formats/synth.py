@@ -121,14 +121,8 @@ def write_parts(
 ) -> list[tuple[str, str]]:
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
 
-    Args:
-        spec: settings of the parts.
-        folder: output folder, made if missing.
-        parts: number of parts.
-        photos: whether to take photographs.
-        overwrite: whether to write into a folder that is not empty.
-        each: calls a function with every number and gives the results in order, as `map` does; the files written do
-            not depend on it.
+    `each` calls a function with every number and gives the results in order, as `map` does; the files written do not
+    depend on it.
 
     Returns:
         (name, text) of each part.

@@ -63,13 +63,8 @@ def table_lines(
 ) -> Iterator[TableLine]:
     """Read the lines of a table, headings (if any) included; one line is in memory at a time.
 
-    Bytes that are not UTF-8 are read as Windows-1252.
-
-    Args:
-        path: CSV file or workbook.
-        comments: skip lines that begin with #.
-        delimiter: between cells (default: detected).
-        skip_lines: lines to skip at the start, where the delimiter is given.
+    Bytes that are not UTF-8 are read as Windows-1252. Lines are only skipped at the start where the delimiter is given
+    (default: detected), those with # (`comments`) anywhere.
 
     Raises:
         DataError: it is neither text nor a workbook, or not CSV; names the line.

@@ -18,13 +18,9 @@ _POINTER_BYTES, _MOST_COMMENT_BYTES = 20, 65_535
 def check_zip(
     path: Path, *, most_bytes: int | None = None, ending: str = "", hint: str = "export the map alone"
 ) -> None:
-    """Refuse an archive of too many members, or of too many bytes.
+    """Refuse an archive of too many members, or of too many bytes in those with an ending (lower case).
 
-    Args:
-        path: the file.
-        most_bytes: most bytes that its members may unpack to, together (default: members are checked one by one later).
-        ending: ending of the names of the members that count, in lower case.
-        hint: what to do with one that is refused.
+    Without `most_bytes` the members are checked one by one later.
 
     Raises:
         DataError: it is refused.

@@ -97,10 +97,7 @@ def ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 def bootstrap_share(right: Sequence[int], total: Sequence[int], *, least: float = 0.0) -> Estimate:
     """A share of characters with its 95 % interval; those of one part share its dirt, so whole parts are resampled.
 
-    Args:
-        right: (parts,) characters right, or the difference between two readers.
-        total: (parts,) characters.
-        least: least share of a part: -1 for a difference.
+    `right` and `total` are (parts,); for a difference of two readers the least share of a part is -1.
     """
     return (
         resample(np.array([right, total], dtype=np.float64).T, ratio, least=least)
@@ -144,12 +141,7 @@ class CharacterTest:
 
 
 def compare_characters(first: Sequence[int], second: Sequence[int], total: Sequence[int]) -> CharacterTest:
-    """Compare two modes on the same parts by their characters: permutation test and bootstrap, both by part.
-
-    Args:
-        first: (parts,) characters right by the first.
-        second: (parts,) by the second.
-        total: (parts,) characters.
+    """Compare two modes by their characters right, (parts,) each: permutation test and bootstrap, both by part.
 
     Raises:
         ValueError: the lengths differ.

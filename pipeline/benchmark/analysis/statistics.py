@@ -67,13 +67,7 @@ class Headline:
 def headlines_of(
     by_mode: Mapping[GroupKey, Sequence[Trial]], by_severity: Sequence[Group], *, baseline: str
 ) -> Iterator[Headline]:
-    """Compute the headline of every mode that read dirty parts.
-
-    Args:
-        by_mode: trials of every mode.
-        by_severity: figures of every mode at every severity.
-        baseline: mode to which errors are relative.
-    """
+    """Compute the headline of every mode that read dirty parts; errors are relative to those of the baseline mode."""
     edits_by_soil: dict[GroupKey, Counter[Level]] = {key: Counter() for key in by_mode}
     for key, trials in by_mode.items():
         for trial in trials:
@@ -134,11 +128,8 @@ def statistics_of(
 ) -> Statistics:
     """Compute the statistics of the trials of all parts and modes.
 
-    Args:
-        all_trials: the trials.
-        crossed: factors of the design's cells.
-        risks: risks at which readers are compared.
-        baseline: mode to which errors are relative: a public reader, shown the usual picture.
+    `crossed` are the factors of the design's cells. Readers are compared at the risks. Errors are relative to those of
+    the baseline: a public reader, shown the usual picture.
     """
     trials = unperturbed(all_trials)
     facts = tuple(dict.fromkeys(t.given for t in trials))

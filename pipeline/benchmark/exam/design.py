@@ -222,11 +222,7 @@ def of_flags(
 ) -> Design:
     """Make a design that crosses fonts, formats, soils and severities, with the same stamped parts in every cell.
 
-    Args:
-        levels: levels of these and other factors that replace the defaults.
-        parts: number of parts in each cell.
-        seed: seed of all random numbers.
-        given: facts that readers are given.
+    `levels` replace the defaults of these and other factors; `parts` is the number in each cell.
 
     Raises:
         SettingsError: an invalid value; the message names the setting.

@@ -104,10 +104,7 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
 def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:
     """Most likely character at each place of a format, with its posterior; empty if there are too few steps.
 
-    Args:
-        beliefs: (steps, classes) probabilities; class 0 is the blank.
-        classes: text of each class.
-        places: characters allowed at each place.
+    `beliefs` are (steps, classes) probabilities, class 0 the blank; `places` the characters allowed at each place.
     """
     chars = "".join(sorted(set("".join(places))))
     index = {name: k for k, name in enumerate(classes)}
@@ -128,9 +125,7 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
     """Decode the best class of every step, without repeats and blanks; a run has the highest probability of its steps.
 
-    Args:
-        beliefs: (steps, classes) probabilities; class 0 is the blank.
-        classes: text of each class.
+    `beliefs` are (steps, classes) probabilities, class 0 the blank.
     """
     best = beliefs.argmax(axis=1)
     runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
@@ -165,12 +160,7 @@ def _tesseract(chars: str) -> LineReader:
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """Make a mode that reads with a third-party engine.
-
-    Args:
-        engine: "rapidocr" or "tesseract".
-        picture: a name of `pipeline.benchmark.readers.pictures.PICTURES`.
-        format: format of the serial; None: any letter or digit.
+    """Make a mode that reads one of `PICTURES` with a third-party engine; without a format any letter or digit.
 
     Raises:
         ModeUnavailableError: the engine or its data are not installed.

@@ -54,14 +54,9 @@ def write_report(
     benchmark: Benchmark, trials: Sequence[Trial], folder: Path, *, certificate: Certificate | None = None,
     executor: Executor | None = None,
 ) -> tuple[str, tuple[Path, ...], Statistics]:  # fmt: skip
-    """Write the page, the tables and the figures.
+    """Write the page, the tables and the figures; the executor draws the worst parts (default: this process).
 
-    Args:
-        benchmark: the benchmark.
-        trials: trials of all parts and modes, in order.
-        folder: output folder.
-        certificate: certificate that the parts were read with, if any.
-        executor: executor that draws the worst parts (default: this process).
+    `certificate` is the one that the parts were read with, if any.
 
     Returns:
         The tables in Markdown, the paths of all files, and the figures.
@@ -94,10 +89,7 @@ def write_report(
 def document_of(statistics: Statistics, drift: Mapping[str, str] | None = None, *, touch: str = "") -> str:
     """The tables in Markdown, for documents and the console.
 
-    Args:
-        statistics: all figures.
-        drift: differences of the parts of a mode from the certified ones, in words, by mode.
-        touch: the array that felt the parts, in words; empty if unknown.
+    `drift` says by mode how its parts differ from the certified ones, `touch` by which array they were felt.
     """
     return render("benchmark.md.j2", **_tables(statistics), drift=drift or {}, touch=touch)
 

@@ -42,15 +42,11 @@ def run_study(
     reviewers: Path | None = None,
     truth: Path | None = None,
 ) -> tuple[Study, str, tuple[Path, ...]]:
-    """Measure every part several times, and write the report.
+    """Measure every part of folders, globs and manifests several times, and write the report.
 
-    Args:
-        plan: plan of the measurements; recordings and photographs have one array.
-        inputs: parts, folders, globs and manifests.
-        out: folder of the report; it also holds the journal of an interrupted study.
-        workers: settings of the workers that read.
-        reviewers: table of the texts that people read.
-        truth: table of the stamped texts (default for parts in a manifest: the expected text).
+    Recordings and photographs have one array. `reviewers` is a table of the texts that people read, `truth` of the
+    stamped ones (default: the texts that a manifest expects). The folder also holds the journal of a study that was
+    interrupted.
 
     Returns:
         The study, its tables in Markdown, and the files written.

@@ -43,13 +43,9 @@ class Answers:
 
 
 def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) -> Answers:
-    """Load a table of answers (format: see the module).
+    """Load a table of answers (format: see the module) to the parts of an exam with their truth.
 
-    Args:
-        path: the table.
-        items: the parts of the exam with their truth.
-        reader: name of the reader.
-        given: facts that the reader knew beside the parts.
+    `given` are the facts that the reader knew beside the parts.
 
     Raises:
         FileError: there is no such table, a part has two lines, or a value is invalid; names the line.
