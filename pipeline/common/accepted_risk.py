@@ -58,7 +58,6 @@ class ThresholdTest:
     Attributes:
         accepted: number of parts with at least this score.
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
-        shown: whether the risk is shown to hold here.
     """
 
     threshold: float
@@ -192,12 +191,7 @@ def risk_thresholds(
 ) -> Mapping[float, ThresholdTest]:
     """Find the proven threshold of each risk; a risk that no threshold is shown to keep has none.
 
-    Args:
-        scores: score of each reading that breaks no contract.
-        right: whether each is right.
-        risks: risks, each tested by itself.
-        thresholds: strictest first; chosen before any part is read.
-        groups, start_share: see `threshold_tests`.
+    Arguments are those of `threshold_tests`; each risk is tested by itself.
     """
     tests_of = partial(
         threshold_tests,
@@ -217,12 +211,8 @@ def parts_missing(
 ) -> int | None:
     """Estimate how many more parts would show the risk to hold at some threshold; None if no number would.
 
-    The estimate assumes the same shares of accepted and of wrong readings among further parts.
-
-    Args:
-        parts: number of these parts, accepted or not.
-        risk: largest share of wrong readings among the accepted.
-        most_wrong: number of wrong readings at which the search ends.
+    The estimate assumes the same shares of accepted and of wrong readings among further parts. The search ends at
+    `most_wrong` wrong readings.
     """
     totals = []
     for test in tests:

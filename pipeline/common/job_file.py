@@ -48,7 +48,6 @@ class JobFile:
     Attributes:
         name: the stem of its file.
         settings: settings of the reader, with absolute paths.
-        sha256: SHA-256 of the file.
     """
 
     name: str
@@ -76,14 +75,7 @@ def read_keys(path: Path) -> tuple[dict[str, Any], str]:
 
 
 def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
-    """Check the keys of a job file, which need not exist yet.
-
-    Args:
-        digest: SHA-256 of the file.
-
-    Raises:
-        FileError: as in `read_job_file`.
-    """
+    """Check the keys of a job file, which need not exist yet; errors as in `read_job_file`."""
     if not re.fullmatch(NAME, path.stem):
         raise FileError(path, "is not a valid name for a job", _NAME_HINT)
     if "mode" in written:
@@ -101,12 +93,7 @@ def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
 
 
 def job_text(written: Mapping[str, Any], lines: Iterable[str]) -> str:
-    """The text of a job file.
-
-    Args:
-        written: its keys, checked; `line` is ignored.
-        lines: as in `ReadSettings.line`.
-    """
+    """The text of a job file; `lines`, as in `ReadSettings.line`, stand in place of the keys' own."""
     named: dict[str, Any] = {}
     for line in map(NamedLine.parse, lines):
         named[line.name] = {"format": line.format} | ({} if line.region is None else {"region": line.region})

@@ -1,4 +1,7 @@
-"""Output files and folders: checked before the work starts, and written whole or not at all."""
+"""Output files and folders: checked before the work starts, and written whole or not at all.
+
+All functions raise FileError for a place that cannot be written.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def make_folder(folder: Path) -> None:
-    """Make an output folder and its parents if needed.
-
-    Raises:
-        FileError: it cannot be made.
-    """
+    """Make an output folder and its parents if needed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -32,9 +31,6 @@ def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
 
     Args:
         suffixes: suffixes that it may have (default: any).
-
-    Raises:
-        FileError: it cannot be written.
     """
     if suffixes and path.suffix.lower() not in suffixes:
         raise FileError(path, "has an unsupported output format", f"end it in {', '.join(suffixes)}")
@@ -50,21 +46,13 @@ def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text; lone surrogates, which file names may hold, are written as escapes.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write a text; lone surrogates, which file names may hold, are written as escapes."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(path: Path, value: object) -> None:
-    """Write JSON.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write JSON."""
     write_text(path, json.dumps(value, indent=1, ensure_ascii=False) + "\n")
 
 
@@ -73,9 +61,6 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
 
     Args:
         rows: the headings first; None is an empty cell.
-
-    Raises:
-        FileError: it cannot be written.
     """
     with (
         replacing(path) as temporary,

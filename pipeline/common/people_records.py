@@ -43,12 +43,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ClaimRecord:
-    """A part that a person works on.
-
-    Attributes:
-        holder: as in `Person.holder`.
-        who: the person's name; empty if unknown yet.
-    """
+    """A part that a person works on; `holder` as in `Person.holder`."""
 
     part_id: str
     holder: str

@@ -10,11 +10,7 @@ from pathlib import Path
 
 
 def private_folder(path: Path) -> None:
-    """Make a folder for its owner alone; if it exists, remove the access of others (`close_to_others`).
-
-    Raises:
-        OSError: it cannot be made.
-    """
+    """Make a folder for its owner alone; if it exists, remove the access of others (`close_to_others`)."""
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     close_to_others(path)
 
@@ -24,9 +20,6 @@ def private_file(path: Path) -> None:
 
     An existing file is not opened: closing it would release all locks that this process has on it, and another process
     could then remove the log of a store that is open here.
-
-    Raises:
-        OSError: it cannot be made.
     """
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o600))

@@ -33,43 +33,24 @@ _ACTIONS = ("clean", "clean first", "re-strike")
 
 
 def row_of(record: ReadingRecord) -> dict[str, Any]:
-    """Cells of one part, in the order of the columns.
+    """Cells of one part, in the order of the columns: fields of `ReadingRecord` as they are, the others as short texts.
 
     Columns:
-        part: name of the part.
-        text: text that was read; empty if nothing was.
-        decision: accept, review or reject; empty with an error.
-        confidence: confidence that the whole text is right, 0 to 1.
-        source: tactile, vision or fused.
-        seconds: time from the opening of its files to the decision; for a part that cannot be read, until the error.
-        error: why there is no reading; empty if there is one.
-        font: font whose templates fit best.
-        height_mm: character height found; None if unknown in mm.
-        rotation_deg: rotation of the line, from +x towards +y.
-        raised: raised marks.
         flags: messages about the reading and about rules that the mark breaks.
         alternatives: a place's other candidates with their probabilities, as "3: 8 0.21, B 0.02; 5: S 0.01", places
             from 1.
-        depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
-        depth_mean_mm: mean depth of the characters; None if unknown.
+        depth_min_mm, depth_mean_mm: least and mean depth of all characters; None if unknown.
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where not measured.
-        expected: the text that the part should read; empty if none is known.
-        verdict: confirmed, refuted or undecided; empty if no text was expected.
-        verify_probability: probability that the part has the expected text; None if no text was expected.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
         rivals: other possible serials with their probabilities, as "KB74 0.021, KB71 0.013".
         grade: mark quality, A to F, of the worst character; empty if none was graded.
         grades: grades of all characters, a letter each; "?" where too little was scanned.
         action: action for the mark and its places, as "clean 3 5, re-strike 7"; empty if none is needed.
-        height_px: character height in pixels, of a photograph whose scale is unknown; else None.
         lines: the part's other lines, as "lot=LOT77;date=12/26"; one that the settings do not name is just "SN8".
         codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
         fields: named fields of the marking, as "MFR=0AB12;SER=KB74"; empty without names.
         burr_mm: height of the highest rim beside a character's strokes; None if unknown.
         at: time of the reading, ISO 8601.
-        program: version of the program.
-        settings: hash of the settings; rows with the same hash were read with the same settings.
-        accept_risk: greatest share of wrong readings among those accepted; None with an error.
     """
 
     places = record.characters

@@ -39,11 +39,7 @@ class SerialAlarm(StrEnum):
 
 @dataclass(frozen=True)
 class Objection:
-    """Reason to send a part to review although it was read with certainty.
-
-    Attributes:
-        of: id of the part that already has the serial; empty otherwise.
-    """
+    """Reason to send a part to review although it was read with certainty; `of`: the part that has the serial."""
 
     alarm: SerialAlarm
     why: str
@@ -57,11 +53,7 @@ def with_objection(reading: ReadingRecord, objection: Objection) -> ReadingRecor
 
 
 class NumberedSerial(NamedTuple):
-    """A serial with a number that counts: KX407251 is KX, 407251.
-
-    Attributes:
-        number: the number that counts up, the last one in the serial.
-    """
+    """A serial with a number that counts: KX407251 is KX, 407251. The last number in it counts."""
 
     head: str
     number: int
@@ -98,13 +90,7 @@ class ProductionOrder:
 
 @dataclass(frozen=True)
 class SerialRules:
-    """Rules for serials.
-
-    Attributes:
-        duplicates: refuse a serial that another part already has.
-        jump: largest distance of a serial from its expected number; 0: no limit.
-        order: production order; None: any serial.
-    """
+    """Rules for serials; `jump` is the largest distance of a serial from its expected number, 0: no limit."""
 
     duplicates: bool = False
     jump: int = 0

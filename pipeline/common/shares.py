@@ -9,11 +9,7 @@ CONFIDENCE_LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Share:
-    """k of n, with its interval.
-
-    Attributes:
-        low: lower end of the 95 % interval; 0 without trials.
-        high: upper end; 1 without trials.
+    """k of n, with its 95 % interval; 0 to 1 without trials.
 
     Raises:
         ValueError: the count is below 0 or above the total.
@@ -35,11 +31,7 @@ class Share:
 
 
 def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, float]:
-    """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself.
-
-    Args:
-        total: number of trials; for 0 the bounds are 0 and 1.
-        confidence: confidence of each bound, between 0 and 1.
+    """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself with this confidence.
 
     Raises:
         ValueError: the count is below 0 or above the total, or the confidence does not lie between 0 and 1.

@@ -93,8 +93,6 @@ def certify(
         FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
         MarksError: no sense keeps the risk of the settings, so that nothing would be accepted.
         SettingsError: the settings cannot be certified.
-        NothingFoundError: no part was found.
-        ValueError: the settings are invalid.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")

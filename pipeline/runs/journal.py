@@ -49,7 +49,8 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 class Journal(Generic[Stored]):
     """Stored results of the parts of one run.
 
-    A stored result survives any end of the process. One process has the journal at a time.
+    A stored result survives any end of the process. One process has the journal at a time. Methods that write raise
+    FileError if the disk refuses.
 
     Attributes:
         kind: kind of run, in one word.
@@ -144,21 +145,11 @@ class Journal(Generic[Stored]):
 
         Args:
             again: whether it is a second result, which is stored beside the first.
-
-        Raises:
-            FileError: it cannot be written.
         """
         return self.keep_all({name: result}, again=again)[name]
 
     def keep_all(self, results: Mapping[str, Stored], *, again: bool = False) -> Mapping[str, Stored]:
-        """Store the results of several parts, by name, and return them; a kill leaves all of them stored, or none.
-
-        Args:
-            again: as in `keep`.
-
-        Raises:
-            FileError: it cannot be written.
-        """
+        """Store the results of several parts, by name, and return them; a kill leaves all of them stored, or none."""
         columns = ("name", "again", "kept", *self.facts)
         marks = f"({', '.join('?' * len(columns))})"
         changed = ", ".join(f"{column} = excluded.{column}" for column in columns[2:])
@@ -212,11 +203,7 @@ class Journal(Generic[Stored]):
         self._db.close()
 
     def remove(self) -> None:
-        """End the run: its output is complete.
-
-        Raises:
-            FileError: the disk refuses.
-        """
+        """End the run: its output is complete."""
         self.close()
         with self._faults():
             sync_names(self.path.parent)

@@ -75,7 +75,6 @@ class RunJournal(Journal[ReadPart]):
     """The results of one run, and the table that grows with them, for one thread at a time.
 
     Attributes:
-        table: the file that the user asked for.
         written: whether there is a table; without one only the journal is written.
         previous: new name of the previous table; None if there was none with a row.
     """
@@ -160,11 +159,7 @@ class RunJournal(Journal[ReadPart]):
             yield second if second is not None and is_better(second.outline, first.outline) else first
 
     def keep_private(self) -> None:
-        """Make the files readable by their owner only; for records that are not the user's own table.
-
-        Raises:
-            FileError: the disk refuses.
-        """
+        """Make the files readable by their owner only; for records that are not the user's own table."""
         with self._faults():
             for path in self.path.parent.glob(f"{self.path.name}*"):
                 path.chmod(0o600)
@@ -224,11 +219,7 @@ def _outline(cells: Sequence[Any]) -> Outline:
 
 
 def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:
-    """Write the list of parts that could not be read with their problems; without parts remove it.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write the list of parts that could not be read with their problems; without parts remove it."""
     rows = [_quarantined(part, problem) for part, problem in bad]
     with writing(path):
         if rows:
@@ -285,7 +276,6 @@ class RunStore:
         """Store a part, and return whether it is new; a part that could not be read is skipped.
 
         Raises:
-            StoreError: the database does not answer.
             ValueError: a text that no store can hold.
             FileError: a picture cannot be kept.
         """
@@ -313,11 +303,7 @@ class RunStore:
         return True
 
     def send_to_review(self, record: ReadingRecord, objection: Objection) -> None:
-        """Send a stored part to review, unless a person has reviewed it.
-
-        Raises:
-            StoreError: the database does not answer.
-        """
+        """Send a stored part to review, unless a person has reviewed it."""
         from pipeline.store.errors import MAX_TEXT, cleaned
 
         name = cleaned(record.part)[:MAX_TEXT]

@@ -43,7 +43,6 @@ def parts_for(
     """List the parts of a command line that its mode can read.
 
     Raises:
-        NothingFoundError: no part was found.
         FileError: a manifest cannot be used.
     """
     return discover(
@@ -67,9 +66,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
 
     Raises:
         FileError: a table, order or lexicon cannot be used.
-        NothingFoundError: no part was found.
         ClusterError: the cluster cannot be used.
-        ValueError: the settings, a font, the format or the database cannot be used.
     """
     options.check()
     listing = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)

@@ -38,11 +38,7 @@ def print_table(records: Sequence[ReadingRecord]) -> None:
 
 
 def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[str]:
-    """Lay out the table.
-
-    Args:
-        width: columns of the terminal; None: as many as are needed.
-    """
+    """Lay out the table for a terminal of so many columns; None: as many as are needed."""
     cells = [_cells(record) for record in records]
     # leave out columns that are empty for all parts, except those that everybody looks for
     shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]

@@ -43,13 +43,10 @@ class Run:
 
     Attributes:
         quarantine: table of the parts that could not be read.
-        second: second pass, with the shapes learned from the lot.
         watch: compares the parts read now with those of a certificate.
         on_row: called with every final row, including those from before a resumption.
-        summary: summary of all these rows.
         read_now: number of parts read since the run was opened.
         known: number of these that the store already had.
-        finished: whether every part has been read.
     """
 
     journal: RunJournal

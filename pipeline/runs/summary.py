@@ -32,11 +32,8 @@ class Summary:
 
     Attributes:
         decisions: number of parts with each decision; errors have none.
-        errors: number of parts that could not be read.
         reasons: number of parts not accepted for each reason; a part may have several.
-        faults: number of parts with each kind of error.
         misfits: number of parts on which a clear text does not fit the format, for each way in which it does not.
-        seconds: seconds of work on all parts together.
         slowest: (seconds, part) of the slowest parts, slowest first.
     """
 

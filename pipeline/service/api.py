@@ -68,11 +68,7 @@ _LASTING = "private, max-age=31536000, immutable"
 
 @dataclass(frozen=True)
 class PartAnswer(PartRecord):
-    """A part in its present state, with links to more.
-
-    Attributes:
-        links: addresses of the part, its history, and of its pictures by name.
-    """
+    """A part in its present state, with the addresses of the part, its history, and its pictures by name."""
 
     links: Mapping[str, str] = field(default_factory=dict)
 
@@ -422,22 +418,14 @@ _OVER: dict[int | str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class FiguresAnswer(Statistics):
-    """The dashboard's numbers.
-
-    Attributes:
-        audits: estimate of the accepted parts that were accepted wrong, from those that people have audited.
-    """
+    """The dashboard's numbers, with an estimate of the accepted parts that were accepted wrong, from audits."""
 
     audits: AuditFigures
 
 
 @dataclass(frozen=True)
 class GoldenAnswer(GoldenRecord):
-    """A scan of the golden part.
-
-    Attributes:
-        worn: measures beyond their limits now, and what to do about them.
-    """
+    """A scan of the golden part, with the measures that are beyond their limits now, and what to do about them."""
 
     worn: tuple[str, ...] = ()
 

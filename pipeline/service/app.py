@@ -132,19 +132,11 @@ class Ports:
         return "; ".join(port.trouble for port in self._inputs.values() if port.trouble)
 
     def renew_keys(self, *, before: datetime) -> bool:
-        """Renew the keys of files as in `WatchedFolder`; return whether those of other files may be forgotten.
-
-        Raises:
-            StoreError: the store does not answer.
-        """
+        """Renew the keys of files as in `WatchedFolder`; return whether those of other files may be forgotten."""
         return self._watched is None or self._watched.renew_keys(before=before)
 
     def connections(self) -> tuple[Connection, ...]:
-        """The present connections.
-
-        Raises:
-            StoreError: the store does not answer.
-        """
+        """The present connections."""
         states = self._dispatcher.states
         waiting = self._intake.store.waiting_results() if states else {}
         targets = (replace(state, waiting=waiting.get(target)) for target, state in states.items())
@@ -264,9 +256,6 @@ class Service:
 
         The reason is empty if parts can be read. Both come within `READY_S`, also if the store is locked: only one
         check runs at a time, and later callers wait for it.
-
-        Raises:
-            StoreError: the store does not answer.
         """
         if self._readiness is None or self._readiness.done():
             self._readiness = self._checker.submit(self._check_readiness)
@@ -318,11 +307,7 @@ class Service:
         return {name: text for name, text in answer.items() if text}
 
     def look_for_alerts(self) -> None:
-        """Raise and clear alerts, and have them sent.
-
-        Raises:
-            StoreError: the store cannot be used.
-        """
+        """Raise and clear alerts, and have them sent."""
         limits = self.settings.alerts
         raised = self.store.look_for_alerts(
             limits={REJECT_RATE: limits.reject_rate, REVIEW_RATE: limits.review_rate},

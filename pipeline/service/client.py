@@ -58,7 +58,10 @@ class ServiceError(MarksError):
 
 
 class Client:
-    """A connection to a service; threads may share it."""
+    """A connection to a service; threads may share it.
+
+    Every request raises ServiceError if it is refused, or the service is not reached in time.
+    """
 
     def __init__(
         self,
@@ -131,7 +134,6 @@ class Client:
                 again even after a restart.
 
         Raises:
-            ServiceError: the request was refused, or the service was not reached in time.
             ValueError: there is neither a photograph nor a scan.
             OSError: a file cannot be read.
         """
@@ -149,17 +151,12 @@ class Client:
         """Add a scan to a part; the part is then read from photograph and scan together.
 
         Raises:
-            ServiceError: refused, or not reached in time.
             OSError: the file cannot be read.
         """
         return self._send_files(f"{_path(part_id)}/scan", [("scan", _read(scan, "scan.h5"))], idempotency_key)
 
     def touch(self, part_id: str) -> PartRecord:
-        """Have the service's own stage scan a part that waits for touch.
-
-        Raises:
-            ServiceError: refused, or not reached in time.
-        """
+        """Have the service's own stage scan a part that waits for touch."""
         return _record(PartRecord, self._send("POST", f"{_path(part_id)}/touch", repeatable=False))
 
     def review(
@@ -177,9 +174,6 @@ class Client:
         Args:
             action: confirm, correct or unreadable.
             before: text that the reviewer saw; if it has changed since, a ServiceError with status 409 is raised.
-
-        Raises:
-            ServiceError: refused, or not reached in time.
         """
         body = {
             "action": ReviewAction(action).value,
@@ -192,11 +186,7 @@ class Client:
         return _record(PartRecord, answer)
 
     def part(self, part_id: str) -> PartRecord:
-        """Get the current record of a part.
-
-        Raises:
-            ServiceError: there is no such part, or the service was not reached in time.
-        """
+        """Get the current record of a part."""
         return _record(PartRecord, self._send("GET", _path(part_id)))
 
     def parts(
@@ -211,14 +201,9 @@ class Client:
         """List parts, newest first.
 
         Args:
-            state: list only parts in this state.
             text: list only parts whose serial contains this text.
             name: list only parts whose name contains this text.
             before: id of the last part on the previous page.
-            limit: largest number of parts.
-
-        Raises:
-            ServiceError: refused, or not reached in time.
         """
         wanted = {"state": state.value if state else "", "text": text, "name": name, "before": before or ""}
         query = {key: value for key, value in wanted.items() if value}
@@ -226,19 +211,11 @@ class Client:
         return _record(tuple[PartRecord, ...], answer)
 
     def history(self, part_id: str) -> History:
-        """Get the history of a part.
-
-        Raises:
-            ServiceError: there is no such part, or the service was not reached in time.
-        """
+        """Get the history of a part."""
         return _record(History, self._send("GET", f"{_path(part_id)}/history"))
 
     def picture(self, part_id: str, which: Which) -> bytes:
-        """Get a picture of a part as JPEG or PNG: the photograph, the edge map, or the boxes of the characters.
-
-        Raises:
-            ServiceError: there is no such part or picture, or the service was not reached in time.
-        """
+        """Get a picture of a part as JPEG or PNG: the photograph, the edge map, or the boxes of the characters."""
         return self._send("GET", f"{_path(part_id)}/pictures/{which}").content
 
     def _send_files(

@@ -109,11 +109,7 @@ class NewPart:
 
 @dataclass(frozen=True)
 class Received:
-    """The outcome of a request.
-
-    Attributes:
-        replayed: whether the same request had been answered before.
-    """
+    """The outcome of a request; `replayed` if the same request had been answered before."""
 
     part: PartRecord
     replayed: bool = False
@@ -308,12 +304,7 @@ class Intake:
         return received.part
 
     async def release(self, part: str, *, within_s: float = math.inf) -> PartRecord:
-        """Have a part felt that lies under the whiskers, as in `touch`.
-
-        Args:
-            part: its id, or the name of the latest one.
-            within_s: seconds that the caller waits.
-        """
+        """Have a part felt that lies under the whiskers, as in `touch`; `part`: its id, or the latest one's name."""
         call = TouchCall(time.monotonic() + within_s)
         return await self.touch((await self.look_up(part)).id, call)
 
@@ -508,11 +499,7 @@ class Intake:
     # ----------------------------------------------------------------------------------------------------- answer
 
     def review(self, part_id: str, person: Person, **said: Any) -> PartRecord:
-        """Store a person's review of a part, and publish the part; arguments as in `Store.review`.
-
-        Raises:
-            StoreError: as in `Store.review`.
-        """
+        """Store a person's review of a part, and publish the part; arguments as in `Store.review`."""
         part = self.store.review(
             part_id, person=person, targets=self.targets, readers=self.policy.readers, **said
         )
@@ -523,11 +510,7 @@ class Intake:
         return part
 
     def undo_review(self, part_id: str, person: Person) -> PartRecord:
-        """Undo a person's own review.
-
-        Raises:
-            StoreError: as in `Store.undo_review`.
-        """
+        """Undo a person's own review."""
         part = self.store.undo_review(part_id, person=person, targets=self.targets)
         self.on_result()
         return part

@@ -27,11 +27,7 @@ class NotServingError(MarksError):
 
 @dataclass(frozen=True)
 class ServiceProcess:
-    """A running service.
-
-    Attributes:
-        process: the web server; its workers are its children.
-    """
+    """A running service: the web server; its workers are its children."""
 
     url: str
     process: subprocess.Popen[bytes]

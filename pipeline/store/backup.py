@@ -74,7 +74,6 @@ def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
 
     Raises:
         FileError: the folder is there already, is being written by another, or cannot be written.
-        StoreError: the store does not answer.
     """
     if to.exists():
         raise FileError(to, "is there already", "name a new folder for every backup")
@@ -144,11 +143,7 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
 
 
 def read_manifest(backup: Path) -> Backup:
-    """Read the manifest of a backup.
-
-    Raises:
-        FileError: it is not a backup, or of a newer version.
-    """
+    """Read the manifest of a backup."""
     path = backup / _MANIFEST
     try:
         require_file(path, most_bytes=MOST_BYTES)

@@ -36,11 +36,7 @@ _WRITTEN = "something other than this program has written there"
 
 
 class Fault(StrEnum):
-    """Kinds of faults that a check can find.
-
-    Attributes:
-        todo: remedy.
-    """
+    """Kinds of faults that a check can find, each with its remedy."""
 
     todo: str
 
@@ -64,11 +60,7 @@ class Fault(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One problem.
-
-    Attributes:
-        subject: id of a part, hash of a file, or name of a target.
-    """
+    """One problem; the subject is the id of a part, the hash of a file, or the name of a target."""
 
     fault: Fault
     subject: str
@@ -77,12 +69,7 @@ class Finding:
 
 @dataclass
 class CheckReport:
-    """Result of a check.
-
-    Attributes:
-        files: number of evidence files found whole, or only found where they were not read.
-        findings: the first thousand findings of each kind.
-    """
+    """Result of a check, with the first thousand findings of each kind; files that were not read are only there."""
 
     parts: int = 0
     files: int = 0
@@ -106,9 +93,6 @@ def check(store: Store, files: EvidenceFolder, *, read_files: bool = True) -> Ch
 
     Args:
         read_files: compare what they hold with their hashes; else only see whether they are there.
-
-    Raises:
-        StoreError: the store does not answer.
     """
     report = CheckReport()
     _check_database(store, report)

@@ -89,7 +89,6 @@ class EvidenceFolder:
 
         Raises:
             FileError: the store's files are in another one.
-            StoreError: the store cannot be used.
         """
         file = self.root / "identity"
         with file_errors(file), exclusively(self._lock):
@@ -240,9 +239,6 @@ class EvidenceFolder:
 
         Returns:
             How many files were removed.
-
-        Raises:
-            StoreError: the store does not answer.
         """
         latest_s = time.time() - older_than_s
         n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())

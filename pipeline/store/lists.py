@@ -26,11 +26,7 @@ _WRITTEN = {HOUR: "%Y-%m-%d %H", DAY: "%Y-%m-%d"}
 
 
 def latest_named(tx: Transaction, name: str) -> PartRecord:
-    """The latest part of a name, however it is spelled.
-
-    Raises:
-        NotFoundError: there is none.
-    """
+    """The latest part of a name, however it is spelled."""
     same = parts.c.name_folded == folded(fit(name, "the name"))
     wanted = _IDS.where(same).order_by(parts.c.id.desc()).limit(1)
     for part in select_parts(tx, wanted):

@@ -214,12 +214,7 @@ def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) 
 
 
 class Waiting(NamedTuple):
-    """A part that waits for touch.
-
-    Attributes:
-        until: time limit; None without one.
-        by_stage: whether the stage of its line is to feel it.
-    """
+    """A part that waits for touch, until its time limit; `by_stage` if the stage of its line is to feel it."""
 
     part_id: str
     changed_at: datetime

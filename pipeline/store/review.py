@@ -193,11 +193,7 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
 
 
 def story(tx: Transaction, part_id: str) -> PartStory:
-    """A part and all its events.
-
-    Raises:
-        NotFoundError: there is no such part.
-    """
+    """A part and all its events."""
     rows = events_of(tx, part_id)
     audits = _records(ReviewRecord, rows, AUDITED)
     return PartStory(

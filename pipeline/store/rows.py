@@ -31,9 +31,6 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
 
     Args:
         lock: lock the part against other writers until the transaction ends.
-
-    Raises:
-        NotFoundError: no part has that id.
     """
     query = sa.select(parts.c.record).where(parts.c.id == _checked(part_id))
     record = tx.execute(query.with_for_update() if lock else query).one_or_none()
@@ -152,11 +149,7 @@ def signature(*, who: str, token: str, **_: Any) -> str:
 
 
 def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:
-    """A part's events, in order.
-
-    Raises:
-        NotFoundError: there is no such part.
-    """
+    """A part's events, in order."""
     query = sa.select(events).where(events.c.part_id == _checked(part_id)).order_by(events.c.id)
     rows = tx.execute(query).all()
     if not rows:  # every part was received
@@ -165,11 +158,7 @@ def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:
 
 
 def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
-    """A part's files in order, also deleted ones.
-
-    Raises:
-        NotFoundError: there is no such part.
-    """
+    """A part's files in order, also deleted ones."""
     query = sa.select(evidence).where(evidence.c.part_id == _checked(part_id)).order_by(evidence.c.id)
     rows = tx.execute(query).all()
     if not rows:

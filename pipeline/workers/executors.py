@@ -62,13 +62,7 @@ class WorkerLostError(MarksError):
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[T, R]):
-    """Result of a task, or its error.
-
-    Attributes:
-        result: result of the function; None with an error.
-        error: exception of the function, or WorkerLostError.
-        more: whether another outcome is ready, so that the next one comes at once.
-    """
+    """Result of a task, or its error; `more` if another outcome is ready, so that the next one comes at once."""
 
     task: T
     result: R | None = None

@@ -19,13 +19,7 @@ _PIXEL_BYTES, _SAMPLE_BYTES = 100, 136
 
 @dataclass(frozen=True)
 class Machine:
-    """Limits of a service on one machine.
-
-    Attributes:
-        worker_memory_mb: memory for the data of each worker; 0: no limit.
-        waiting_parts: parts that may wait for a worker; more are refused.
-        files: largest photographs and height maps.
-    """
+    """Limits of a service on one machine: memory of a worker (0: no limit), waiting parts, sizes of files."""
 
     worker_memory_mb: int = LEAST_WORKER_MB
     waiting_parts: int = 2 * WAITING_PER_WORKER

@@ -49,11 +49,7 @@ _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
 
 
 class BusyError(MarksError):
-    """The queue of jobs is full.
-
-    Attributes:
-        retry_after_s: estimated seconds until the queue has room.
-    """
+    """The queue of jobs is full; it has room again in some `retry_after_s` seconds."""
 
     def __init__(self, retry_after_s: float) -> None:
         super().__init__("the queue is full", hint=f"try again in {retry_after_s:.0f} s")

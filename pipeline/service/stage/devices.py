@@ -41,11 +41,7 @@ _LEAST_HEIGHTS = 1.0
 
 @dataclass(frozen=True)
 class ScanOrder:
-    """Order to a stage to scan a part.
-
-    Attributes:
-        plan: region, directions, pitches.
-    """
+    """Order to a stage to scan a part; the plan has region, directions and pitches."""
 
     part_name: str
     plan: ScanPlanRecord
@@ -118,9 +114,8 @@ class Camera(Protocol):
 class FolderCamera:
     """A folder in which a camera's own program saves its photographs; the service waits for a new one.
 
-    Attributes:
-        folder: folder of the photographs, named as the parts, or as `part.light-1.png` and so on.
-        early_s: time by which a photograph may be older than its trigger.
+    Photographs are named as the parts, or as `part.light-1.png` and so on. `early_s` is the time by which one may be
+    older than its trigger.
     """
 
     folder: Path
@@ -148,10 +143,9 @@ class FolderCamera:
 
 @dataclass(frozen=True)
 class SimulatedStage:
-    """Feel height maps of a folder with the virtual array, in place of parts.
+    """Feel height maps of a folder, named as the parts, with the virtual array; .npz with its soil.
 
     Attributes:
-        folder: folder of the height maps, named as the parts; .npz with its soil.
         reading: its whisker, sensors and fidelity.
         seed: seed of the sensors' gains, offsets and noise.
     """
@@ -261,11 +255,7 @@ def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
-    """Make a driver by calling the callable of a name.
-
-    Args:
-        named: module and callable, "module:callable"; called without arguments.
-        verbs: open, feel, take; the driver must have one of these methods.
+    """Make a driver by calling "module:callable"; it must have one of the methods `verbs` (open, feel, take).
 
     Raises:
         SettingsError: no such module or callable, or a driver without any of the methods.

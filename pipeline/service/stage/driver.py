@@ -82,8 +82,6 @@ class DriverThread:
         """Run work in the driver's thread, and return its result.
 
         Raises:
-            StageError: raised by the driver.
-            OSError: raised by the driver.
             StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
         """
         call = self._submit(work, timeout_s)
@@ -157,11 +155,7 @@ class _Call:
 
 
 class LinkedStage:
-    """The stage in a worker, with the one session that it opens.
-
-    Attributes:
-        fitting: fitting reported by the driver, once it is open.
-    """
+    """The stage in a worker, with the one session that it opens; the driver reports its `fitting` then."""
 
     fitting: Fitting
     _connection: Connection
@@ -171,11 +165,7 @@ class LinkedStage:
         self.address, self._key = address, key
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Have the service's driver open a session.
-
-        Raises:
-            StageError: it cannot.
-        """
+        """Have the service's driver open a session."""
         self._connection = Client(self.address, authkey=self._key)
         try:
             self.fitting = self._answer(order)
@@ -185,11 +175,7 @@ class LinkedStage:
         return self
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass.
-
-        Raises:
-            StageError: it could not be felt.
-        """
+        """Feel one pass."""
         sweep: Sweep = self._answer(order)
         return sweep
 

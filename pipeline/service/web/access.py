@@ -45,12 +45,7 @@ class DeniedError(Problem):
 
 @dataclass(frozen=True)
 class Caller:
-    """Caller of a request.
-
-    Attributes:
-        scopes: scopes of the token; all of them without one.
-        token: name of the token; empty if none is required.
-    """
+    """Caller of a request, with the scopes of its token; all scopes and no token name if none is required."""
 
     scopes: frozenset[Scope]
     token: str = ""
