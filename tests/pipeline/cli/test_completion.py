@@ -24,12 +24,12 @@ done
 """
 
 
-def completed(folder: Path, said: str, *lines: str) -> list[str]:
+def completed(folder: Path, script: str, *lines: str) -> list[str]:
     """What bash offers at the end of every line, after the way in which the command is registered."""
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("bash is not installed")
-    (folder / "completion").write_text(said, encoding="utf-8")
+    (folder / "completion").write_text(script, encoding="utf-8")
     done = subprocess.run(
         [bash, "--norc", "-c", ASK, "bash", *lines], cwd=folder, capture_output=True, text=True, check=True
     )
@@ -52,8 +52,8 @@ def test_bash_completes_commands_options_choices_and_files(
         "tactile-marks benchmark run --desi": "--design",
         "tactile-marks completion z": "zsh",
     }
-    registered, *found = completed(tmp_path, capsys.readouterr().out, *lines)
-    assert dict(zip(lines, found, strict=True)) == lines
+    registered, *words = completed(tmp_path, capsys.readouterr().out, *lines)
+    assert dict(zip(lines, words, strict=True)) == lines
     assert "-o default" in registered  # what the script has no answer to is completed as a file: parts, fonts
 
 

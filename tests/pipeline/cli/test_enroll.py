@@ -74,14 +74,14 @@ def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     """A part that was not enrolled; before that by templates, for the network reads any font."""
     path, _ = taught
     part, fonts = stamped(1004), tuple(load_database(path).fonts.values())
-    given = ReaderSettings(
+    settings_of_reader = ReaderSettings(
         format="9999",
         height_mm=5.0,
         orientation=Orientation.UPRIGHT,
         array=VirtualArray(fidelity=Fidelity.POINTWISE),
     )
-    before = Reader(given, fonts=("gothic",), experts=("templates",)).read(part.height_map)
-    after = Reader(given, fonts=fonts).read(part.height_map)
+    before = Reader(settings_of_reader, fonts=("gothic",), experts=("templates",)).read(part.height_map)
+    after = Reader(settings_of_reader, fonts=fonts).read(part.height_map)
     assert before.decision in ("review", "reject")
     assert (after.text, after.decision, after.font) == (part.text, "accept", "press-7")
 
@@ -122,21 +122,21 @@ def test_parts_held_out_show_whether_the_font_helps(taught, folder):
     parts = reviewed(folder, *range(2))
     settings = SETTINGS.model_copy(update={"format": ("9999",), "orientation": "upright"})
     assert check_held_out(parts, path, font="press-7", settings=settings) is None
-    found = check_held_out(parts, path, font="press-7", settings=settings, fewest_parts=2)
-    assert (found.parts, found.characters) == (2, 8)
-    assert found.edits <= 8
-    assert "warning" not in replace(found, edits=1, edits_without=1).describe()
-    assert "warning: reading is worse" in replace(found, edits=2, edits_without=1).describe()
+    held_out = check_held_out(parts, path, font="press-7", settings=settings, fewest_parts=2)
+    assert (held_out.parts, held_out.characters) == (2, 8)
+    assert held_out.edits <= 8
+    assert "warning" not in replace(held_out, edits=1, edits_without=1).describe()
+    assert "warning: reading is worse" in replace(held_out, edits=2, edits_without=1).describe()
 
 
 def test_the_database_holds_exemplars_and_where_they_are_from(taught):
-    kept = load_database(taught[0])
-    assert list(kept.fonts) == ["gothic", "press-7"]
-    assert kept.fonts["press-7"].learned
-    assert not kept.fonts["gothic"].learned
-    first, text = kept.exemplars[0], stamped(0).text
+    database = load_database(taught[0])
+    assert list(database.fonts) == ["gothic", "press-7"]
+    assert database.fonts["press-7"].learned
+    assert not database.fonts["gothic"].learned
+    first, text = database.exemplars[0], stamped(0).text
     assert (first.char, first.font_name, first.part, first.note) == (text[0], "press-7", "part-0", text)
-    assert [e.place for e in kept.exemplars if e.part == "part-0"] == [1, 2, 3, 4]
+    assert [e.place for e in database.exemplars if e.part == "part-0"] == [1, 2, 3, 4]
     assert first.enrolled_at == WHEN.isoformat(timespec="seconds")
     assert first.height_mm == pytest.approx(5.0, rel=0.05)
     assert len(first.evidence) == 64
@@ -166,11 +166,11 @@ def test_a_part_reviewed_anew_replaces_what_it_taught(folder, tmp_path):
 
 
 def test_the_order_of_enrolment_does_not_matter(folder, tmp_path):
-    one, two = tmp_path / "one.glyphs", tmp_path / "two.glyphs"
-    enrol(reviewed(folder, 0, 1), one, font="press-7", settings=SETTINGS, now=WHEN)
+    one_file, two = tmp_path / "one.glyphs", tmp_path / "two.glyphs"
+    enrol(reviewed(folder, 0, 1), one_file, font="press-7", settings=SETTINGS, now=WHEN)
     for k in (0, 1):
         enrol(reviewed(folder, k), two, font="press-7", settings=SETTINGS, now=WHEN)
-    first, second = (load_database(p).fonts["press-7"] for p in (one, two))
+    first, second = (load_database(p).fonts["press-7"] for p in (one_file, two))
     felt = [c for c in "0123456789" if not first.glyphs[c].guessed]
     assert felt == [c for c in "0123456789" if not second.glyphs[c].guessed]
     for char in felt:
@@ -213,8 +213,8 @@ def test_a_font_that_was_not_learned_is_not_overwritten(taught, folder):
 def test_of_many_exemplars_the_last_are_kept(taught):
     from pipeline.reading.enrolment import _youngest
 
-    one = load_database(taught[0]).exemplars[0]
-    many = [one] * (MOST_EXEMPLARS + 5)
+    exemplar = load_database(taught[0]).exemplars[0]
+    many = [exemplar] * (MOST_EXEMPLARS + 5)
     assert len(_youngest(many, "press-7")) == MOST_EXEMPLARS
     assert len(_youngest(many, "another")) == len(many)
 
@@ -229,8 +229,8 @@ def test_the_command_takes_a_table(folder, tmp_path, capsys):
     path, config = tmp_path / "press.glyphs", tmp_path / "c.toml"
     config.write_text('font = ["gothic"]\nheight_mm = 5.0\n')
     parts = folder / "part-2.npz"
-    asked = ("--font", "press-7", "--truth", folder / "truth.csv", "--config", config)
-    assert main(["enroll", *map(str, (parts, "--database", path, *asked))]) == 0
+    arguments = ("--font", "press-7", "--truth", folder / "truth.csv", "--config", config)
+    assert main(["enroll", *map(str, (parts, "--database", path, *arguments))]) == 0
     shown = capsys.readouterr().out
     assert "press-7: 4 characters of 1 parts enrolled" in shown
     assert "held out: too few parts" in shown
@@ -261,10 +261,10 @@ def reviewed_store(folder, root, *, actions):
         copy = files.incoming / f"upload-{k}"
         copy.write_bytes((folder / f"part-{k}.npz").read_bytes())
         sha256, n_bytes = files.keep(copy)
-        kept = EvidenceRecord(EvidenceKind.HEIGHT_MAP, sha256, n_bytes, name=f"../p{k}.npz")
+        record = EvidenceRecord(EvidenceKind.HEIGHT_MAP, sha256, n_bytes, name=f"../p{k}.npz")
         ids.append(new_part_id())
         read = ReadingRecord("tactile", "0000", "review", 0.5)
-        evidence = [kept] if k != 3 else []
+        evidence = [record] if k != 3 else []
         store.add_part(part_id=ids[-1], name="", state=PartState.REVIEW, readings=[read], evidence=evidence)
         if action is not None:
             store.review(ids[-1], action=action, text=stamped(k).text, person=Person("Ann"))
@@ -282,11 +282,11 @@ def test_the_command_takes_reviewed_parts_of_the_store(folder, tmp_path, monkeyp
     config.write_text(f'font = ["gothic"]\nheight_mm = 5.0\n[service]\nfolder = "{service}"\n')
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "press.glyphs"
-    asked = ("--font", "press-7", "--from-store", "--since", "1", "--config", str(config))
-    assert main(["enroll", "--database", str(path), *asked]) == 0
-    said = capsys.readouterr().out
-    assert "4 characters of 1 parts enrolled" in said
-    assert "1 reviewed parts left out" in said
+    arguments = ("--font", "press-7", "--from-store", "--since", "1", "--config", str(config))
+    assert main(["enroll", "--database", str(path), *arguments]) == 0
+    printed = capsys.readouterr().out
+    assert "4 characters of 1 parts enrolled" in printed
+    assert "1 reviewed parts left out" in printed
     assert [e.part for e in load_database(path).exemplars] == [ids[0]] * 4
     store = Store.open(f"sqlite:///{service / 'store.db'}")
     enrolled = [e for e in store.story(ids[0]).events if e.kind == "enrolled"]

@@ -54,9 +54,9 @@ def reading(*flags: str) -> ReadSettings:
     def command(reading: Reading = READING, job: JobPath = None, config: Config = None) -> ReadSettings:
         return reading
 
-    found = run(command, *flags)
-    assert isinstance(found, ReadSettings)
-    return found
+    settings = run(command, *flags)
+    assert isinstance(settings, ReadSettings)
+    return settings
 
 
 def serving(*flags: str) -> tuple[ServiceSettings, ReadSettings]:
@@ -67,9 +67,9 @@ def serving(*flags: str) -> tuple[ServiceSettings, ReadSettings]:
     ) -> tuple[ServiceSettings, ReadSettings]:
         return service, reading
 
-    found = run(command, *flags)
-    assert isinstance(found, tuple)
-    return found
+    settings = run(command, *flags)
+    assert isinstance(settings, tuple)
+    return settings
 
 
 def test_nothing_need_be_set() -> None:
@@ -282,10 +282,10 @@ def test_an_unknown_flag_names_the_nearest_one_or_none(
     flag: str, near: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["serve", flag, "x"]) == 2
-    said = capsys.readouterr().err
-    assert f"Unknown option: {flag}." in said
-    assert (f"Did you mean {near}?" if near else "(see ") in said
-    assert ("Did you mean" in said) == bool(near)
+    printed = capsys.readouterr().err
+    assert f"Unknown option: {flag}." in printed
+    assert (f"Did you mean {near}?" if near else "(see ") in printed
+    assert ("Did you mean" in printed) == bool(near)
 
 
 def test_a_setting_without_a_flag_is_named_with_its_other_places(capsys: pytest.CaptureFixture[str]) -> None:
@@ -450,8 +450,10 @@ def test_a_file_of_settings_on_a_full_disk_leaves_nothing_behind(
     with monkeypatch.context() as patched:
         patched.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
         assert main(["settings", "one.toml"]) == 1
-    said = capsys.readouterr().err
-    assert "one.toml: cannot be written (No space left on device); name a folder that can be written" in said
+    printed = capsys.readouterr().err
+    assert (
+        "one.toml: cannot be written (No space left on device); name a folder that can be written" in printed
+    )
     assert list(Path().iterdir()) == []
     assert main(["settings", "one.toml"]) == 0
 

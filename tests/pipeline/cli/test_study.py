@@ -35,14 +35,14 @@ def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixt
         "--height-mm", "5", "--truth", str(parts / "truth.csv"), "--reviewers", str(reviews), "--out", str(out),
     ]  # fmt: skip
     assert main(arguments) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     read = csv_rows(out / "readings.csv")
     assert [(r["appraiser"], r["trial"]) for r in read if r["part"] == first] == [
         *((f"array {a}", str(k)) for a in (1, 2) for k in (1, 2)), ("Ada", "1"),
     ]  # fmt: skip
-    own = [r for r in read if r["appraiser"] != "Ada"]
-    assert all(r["text"] == truth[r["part"]] and r["right"] == "1" for r in own)
-    depths = [float(r["depth_mean_mm"]) for r in own]
+    by_program = [r for r in read if r["appraiser"] != "Ada"]
+    assert all(r["text"] == truth[r["part"]] and r["right"] == "1" for r in by_program)
+    depths = [float(r["depth_mean_mm"]) for r in by_program]
     assert len(set(depths)) == len(depths)  # no two trials are the same
     # as it is stamped unless --depth-mm is given, less what practice, ball and place take
     assert all(0.1 < d < 0.3 for d in depths)
@@ -60,8 +60,8 @@ def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert {"serials", "decisions", "depth", "parts", "settings"} <= set(page.ids)
     assert "Reviewers read 1 parts that are not in this study: x." in page.text
     assert "??" in page.text
-    assert f"wrote {out / 'study.html'}" in said
-    assert "Depth, " in said
+    assert f"wrote {out / 'study.html'}" in printed
+    assert "Depth, " in printed
 
 
 def test_a_photograph_has_one_array_and_no_depth(
@@ -71,9 +71,9 @@ def test_a_photograph_has_one_array_and_no_depth(
         "study", str(parts), "--repeats", "2", "--mode", "vision", "--format", "A9", "--out", str(tmp_path),
     ]  # fmt: skip
     assert main(arguments) == 0
-    said = capsys.readouterr().out
-    assert "have one array" in said
-    assert "no gauge study" in said
+    printed = capsys.readouterr().out
+    assert "have one array" in printed
+    assert "no gauge study" in printed
     assert {r["appraiser"] for r in csv_rows(tmp_path / "readings.csv")} == {"the reader"}
     assert json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))["depth"] is None
     assert not (tmp_path / "study.unfinished").exists()
@@ -96,8 +96,8 @@ def test_what_cannot_be_studied_is_refused(
     status: int,
     complaint: str,
 ) -> None:
-    given = [str(parts) if a == "PARTS" else a for a in arguments]
-    assert main(["study", *given, "--out", str(tmp_path / "out")]) == status
+    words = [str(parts) if a == "PARTS" else a for a in arguments]
+    assert main(["study", *words, "--out", str(tmp_path / "out")]) == status
     assert complaint in capsys.readouterr().err
 
 

@@ -19,10 +19,10 @@ from tests.support.store_samples import START, Clock
 
 
 def test_secrets_have_256_bits_and_differ() -> None:
-    made = {new_token() for _ in range(100)}
-    assert len(made) == 100
+    secrets = {new_token() for _ in range(100)}
+    assert len(secrets) == 100
     # 43 characters of 6 bits
-    assert all(re.fullmatch(r"tm_[A-Za-z0-9_-]{43}", secret) for secret in made)
+    assert all(re.fullmatch(r"tm_[A-Za-z0-9_-]{43}", secret) for secret in secrets)
 
 
 def test_a_token_is_known_by_its_secret(store: Store, store_url: str) -> None:
@@ -43,9 +43,9 @@ def test_it_expires_at_its_time(store: Store, clock: Clock) -> None:
     until = START + timedelta(days=90)
     secret = store.add_token("line-3", [Scope.READ], expires_at=until)
     clock.at = until - timedelta(microseconds=1)
-    found = store.token(secret)
-    assert found is not None
-    assert found.expires_at == until
+    token = store.token(secret)
+    assert token is not None
+    assert token.expires_at == until
     clock.at = until
     assert store.token(secret) is None
     assert [t.name for t in store.tokens()] == ["line-3"]
@@ -100,11 +100,11 @@ def test_the_command_makes_lists_and_revokes(url: str, capsys: pytest.CaptureFix
     assert re.fullmatch(r"tm_\S{43}", secret)
     assert "token line-3 for read, write until 20" in shown.err
     store = Store.open(url)
-    found = store.token(secret)
-    assert found is not None
-    assert found.scopes == {Scope.READ, Scope.WRITE}
-    assert found.expires_at is not None
-    assert timedelta(days=89) < found.expires_at - datetime.now(UTC) <= timedelta(days=90)
+    token = store.token(secret)
+    assert token is not None
+    assert token.scopes == {Scope.READ, Scope.WRITE}
+    assert token.expires_at is not None
+    assert timedelta(days=89) < token.expires_at - datetime.now(UTC) <= timedelta(days=90)
     store.close()
     tokens("add", "desk", "--scope", "review")
     capsys.readouterr()

@@ -105,10 +105,10 @@ def test_what_was_found_is_shown_beside_what_is_set(
     assert main(["identify", "piece.h5", "--piece", "piece.toml"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "not identified, no usable line over the piece: whisker 1, 2" in lines
-    found = {words[0]: words for words in map(str.split, lines) if len(words) > 3}
-    assert float(found["friction"][1]) == pytest.approx(0.25, abs=0.03)
-    assert float(found["friction"][3]) == pytest.approx(0.2)  # as set
-    assert float(found["preload_mm"][1]) == pytest.approx(float(found["preload_mm"][3]), rel=0.02)
+    rows = {words[0]: words for words in map(str.split, lines) if len(words) > 3}
+    assert float(rows["friction"][1]) == pytest.approx(0.25, abs=0.03)
+    assert float(rows["friction"][3]) == pytest.approx(0.2)  # as set
+    assert float(rows["preload_mm"][1]) == pytest.approx(float(rows["preload_mm"][3]), rel=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -131,8 +131,8 @@ def test_read_tells_what_the_serial_cost(
 
 @pytest.mark.usefixtures("inline")
 def test_an_active_scan_chooses_its_ways_itself(part: Path, tmp_path: Path) -> None:
-    asked = ("scan", str(part), "--out", str(tmp_path / "felt.h5"), "--height-mm", "5", "--active")
-    assert main([*asked, "--format", "AA99", "--two-way"]) == 2
+    arguments = ("scan", str(part), "--out", str(tmp_path / "felt.h5"), "--height-mm", "5", "--active")
+    assert main([*arguments, "--format", "AA99", "--two-way"]) == 2
 
 
 @pytest.mark.usefixtures("inline")
@@ -149,8 +149,8 @@ def test_the_benchmark_compares_plans(
         touch_plans.TouchPlan("whole", LINES_PER_HEIGHT),
     )
     monkeypatch.setattr(modes, "PLANS", plans)
-    asked = f"benchmark run --mode plans --out {tmp_path} --dirt 0 --parts 1 --format AA99".split()
-    assert main(asked) == 0
+    arguments = f"benchmark run --mode plans --out {tmp_path} --dirt 0 --parts 1 --format AA99".split()
+    assert main(arguments) == 0
     rows = csv_rows(tmp_path / "benchmark.csv")
     assert [row["mode"] for row in rows] == [plan.mode for plan in plans]
     assert all(row["text"] == row["truth"] and float(row["scan_s"]) > 0.0 for row in rows)

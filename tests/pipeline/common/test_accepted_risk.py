@@ -27,8 +27,8 @@ RUNS, PARTS = 200, 300
 Floats = np.ndarray
 
 
-def of_draw(said: Floats, right: Floats) -> tuple:
-    return threshold_tests(said.tolist(), right.tolist(), risk=RISK, confidence=CONFIDENCE)
+def of_draw(scores: Floats, right: Floats) -> tuple:
+    return threshold_tests(scores.tolist(), right.tolist(), risk=RISK, confidence=CONFIDENCE)
 
 
 def test_bounds_are_those_at_which_chance_is_as_said() -> None:
@@ -58,9 +58,9 @@ def test_a_share_that_is_none_is_refused(risk: float, confidence: float) -> None
 
 
 def test_the_most_lenient_threshold_before_the_first_that_fails() -> None:
-    said = np.r_[np.full(200, 0.9995), np.full(100, 0.96), np.full(60, 0.91)]
+    scores = np.r_[np.full(200, 0.9995), np.full(100, 0.96), np.full(60, 0.91)]
     right = np.r_[np.ones(300, dtype=bool), np.zeros(60, dtype=bool)]
-    tests = of_draw(said, right)
+    tests = of_draw(scores, right)
     chosen = proven_threshold(tests)
     assert chosen is not None
     assert (chosen.threshold, chosen.accepted, chosen.wrong) == (0.92, 300, 0)
@@ -72,8 +72,8 @@ def test_the_most_lenient_threshold_before_the_first_that_fails() -> None:
 
 
 def test_too_few_parts_say_how_many_are_missing() -> None:
-    said, right = np.full(20, 0.97), np.ones(20, dtype=bool)
-    tests = of_draw(said, right)
+    scores, right = np.full(20, 0.97), np.ones(20, dtype=bool)
+    tests = of_draw(scores, right)
     assert proven_threshold(tests) is None
     # 45 accepted ones without a wrong one show 5 % at 90 %; of 40 parts half were accepted
     missing = parts_missing(tests, 40, risk=RISK, confidence=CONFIDENCE)
@@ -88,21 +88,21 @@ def test_no_number_of_parts_helps_a_reader_that_is_too_often_wrong() -> None:
     assert parts_missing(of_draw(np.zeros(0), np.zeros(0)), 9, risk=RISK, confidence=CONFIDENCE) is None
 
 
-def _steep(said: Floats) -> Floats:
-    return np.clip(1.3 * (1.0 - said), 0.0, 1.0)
+def _steep(scores: Floats) -> Floats:
+    return np.clip(1.3 * (1.0 - scores), 0.0, 1.0)
 
 
-def _overconfident(said: Floats) -> Floats:
-    return 0.01 + 0.6 * (1.0 - said)
+def _overconfident(scores: Floats) -> Floats:
+    return 0.01 + 0.6 * (1.0 - scores)
 
 
-def _just_too_risky(said: Floats) -> Floats:
-    return np.full(said.shape, RISK * 1.02)
+def _just_too_risky(scores: Floats) -> Floats:
+    return np.full(scores.shape, RISK * 1.02)
 
 
-def _worst_where_surest(said: Floats) -> Floats:
+def _worst_where_surest(scores: Floats) -> Floats:
     """What the guarantee takes for granted not to be: the surest are wrong more often."""
-    return np.where(said > 0.995, 0.08, 0.04)
+    return np.where(scores > 0.995, 0.08, 0.04)
 
 
 @pytest.mark.parametrize("wrong_at", [_steep, _overconfident, _just_too_risky, _worst_where_surest])
@@ -120,8 +120,8 @@ def test_the_true_risk_is_exceeded_in_no_more_runs_than_said(
     true_risk = np.cumsum(wrong_at(many)) / np.arange(1, many.size + 1)
     exceeded = 0
     for _ in range(RUNS):
-        said = drawn(PARTS)
-        chosen = proven_threshold(of_draw(said, rng.random(PARTS) >= wrong_at(said)))
+        scores = drawn(PARTS)
+        chosen = proven_threshold(of_draw(scores, rng.random(PARTS) >= wrong_at(scores)))
         if chosen is not None:
             accepted = int(np.searchsorted(-many, -chosen.threshold, side="right"))
             exceeded += true_risk[accepted - 1] > RISK
@@ -170,7 +170,7 @@ def test_thresholds_of_risks_keep_them_and_fall_with_the_risk(start_share: float
     exceeded = dict.fromkeys(risks, 0)
     for seed in range(RUNS):
         scores, right = steepness(np.random.default_rng((9, seed)))
-        found = risk_thresholds(
+        proven = risk_thresholds(
             scores.tolist(),
             right.tolist(),
             risks,
@@ -178,9 +178,9 @@ def test_thresholds_of_risks_keep_them_and_fall_with_the_risk(start_share: float
             thresholds=thresholds,
             start_share=start_share,
         )
-        chosen = [found[risk].threshold for risk in risks if risk in found]
+        chosen = [proven[risk].threshold for risk in risks if risk in proven]
         assert chosen == sorted(chosen)
-        for risk, test in found.items():
+        for risk, test in proven.items():
             exceeded[risk] += 0.75 * (1.0 - test.threshold) > risk
     assert max(exceeded.values()) <= binom.ppf(0.999, RUNS, 0.05)
 
@@ -200,7 +200,7 @@ def test_the_sequence_of_tests_is_fixed(readings: list[tuple[float, bool, str]])
     assert steps.count(2) <= 1
     for threshold in (test.threshold for test in tests if test.shown is Shown.YES):
         for name, most in (("", 0.15), *((name, 0.75) for name in set("".join(groups)))):
-            wrong = [not good for score, good, own in readings if score >= threshold and name in own]
+            wrong = [not good for score, good, groups in readings if score >= threshold and name in groups]
             if not name or len(wrong) >= parts_needed(most, confidence=0.9):
                 assert share_bounds(sum(wrong), len(wrong), confidence=0.9)[1] <= most
 

@@ -16,7 +16,7 @@ from pipeline.common.settings import ReadSettings
 from recognition.language.grammar import Grammar
 
 SHARES = st.integers(0, 999).map(lambda n: n / 1000.0)
-REGIONS = st.tuples(SHARES, SHARES).map(lambda at: [*at, 1.0, 1.0])
+REGIONS = st.tuples(SHARES, SHARES).map(lambda corner: [*corner, 1.0, 1.0])
 
 
 def written(folder: Path, text: str, name: str = "housing-left.toml") -> Path:
@@ -70,7 +70,7 @@ def test_what_is_no_job(text: str, name: str, message: str, tmp_path: Path) -> N
 def test_what_is_written_is_read_again(
     texts: list[str], region: list[float], height_mm: float, lines: dict[str, list[float]]
 ) -> None:
-    table = {name: {"format": "AA9", "region": at} for name, at in lines.items()}
+    table = {name: {"format": "AA9", "region": region_of_line} for name, region_of_line in lines.items()}
     keys = {"orientation": "upright", "region": region, "height_mm": height_mm, "active": True, "line": table}
     settings = {**keys, "font": texts}
     assert ReadSettings.of(

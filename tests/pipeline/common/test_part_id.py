@@ -12,10 +12,10 @@ from pipeline.common.part_id import is_part_id, new_part_id
 
 def test_they_rise_and_are_unique_over_threads() -> None:
     with ThreadPoolExecutor(8) as pool:
-        made = list(pool.map(lambda _: [new_part_id() for _ in range(500)], range(8)))
-    assert all(ids == sorted(ids) for ids in made)
-    assert len({i for ids in made for i in ids}) == 4000
-    assert all(is_part_id(i) for ids in made for i in ids)
+        batches = list(pool.map(lambda _: [new_part_id() for _ in range(500)], range(8)))
+    assert all(ids == sorted(ids) for ids in batches)
+    assert len({i for ids in batches for i in ids}) == 4000
+    assert all(is_part_id(i) for ids in batches for i in ids)
 
 
 def test_they_begin_with_the_time() -> None:

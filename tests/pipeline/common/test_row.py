@@ -22,19 +22,19 @@ def row(*places: CharacterRecord, source: str = "tactile", **more: Any) -> Simpl
 
 
 def place(*candidates: tuple[str, float], **more: Any) -> CharacterRecord:
-    made = tuple(CandidateRecord(c, p) for c, p in candidates or (("A", 0.9),))
-    return CharacterRecord(made, (0.0, 0.0, 1.0, 1.0), **more)
+    options = tuple(CandidateRecord(c, p) for c, p in candidates or (("A", 0.9),))
+    return CharacterRecord(options, (0.0, 0.0, 1.0, 1.0), **more)
 
 
 def test_states_name_the_places_that_are_not_plainly_read() -> None:
-    made = row(
+    cells = row(
         place(state="read"),
         place(state="confused", state_chars=("8", "B")),
         place(state="not read"),
         place(state="mismatch", state_chars=("8", "")),
         place(),
     )
-    assert made.states == "2:confused 8/B, 3:not read, 4:mismatch 8/-"
+    assert cells.states == "2:confused 8/B, 3:not read, 4:mismatch 8/-"
     assert row().states == ""
 
 
@@ -43,8 +43,8 @@ def test_alternatives_have_some_belief() -> None:
 
 
 def test_grades_and_the_worst() -> None:
-    made = row(*(place(grade=g) for g in ("A", "C", "", "B", "?")))
-    assert (made.grades, made.grade) == ("AC?B?", "C")
+    cells = row(*(place(grade=g) for g in ("A", "C", "", "B", "?")))
+    assert (cells.grades, cells.grade) == ("AC?B?", "C")
     ungraded = row(place())
     assert (ungraded.grades, ungraded.grade, ungraded.action) == ("", "", "")
     assert row(place(grade="?")).grade == "?"
@@ -59,15 +59,15 @@ def test_actions_name_their_places() -> None:
 
 
 def test_depths_are_of_touch() -> None:
-    made = row(place(), place(("B", 0.9), depth_min_mm=0.10004, depth_mean_mm=0.2))
-    assert (made.depths, made.depth_min_mm, made.depth_mean_mm) == ("A ? B 0.100/0.200", 0.1, 0.2)
+    cells = row(place(), place(("B", 0.9), depth_min_mm=0.10004, depth_mean_mm=0.2))
+    assert (cells.depths, cells.depth_min_mm, cells.depth_mean_mm) == ("A ? B 0.100/0.200", 0.1, 0.2)
     assert row(place(), source="vision").depths == ""
 
 
 def test_a_height_is_in_mm_or_in_pixels() -> None:
     assert (row(height_mm=5.00004).height_mm, row(height_mm=5.0).height_px) == (5.0, None)
-    made = row(height_px=399.57)
-    assert (made.height_mm, made.height_px) == (None, 399.6)
+    cells = row(height_px=399.57)
+    assert (cells.height_mm, cells.height_px) == (None, 399.6)
 
 
 def test_rivals_stand_with_their_probability() -> None:

@@ -18,9 +18,9 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def grammar(**given: object) -> Grammar:
-    found = serial_format(ReadSettings(**given))
-    assert found is not None
-    return found
+    grammar_of_settings = serial_format(ReadSettings(**given))
+    assert grammar_of_settings is not None
+    return grammar_of_settings
 
 
 def test_nothing_said_is_no_grammar() -> None:
@@ -35,9 +35,9 @@ def test_all_that_is_given_holds_together() -> None:
     Path("known.txt").write_text(
         "# press 3\nAB 18   # scrapped\n\nAB26\nAB34\nAI18\nCD26\n", encoding="utf-8"
     )
-    found = grammar(format=("AA99+exclude=I", "re:A.*", "check:luhn@3-"), lexicon=Path("known.txt"))
+    serials = grammar(format=("AA99+exclude=I", "re:A.*", "check:luhn@3-"), lexicon=Path("known.txt"))
     # by Luhn 1-8, 2-6 and 3-4 are good; CD26 breaks the expression, AI18 has an I
-    assert sorted(w for w in ("AB18", "AB26", "AB34", "AI18", "CD26", "AB42") if found.allows(w)) == [
+    assert sorted(w for w in ("AB18", "AB26", "AB34", "AI18", "CD26", "AB42") if serials.allows(w)) == [
         "AB18",
         "AB26",
         "AB34",

@@ -25,7 +25,9 @@ def judged(rules: SerialRules, serials: list[str | None]) -> list[bool]:
     """Which serials of a lot their places speak against; None: a part that was not read with certainty."""
     flags = []
     for now, text in enumerate(serials):
-        before = [(now - k, one) for k, one in reversed(list(enumerate(serials[:now]))) if one is not None]
+        before = [
+            (now - k, serial) for k, serial in reversed(list(enumerate(serials[:now]))) if serial is not None
+        ]
         flags.append(text is not None and rules.by_place(text, before[: 4 * WINDOW]) is not None)
     return flags
 
@@ -61,10 +63,12 @@ def test_a_new_row_is_asked_about_a_few_times_and_then_taken() -> None:
 
 def test_another_series_is_asked_about() -> None:
     rules = SerialRules(jump=20)
-    (found,) = [
-        one for one in [rules.by_place("AB407230", [(k, f"KX{407230 - k}") for k in range(1, 10)])] if one
+    (objection,) = [
+        problem
+        for problem in [rules.by_place("AB407230", [(k, f"KX{407230 - k}") for k in range(1, 10)])]
+        if problem
     ]
-    assert (found.alarm, found.why) == (
+    assert (objection.alarm, objection.why) == (
         SerialAlarm.OUT_OF_SEQUENCE, "AB407230 does not match the preceding series KX..."
     )  # fmt: skip
     ahead = rules.by_place("KX407299", [(k, f"KX{407230 - k}") for k in range(1, 10)])

@@ -52,10 +52,10 @@ def test_the_reader_is_given_the_rules() -> None:
 
 def test_the_readers_are_told_grammar_and_thresholds() -> None:
     risk = score_of("tactile").thresholds[0].risk
-    made = open_reader(ReadSettings(format=("AA99",), accept_risk=risk)).settings
-    assert made.grammar is not None
-    assert made.grammar.format == "AA99"
-    assert made.accept_risk == risk
+    settings = open_reader(ReadSettings(format=("AA99",), accept_risk=risk)).settings
+    assert settings.grammar is not None
+    assert settings.grammar.format == "AA99"
+    assert settings.accept_risk == risk
     assert open_reader(ReadSettings()).settings.grammar is None
 
 

@@ -149,11 +149,13 @@ def test_every_field_comes_back_from_every_file(
             assert book.names == set(names(rows))
             assert list(book.records()) == rows
             export(book, reversed(names(rows)))
-        found = read_rows(table)
+        read_again = read_rows(table)
         if suffix == ".csv":
-            assert [(r.part, r.text) for r in found] == [(r.part, r.text) for r in map(in_csv, rows[::-1])]
+            assert [(r.part, r.text) for r in read_again] == [
+                (r.part, r.text) for r in map(in_csv, rows[::-1])
+            ]
         else:
-            assert [record_of(r.columns) for r in found] == rows[::-1]
+            assert [record_of(r.columns) for r in read_again] == rows[::-1]
         if suffix != ".parquet":
             table.read_bytes().decode("utf-8")  # strictly
 
@@ -184,8 +186,10 @@ def test_other_programs_read_the_same(
     for line, record, parquet in zip(lines, rows, arrow, strict=True):
         told = json.loads(line)
         assert [*told][:7] == ["part", "text", "decision", "confidence", "source", "seconds", "error"]
-        at = told.pop("at")
-        assert (None if at is None else datetime.fromisoformat(at)) == parquet.pop("at") == record.at
+        read_at = told.pop("at")
+        assert (
+            (None if read_at is None else datetime.fromisoformat(read_at)) == parquet.pop("at") == record.at
+        )
         assert told == parquet
         assert (told["text"], told["messages"]) == (record.text, list(record.messages))
         for place, cell in zip(record.characters, told["characters"], strict=True):
@@ -239,16 +243,16 @@ def test_a_table_that_was_harmed_is_written_anew_from_the_journal(
 
 
 def test_a_finished_table_is_kept(table: Path) -> None:
-    kept = table.with_name(table.name + "~")
+    older = table.with_name(table.name + "~")
     for run in range(3):
         with RunJournal(table, RUN) as book:
             assert not book.resumed
-            assert book.previous == (kept if run else None)
+            assert book.previous == (older if run else None)
             add(book, row(f"run-{run}"))
             export(book, [])
         assert names(read_rows(table)) == [f"run-{run}"]
         if run:
-            old = kept.rename(table.with_name("old" + table.suffix))
+            old = older.rename(table.with_name("old" + table.suffix))
             assert names(read_rows(old)) == [f"run-{run - 1}"]
 
 
@@ -331,7 +335,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(suffix: str, tmp_path: Path) -> None:
     table, (soft, hard) = tmp_path / f"rows{suffix}", resource.getrlimit(resource.RLIMIT_FSIZE)
-    kept: list[str] = []
+    parts_kept: list[str] = []
     with RunJournal(table, RUN) as book:
         resource.setrlimit(
             resource.RLIMIT_FSIZE, (100_000, hard)
@@ -340,14 +344,14 @@ def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(suffix: str, tmp_
             with pytest.raises(FileError, match=r"cannot be written \(.*and start the same command again$"):  # noqa: PT012
                 for r in rows_of(1000):
                     add(book, r)
-                    kept.append(r.part)
+                    parts_kept.append(r.part)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert len(kept) > 5
+    assert len(parts_kept) > 5
     with RunJournal(table, RUN) as book:
-        assert book.names >= set(kept)
+        assert book.names >= set(parts_kept)
         export(book, [])
-    assert names(read_rows(table))[: len(kept)] == kept
+    assert names(read_rows(table))[: len(parts_kept)] == parts_kept
 
 
 # ------------------------------------------------------------------------------------------------------ memory

@@ -65,19 +65,19 @@ def test_only_what_was_accepted_teaches_and_the_surest_first() -> None:
         *(Read(f"sure{k}", "EFGH", confidence=0.99) for k in range(EXEMPLARS_EACH)),
         Read("rare", "E F9", confidence=0.9),
     ]
-    found = teachers(lot)
-    assert [*found] == ["rare", *(f"sure{k}" for k in range(EXEMPLARS_EACH))]
-    assert found["rare"] == "EF9"
+    chosen = teachers(lot)
+    assert [*chosen] == ["rare", *(f"sure{k}" for k in range(EXEMPLARS_EACH))]
+    assert chosen["rare"] == "EF9"
 
 
 def test_every_character_gets_its_exemplars_and_no_more_parts_than_that_takes() -> None:
-    found = teachers(texts(400))
-    assert len(found) <= MOST_TEACHERS
-    assert min(Counter("".join(found.values())).values()) >= EXEMPLARS_EACH
+    chosen = teachers(texts(400))
+    assert len(chosen) <= MOST_TEACHERS
+    assert min(Counter("".join(chosen.values())).values()) >= EXEMPLARS_EACH
 
 
 def test_nobody_teaches_where_nothing_was_accepted() -> None:
-    assert teachers([replace(one, decision="review") for one in texts(30)]) == {}
+    assert teachers([replace(outline, decision="review") for outline in texts(30)]) == {}
 
 
 # --------------------------------------------------------------------------------- what a second reading may change
@@ -115,11 +115,11 @@ def test_what_counts_counts_for_good() -> None:
 
 def test_fewer_than_three_that_agree_teach_nothing() -> None:
     """Two of M, three of W of which one is an H: neither is of the die, and readings with them are doubted."""
-    made = learned([*[("K7B2", "K7B2")] * 4, ("MW", "MW"), ("MW", "MW"), ("H", "W")])
-    assert {char for char, used in made.used.items() if used} == set("K7B2")
-    assert made.font.glyphs["M"].guessed
-    assert made.font.glyphs["W"].guessed
-    assert not made.font.glyphs["K"].guessed
+    database = learned([*[("K7B2", "K7B2")] * 4, ("MW", "MW"), ("MW", "MW"), ("H", "W")])
+    assert {char for char, used in database.used.items() if used} == set("K7B2")
+    assert database.font.glyphs["M"].guessed
+    assert database.font.glyphs["W"].guessed
+    assert not database.font.glyphs["K"].guessed
 
 
 def test_a_lot_of_which_no_character_is_sure_teaches_nothing() -> None:

@@ -91,7 +91,7 @@ def test_doubts_stand_below_their_row() -> None:
     assert lines[3] == "  low confidence; place 2: B or 8?; may also be A812 0.400; clean 2"
     assert len(lines) == 4
     first, second, third, fourth = DOUBT.characters
-    asked = replace(
+    verified = replace(
         DOUBT,
         messages=("low confidence: B or 8 at place 2?",),
         reasons=(ReasonRecord("low_confidence", (2,)),),
@@ -104,7 +104,7 @@ def test_doubts_stand_below_their_row() -> None:
         characters=(first, second, third, replace(fourth, state="not read")),
     )
     assert notes(named).startswith("unread: places 1 to 3 (look at the part); place 4: not read; may")
-    assert notes(asked).startswith("low confidence: B or 8 at place 2?; place 3: not read; may")
+    assert notes(verified).startswith("low confidence: B or 8 at place 2?; place 3: not read; may")
 
 
 @pytest.mark.parametrize("width", [80, 60, 40])

@@ -138,8 +138,8 @@ def test_a_run_does_not_go_on_with_a_table_that_was_edited(
 
 
 def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:
-    for own in ({"format": "re:["}, {"font": "nosuchfont"}):
-        read = read_listed(JOB, PartFiles("a", str(flat), **own))
+    for setting in ({"format": "re:["}, {"font": "nosuchfont"}):
+        read = read_listed(JOB, PartFiles("a", str(flat), **setting))
         assert "correct its format or font in the manifest" in read.record.error, read.record.error
     read = read_listed(JOB, PartFiles("a", str(flat)))
     assert (read.record.error, read.record.decision) == ("", "reject")
@@ -208,9 +208,9 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
 @pytest.mark.usefixtures("_in_folder")
 def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(tmp_path: Path) -> None:
     with open_run(RunOptions(out="sqlite:///parts.db"), {}):
-        kept = list(tmp_path.glob("tactile-marks-*"))
-        assert ".unfinished" in {path.suffix for path in kept}
-        assert {path.stat().st_mode & 0o777 for path in kept} == {0o600}
+        journals = list(tmp_path.glob("tactile-marks-*"))
+        assert ".unfinished" in {path.suffix for path in journals}
+        assert {path.stat().st_mode & 0o777 for path in journals} == {0o600}
 
 
 @pytest.mark.usefixtures("_in_folder")

@@ -30,12 +30,12 @@ def look(
 
 def sent(store: Store) -> list[tuple[str, str]]:
     """What waits to be sent, in the order it arrives."""
-    found = []
+    alerts = []
     while waiting := due(store):
-        found += [(d.payload["alert"], d.payload["state"]) for d in waiting]
+        alerts += [(d.payload["alert"], d.payload["state"]) for d in waiting]
         for delivery in waiting:
             store.delivered(delivery.id)
-    return found
+    return alerts
 
 
 def test_a_rate_is_told_once_and_cleared_once(store: Store) -> None:

@@ -65,15 +65,15 @@ def _filled(store: Store, folder: EvidenceFolder) -> None:
 
 
 def _all_rows(store: Store) -> dict[str, list[tuple[Any, ...]]]:
-    found = {}
+    tables = {}
     with store.read_transaction() as tx:
         for name, table in METADATA.tables.items():
             # leases end with the service that held them
             columns = [c for c in table.c if c.name not in ("owner", "leased_until")]
             rows = tx.execute(sa.select(*columns).order_by(*table.primary_key))
-            found[name] = [tuple(row) for row in rows]
-    del found["sessions"]  # a backup signs nobody in
-    return found
+            tables[name] = [tuple(row) for row in rows]
+    del tables["sessions"]  # a backup signs nobody in
+    return tables
 
 
 def _contents(folder: Path) -> dict[Path, bytes]:
@@ -120,8 +120,8 @@ def test_what_is_brought_back_elsewhere_is_what_was_there(
     store = filled
     cookie = store.open_session(store.add_token("signed-in", [Scope.READ]))
     assert cookie is not None
-    made = back_up(store, evidence, tmp_path / "backup")
-    assert (made.rows["parts"], made.files, made.lost) == (6, 5, [])
+    manifest = back_up(store, evidence, tmp_path / "backup")
+    assert (manifest.rows["parts"], manifest.files, manifest.lost) == (6, 5, [])
     names = ["evidence", "manifest.json", "store.db"]
     assert sorted(p.name for p in (tmp_path / "backup").iterdir()) == names
     before = _contents(tmp_path / "backup")
@@ -162,15 +162,15 @@ def test_a_backup_taken_while_parts_come_in_is_of_one_moment(
         try:
             while len(ids) < 20:
                 time.sleep(0.005)
-            made, known = back_up(store, evidence, tmp_path / "backup"), len(ids)
+            manifest, known = back_up(store, evidence, tmp_path / "backup"), len(ids)
         finally:
             stop.set()
-    assert made.lost == []
-    assert 20 <= made.rows["parts"] <= known + 2
+    assert manifest.lost == []
+    assert 20 <= manifest.rows["parts"] <= known + 2
     with contextlib.closing(Store.open(f"sqlite:///{tmp_path}/back.db", now=clock)) as target:
         restore(tmp_path / "backup", target, EvidenceFolder(tmp_path / "back"))
         report = check(target, EvidenceFolder(tmp_path / "back"))
-    assert (report.parts, report.findings) == (made.rows["parts"], [])
+    assert (report.parts, report.findings) == (manifest.rows["parts"], [])
 
 
 @ON_SQLITE
@@ -245,8 +245,8 @@ def test_what_retention_takes_meanwhile_is_gone_and_not_lost(
 
     with monkeypatch.context() as patch:
         patch.setattr(EvidenceFolder, "take", expired_before)
-        made = back_up(store, evidence, tmp_path / "backup")
-    assert made.lost == [damaged]
+        manifest = back_up(store, evidence, tmp_path / "backup")
+    assert manifest.lost == [damaged]
     back = EvidenceFolder(tmp_path / "back")
     assert restore(tmp_path / "backup", other, back).lost == [damaged]
     assert [file.gone for file in other.evidence(part.id)] == [True, False]
@@ -257,7 +257,7 @@ def test_what_retention_takes_meanwhile_is_gone_and_not_lost(
 
 
 def _told(report: CheckReport, fault: Fault) -> list[str]:
-    return [found.subject for found in report.findings if found.fault is fault]
+    return [finding.subject for finding in report.findings if finding.fault is fault]
 
 
 def test_a_store_that_is_well(filled: Store, evidence: EvidenceFolder) -> None:

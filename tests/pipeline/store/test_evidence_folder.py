@@ -56,9 +56,9 @@ def test_the_same_twice_is_one_file_and_mends_it_also_at_once(folder: EvidenceFo
     assert [p.read_bytes() for p in folder.path(sha256).parent.iterdir()] == [b"photo"]
     uploads = [_upload(folder, b"photo %d" % (k % 7)) for k in range(70)]
     with ThreadPoolExecutor(8) as pool:
-        kept = set(pool.map(folder.keep, uploads))
-    assert len(kept) == 7
-    for sha256, _ in kept:
+        stored = set(pool.map(folder.keep, uploads))
+    assert len(stored) == 7
+    for sha256, _ in stored:
         assert hashlib.sha256(folder.path(sha256).read_bytes()).hexdigest() == sha256
 
 
@@ -136,28 +136,28 @@ def test_what_a_crash_has_left_is_swept(folder: EvidenceFolder, store: Store) ->
 def test_a_file_that_cannot_be_removed_keeps_no_other(
     folder: EvidenceFolder, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = sorted(folder.keep_content(content)[0] for content in (b"one", b"two", b"three"))
+    hashes = sorted(folder.keep_content(content)[0] for content in (b"one", b"two", b"three"))
     unlink = Path.unlink
 
     def refused(path: Path, missing_ok: bool = False) -> None:
-        if path.name == kept[0]:
+        if path.name == hashes[0]:
             raise PermissionError(13, "Permission denied")
         unlink(path, missing_ok=missing_ok)
 
     monkeypatch.setattr(Path, "unlink", refused)
     folder.sweep(store, older_than_s=-60)
-    assert [folder.path(sha256).exists() for sha256 in kept] == [True, False, False]
+    assert [folder.path(sha256).exists() for sha256 in hashes] == [True, False, False]
 
 
 def test_the_sweep_asks_of_some_files_at_a_time(
     folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However many files a store knows, the sweep holds some hundreds of their hashes in memory."""
-    asked: list[int] = []
+    batches: list[int] = []
 
     class Remembers:
         def needed_hashes(self, hashes: list[str]) -> frozenset[str]:
-            asked.append(len(hashes))
+            batches.append(len(hashes))
             return frozenset(name for name in hashes if name.endswith("0"))
 
     for prefix in ("00", "3f"):
@@ -166,8 +166,8 @@ def test_the_sweep_asks_of_some_files_at_a_time(
         for name in names:
             folder.path(name).touch()
     assert folder.sweep(Remembers(), older_than_s=-60) == 500 - 2 * 16  # every 16th ends with 0
-    assert max(asked) <= 200
-    assert sum(asked) == 500
+    assert max(batches) <= 200
+    assert sum(batches) == 500
 
 
 def test_what_was_just_kept_is_young_however_old_the_upload(folder: EvidenceFolder, store: Store) -> None:

@@ -18,10 +18,10 @@ def _ids(parts: tuple[PartRecord, ...]) -> list[str]:
 
 
 def test_newest_first_and_page_by_page(store: Store) -> None:
-    made = [received(store).id for _ in range(6)]
+    ids = [received(store).id for _ in range(6)]
     part = received(store, PartState.REVIEW, "KX4")
     part = correct(store, part.id, "KX5")
-    newest = [part.id, *made[::-1]]
+    newest = [part.id, *ids[::-1]]
     assert _ids(store.parts()) == newest
     pages = [store.parts(limit=3)]
     while pages[-1]:
@@ -52,13 +52,13 @@ def test_newest_first_and_page_by_page(store: Store) -> None:
     ],
 )
 def test_search(store: Store, sought: dict[str, str], found: str) -> None:
-    made = {
+    ids = {
         "a": received(store, text="KX407251", name="Plate 1"),
         "b": received(store, PartState.REVIEW, "KX4O7251", name="PLATE 2, Größe 3"),
         "c": received(store, text="100%_\\", name="plate 3"),
         "d": received(store, PartState.REVIEW, "kx4", name=""),
     }
-    assert _ids(store.parts(**sought)) == [made[k].id for k in reversed(found)]
+    assert _ids(store.parts(**sought)) == [ids[k].id for k in reversed(found)]
 
 
 @pytest.mark.parametrize("wrong", [{"before": "x\x00"}, {"text": "\x00"}, {"name": "\ud800"}])

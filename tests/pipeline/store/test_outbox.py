@@ -104,14 +104,14 @@ def test_a_lease_given_before_the_clock_was_set_back_ends(store: Store, clock: C
 def test_a_target_that_one_cannot_send_to_is_left_to_others(store: Store) -> None:
     received(store, targets=("mqtt",))
     assert store.lease("one", "webhook", lease_s=60.0) == ()
-    assert {target: one.n for target, one in store.waiting_results().items()} == {"mqtt": 1}
+    assert {target: results.n for target, results in store.waiting_results().items()} == {"mqtt": 1}
     assert len(store.lease("other", "mqtt", lease_s=60.0)) == 1
 
 
 def test_of_many_that_lease_at_once_each_has_its_own(store: Store) -> None:
     for _ in range(20):
         received(store, targets=("mqtt",))
-    found = race(lambda k: store.lease(f"owner {k}", "mqtt", lease_s=60.0, limit=3), n=6)
-    leased = [delivery.id for taken in found for delivery in taken]
+    deliveries = race(lambda k: store.lease(f"owner {k}", "mqtt", lease_s=60.0, limit=3), n=6)
+    leased = [delivery.id for taken in deliveries for delivery in taken]
     assert len(leased) == len(set(leased))
     assert len(leased) >= 3, "one at least has what it asked for"

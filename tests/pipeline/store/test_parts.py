@@ -48,10 +48,10 @@ def test_the_text_of_a_part_in_review_is_published_as_a_candidate(store: Store) 
 
 
 def test_the_camera_is_sure(store: Store) -> None:
-    asked = {"expected": "KX407251", "database": "line 3.glyphs", "job": "left", "line": "press"}
-    part = received(store, name="plate 7", evidence=(PHOTO,), targets=("mqtt", "webhook"), **asked)
+    request = {"expected": "KX407251", "database": "line 3.glyphs", "job": "left", "line": "press"}
+    part = received(store, name="plate 7", evidence=(PHOTO,), targets=("mqtt", "webhook"), **request)
     assert part == store.part(part.id)
-    assert {name: getattr(part, name) for name in asked} == asked
+    assert {name: getattr(part, name) for name in request} == request
     assert (part.name, part.state, part.text) == ("plate 7", PartState.ACCEPTED, "KX407251")
     assert (part.plan, part.review, part.touch, part.created_at, part.changed_at) == (
         None,
@@ -72,8 +72,8 @@ def test_the_camera_is_sure(store: Store) -> None:
 
 def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> None:
     unsure = reading("KX4O7251", "vision", "review")
-    given = {"readings": (unsure,), "evidence": (PHOTO,), "plan": PLAN, "targets": ("mqtt",)}
-    part = received(store, PartState.TOUCH_NEEDED, **given)
+    later = {"readings": (unsure,), "evidence": (PHOTO,), "plan": PLAN, "targets": ("mqtt",)}
+    part = received(store, PartState.TOUCH_NEEDED, **later)
     assert (part.plan, part.state, part.text) == (PLAN, PartState.TOUCH_NEEDED, "")
     assert [(d.payload["state"], d.payload["text"]) for d in due(store)] == [("touch_needed", "")]
 
@@ -86,8 +86,8 @@ def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> Non
     assert [e.kind for e in store.evidence(part.id)] == [EvidenceKind.PHOTO, EvidenceKind.SCAN]
 
     said_at = clock.go_on(minutes=3)
-    said = {"text": "KX407251", "note": "worn 1", "before": "KX40725"}
-    part = store.review(part.id, person=Person("Ada", "line-3"), action=ReviewAction.CORRECT, **said)
+    answer = {"text": "KX407251", "note": "worn 1", "before": "KX40725"}
+    part = store.review(part.id, person=Person("Ada", "line-3"), action=ReviewAction.CORRECT, **answer)
     assert (part.state, part.text, part.reading) == (PartState.REVIEWED, "KX407251", felt)
     review = part.review
     assert review is not None
@@ -114,17 +114,17 @@ def test_a_scan_of_the_same_request_is_a_fallback_where_it_was_asked_for(
 
 def test_reviews_are_added_never_replaced(store: Store, clock: Clock) -> None:
     part = received(store, PartState.REVIEW, "KX4")
-    said = (
+    answers = (
         (ReviewAction.CONFIRM, "", "KX4", "KX4"),
         (ReviewAction.UNREADABLE, "whatever stood in the form", "KX4", ""),
         (ReviewAction.CORRECT, "KX5", "", "KX5"),
         (ReviewAction.CONFIRM, "KX5", "KX5", "KX5"),
     )
-    for action, text, before, _ in said:
+    for action, text, before, _ in answers:
         clock.go_on(seconds=1)
         part = store.review(part.id, action=action, text=text, person=Person("Ada"), before=before)
     assert [(r.before, r.after) for r in store.story(part.id).reviews] == [
-        (before, after) for *_, before, after in said
+        (before, after) for *_, before, after in answers
     ]
     assert part.review == store.story(part.id).reviews[-1]
     accepted = received(store)
@@ -262,8 +262,8 @@ def test_any_text_and_number_comes_back(
     part = received(store, name=name, readings=(given_reading,))
     data = {k.replace("\x00", "0"): v for k, v in data.items()}
     store.note_event(part.id, "enrolled", data)
-    found = store.part(part.id)
-    assert (found.name, found.text, at_any_time(found.reading)) == (name, text, given_reading)
+    stored = store.part(part.id)
+    assert (stored.name, stored.text, at_any_time(stored.reading)) == (name, text, given_reading)
     assert store.story(part.id).events[-1].data == data
 
 
@@ -271,9 +271,9 @@ def test_times_keep_their_instant_in_utc(store: Store, clock: Clock) -> None:
     clock.at = datetime.fromisoformat("2026-11-21T01:02:03.000004+09:00")
     part = store.part(received(store).id)
     assert (part.created_at, part.created_at.utcoffset()) == (clock.at, timedelta(0))
-    at = clock.go_on(seconds=5)
+    changed_at = clock.go_on(seconds=5)
     store.note_event(part.id, "enrolled", {"database": "line 3.glyphs"})
-    assert store.part(part.id) == replace(part, changed_at=at)
+    assert store.part(part.id) == replace(part, changed_at=changed_at)
     assert store.story(part.id).events[-1].data == {"database": "line 3.glyphs"}
 
 

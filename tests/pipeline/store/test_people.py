@@ -181,9 +181,9 @@ def test_a_drawn_part_is_read_once_and_stays_accepted_where_it_is_the_same(store
     with pytest.raises(ClaimedError):
         said(store, part_id, ADA, "KX4", audit=True)
     assert said(store, part_id, GRACE, "KX4", audit=True) is PartState.ACCEPTED
-    found = store.story(part_id).audit
-    assert found is not None
-    assert (found.before, found.after, found.who) == ("KX4", "KX4", "Grace")
+    audit = store.story(part_id).audit
+    assert audit is not None
+    assert (audit.before, audit.after, audit.who) == ("KX4", "KX4", "Grace")
     assert (store.queue(audits=True), store.undelivered(), store.claims()) == ((), 0, {})
     with pytest.raises(ConflictError, match="does not wait for an audit"):
         said(store, part_id, ADA, "KX4", audit=True)

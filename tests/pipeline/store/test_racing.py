@@ -26,15 +26,15 @@ def _refused(run: Callable[[int], Any]) -> Callable[[int], Any]:
 
 def test_one_of_many_equal_requests_makes_a_part(store: Store) -> None:
     for n in range(5):
-        asked = {
+        request = {
             "targets": ("mqtt",),
             "evidence": (PHOTO,),
             "idempotency": IdempotencyKey(f"line-3:{n}", "f"),
         }
-        made = race(_refused(lambda _, asked=asked: received(store, **asked)))
-        (part,) = [one for one in made if not isinstance(one, Exception)]
-        refused = [error for error in made if isinstance(error, AlreadyDoneError)]
-        assert len(refused) == len(made) - 1
+        outcomes = race(_refused(lambda _, asked=request: received(store, **asked)))
+        (part,) = [outcome for outcome in outcomes if not isinstance(outcome, Exception)]
+        refused = [error for error in outcomes if isinstance(error, AlreadyDoneError)]
+        assert len(refused) == len(outcomes) - 1
         assert {error.part_id for error in refused} == {part.id}
     assert (len(store.parts()), store.undelivered()) == (5, 5)
 
@@ -42,9 +42,11 @@ def test_one_of_many_equal_requests_makes_a_part(store: Store) -> None:
 def test_one_of_many_people_is_first(store: Store) -> None:
     for _ in range(5):
         part = received(store, PartState.REVIEW, "KX4").id
-        said = race(_refused(lambda k, p=part: correct(store, p, f"KX{k:03d}", f"person {k}", before="KX4")))
-        (won,) = [s for s in said if not isinstance(s, Exception)]
-        assert all(type(s) is ConflictError for s in said if s is not won)
+        outcomes = race(
+            _refused(lambda k, p=part: correct(store, p, f"KX{k:03d}", f"person {k}", before="KX4"))
+        )
+        (won,) = [s for s in outcomes if not isinstance(s, Exception)]
+        assert all(type(s) is ConflictError for s in outcomes if s is not won)
         assert store.part(part) == won
         assert len(store.story(part).reviews) == 1
 

@@ -95,7 +95,7 @@ def test_a_store_of_the_first_version_is_read_and_used_on(tmp_path: Path) -> Non
         )
         new = received(store, targets=("mqtt",))
         assert {d.part_id for d in due(store)} == {accepted.id, reviewed.id, new.id}
-        faults = {found.fault.value for found in check(store, evidence, read_files=False).findings}
+        faults = {finding.fault.value for finding in check(store, evidence, read_files=False).findings}
         assert faults == {"missing", "undelivered", "stuck"}
     with _engine(f"sqlite:///{file}").connect() as connection:
         options = {"version_table": VERSION_TABLE, "compare_type": True, "compare_server_default": True}
@@ -142,14 +142,14 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     """SQLite's own word on how it would do every statement."""
     store = Store.open(f"sqlite:///{tmp_path}/store.db")
     part = received(store).id
-    asked: list[tuple[str, Any]] = []
+    statements: list[tuple[str, Any]] = []
     with store.read_transaction() as tx:
         engine = tx.connection.engine
 
     @sa.event.listens_for(engine, "before_cursor_execute")
     def _note(_c: object, _u: object, statement: str, parameters: Any, _x: object, _m: object) -> None:
         if statement.startswith("SELECT"):
-            asked.append((statement, parameters))
+            statements.append((statement, parameters))
 
     store.statistics(START)
     store.agreement_by_day(START)
@@ -173,9 +173,9 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.token("x")
     store.find_request("x")
     due(store)
-    assert len(asked) >= 22
+    assert len(statements) >= 22
     with engine.connect() as connection:
-        for statement, parameters in asked:
+        for statement, parameters in statements:
             plan = [
                 row[3] for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters)
             ]

@@ -36,17 +36,17 @@ def test_agreement_is_counted_by_day(store: Store, clock: Clock) -> None:
 
 
 def test_what_would_have_been_decided_is_kept(store: Store) -> None:
-    kept = ShadowRecord(Agreement.OTHER, PartState.ACCEPTED)
-    part = received(store, PartState.SHADOW, expected="KX407257", shadow=kept, targets=("mqtt",))
-    assert (store.part(part.id).shadow, part.state) == (kept, PartState.SHADOW)
+    shadow = ShadowRecord(Agreement.OTHER, PartState.ACCEPTED)
+    part = received(store, PartState.SHADOW, expected="KX407257", shadow=shadow, targets=("mqtt",))
+    assert (store.part(part.id).shadow, part.state) == (shadow, PartState.SHADOW)
     assert received(store).shadow is None
     last = store.story(part.id).events[-1]
     assert (last.kind, dict(last.data)) == ("compared", {"agreement": "other", "would_be": "accepted"})
     assert store.queue() == ()
     # a person's review keeps it, and a later reading changes it
     correct(store, part.id, "KX407257")
-    assert store.part(part.id).shadow == kept
-    again = received(store, PartState.SHADOW, shadow=kept)
+    assert store.part(part.id).shadow == shadow
+    again = received(store, PartState.SHADOW, shadow=shadow)
     better = ShadowRecord(Agreement.SAME, PartState.REVIEW)
     read = store.add_readings(
         again.id, readings=(reading(source="fused"),), state=PartState.SHADOW, shadow=better

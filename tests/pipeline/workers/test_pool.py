@@ -21,8 +21,8 @@ from tests.support.waiting import PATIENCE_S, is_alive, wait_until
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[WorkPool]:
-    with WorkPool(1, queue=2, timeout_s=PATIENCE_S, memory_mb=2048) as made:
-        yield made
+    with WorkPool(1, queue=2, timeout_s=PATIENCE_S, memory_mb=2048) as pool:
+        yield pool
 
 
 def test_function_is_called_in_another_process(pool: WorkPool) -> None:
