@@ -271,6 +271,8 @@ class ServiceSettings(Settings):
         **dict.fromkeys(("connections", "queue"), ""),
         **dict.fromkeys(("limits.photo_pixels", "limits.map_samples", "log"), ""),
         "limits.upload_mb": "upload_mb",
+        "jobs": "jobs in [workers]",
+        "part_timeout_s": "part_timeout_s in [workers]",
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),
         "shutdown_grace_s": "drain_s",
         "watch.every_s": "watch.settle_s",

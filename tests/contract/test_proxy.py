@@ -73,7 +73,7 @@ def test_a_service_behind_the_proxy(tmp_path: Path, capsys: pytest.CaptureFixtur
     settings = environment(
         TACTILE_MARKS_SERVICE_TOKENS="on",
         TACTILE_MARKS_SERVICE_TRUSTED_PROXIES="127.0.0.1",
-        TACTILE_MARKS_SERVICE_JOBS="1",
+        TACTILE_MARKS_WORKERS_JOBS="1",
         TACTILE_MARKS_FONT="gothic",
         TACTILE_MARKS_FORMAT="A9",
     )

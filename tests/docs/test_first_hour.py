@@ -151,7 +151,6 @@ def test_every_block_of_a_page_runs_from_an_empty_folder(
         "SERVICE_PID": str(tmp_path / "service"),
         "TACTILE_MARKS_SERVICE_PORT": str(port),
         # one worker wherever a page does not name a number: each loads all libraries first
-        "TACTILE_MARKS_SERVICE_JOBS": "1",
         "TACTILE_MARKS_WORKERS_JOBS": "1",
     }
     try:
