@@ -107,6 +107,8 @@ def _serve(out: Path, settings: ReadSettings, *, stay: bool) -> int:
     import uvicorn  # noqa: F401 - a missing extra is reported before parts are made
 
     from glyphs.soiling.soiled import Soiling
+    from pipeline.common.output_paths import write_text
+    from pipeline.common.parsed import toml_text
     from pipeline.common.records import PartState
     from pipeline.common.texts import same_text
     from pipeline.formats.synth import SynthSpec, write_part
@@ -126,14 +128,16 @@ def _serve(out: Path, settings: ReadSettings, *, stay: bool) -> int:
         for number, severity in enumerate(SEVERITIES)
     ]
     print("starting the service (the first start on a machine takes longer: it compiles) ...", flush=True)
-    reading = [
-        *("--format", FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright"),
-        *("--sensors", settings.sensors),
-        *(() if settings.whisker is None else ("--whisker", str(settings.whisker))),
-    ]
-    folders = ("--stage.folder", str(folder), "--camera.folder", str(folder))
+    reading: dict[str, Any] = {
+        "format": FORMAT, "font": "gothic", "height_mm": 5.0, "orientation": "upright", "sensors": settings.sensors,
+    }  # fmt: skip
+    if settings.whisker is not None:
+        reading["whisker"] = str(settings.whisker.absolute())
+    config = out / "service.toml"
+    write_text(config, toml_text(reading))
+    options = ("--config", str(config), "--stage.folder", str(folder), "--camera.folder", str(folder))
     ended: list[tuple[PartRecord, str]] = []
-    with service_process(out / "service", *folders, *reading) as service, Client(service.url) as client:
+    with service_process(out / "service", *options) as service, Client(service.url) as client:
         print(f"the service answers at {service.url}", flush=True)
         for number, (severity, truth) in enumerate(zip(SEVERITIES, truths, strict=True)):
             name = f"part-{number}"
