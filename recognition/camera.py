@@ -6,7 +6,7 @@ photograph --area of the regions, codes removed, shrunk--> view --find--> lines
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain
@@ -18,8 +18,11 @@ from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
 from recognition.find.deadline import Deadline
-from recognition.find.find import find
+from recognition.find.find import apart, find, is_clear_text, search_of
+from recognition.find.looks import Looks
+from recognition.find.promise import is_convincing
 from recognition.find.request import LineRequest
+from recognition.find.wide import read_wide
 from recognition.glyph_match.face_library import face_library
 from recognition.glyph_match.faces import compare_faces, read_faces
 from recognition.glyph_match.prototypes import Prototypes, lit_prototypes
@@ -27,11 +30,11 @@ from recognition.recogniser.read_line import ReadLine
 from recognition.recogniser.recogniser import features_of
 from recognition.see.codes import Code, codes_of, without_codes
 from recognition.see.edges_seen import picture_fault
-from recognition.see.photo_frame import cut
-from recognition.see.photo_sizes import SIZES, is_large_enough, shrunk, shrunk_versions
+from recognition.see.photo_frame import area_about, cut
+from recognition.see.photo_sizes import LARGE, SIZES, is_large_enough, shrunk, shrunk_versions
 from recognition.see.registered import photo_views, stainless_view
 from recognition.see.text_line import TextLine
-from recognition.see.view import View
+from recognition.see.view import View, photo_view
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.step_times import StepTimes
 
@@ -76,21 +79,55 @@ class VisionReader:
             )
             return SenseEvidence("vision", log=log)
         codes = codes_of(shrunk(photo, SIZES[-1]))
+        large = photo.shape[0] * photo.shape[1] > LARGE and not request.lines
+        evidence = self._of_part(photo, request, codes) if large else None
+        if evidence is None:
+            evidence = self._of_sizes(chain((smallest,), sizes), request, codes, only_known=large)
+        cropped = evidence.log.photo is None or evidence.log.whole_photo is not None or area is not None
+        return evidence.logged(stopped=deadline.stopped, whole_photo=whole if cropped else None)
+
+    def _of_part(self, photo: Photo, request: LineRequest, codes: Sequence[Code]) -> SenseEvidence | None:
+        """Evidence of the part of a large photograph with the most promising line; None if none is sure."""
+        looks = Looks(deadline=request.deadline)
+        search = search_of(photo_view(without_codes(shrunk(photo, LARGE), codes)), request, looks)
+        lines = read_wide(search)
+        for line in lines[:2]:
+            area = area_about(line.line, photo)
+            sizes = shrunk_versions(cut(photo, area))
+            evidence = self._of_sizes(sizes, request.inside(area), codes)
+            part = evidence.lines
+            if part is not None and part.main is not None and is_convincing([part.main], request.limits.sure):
+                others = tuple(other for other in lines if is_clear_text(other) and apart(other, part.main))
+                part = replace(part, others=(*part.others, *others), looks=part.looks + looks.count)
+                return replace(evidence.logged(whole_photo=photo), lines=part)
+        return None
+
+    def _of_sizes(
+        self, sizes: Iterator[Photo], request: LineRequest, codes: Sequence[Code], *, only_known: bool = False
+    ) -> SenseEvidence:
+        """Evidence of a photograph at increasing sizes, until its characters have enough pixels.
+
+        Args:
+            sizes: the photograph at increasing sizes.
+            request: what is looked for.
+            codes: its codes.
+            only_known: look only at the smallest size for lines that are not known yet.
+        """
         about: tuple[TextLine, ...] = ()
         evidence: SenseEvidence | None = None
-        for small in chain((smallest,), sizes):
-            if evidence is not None and deadline.is_over():
+        for photo in sizes:
+            if evidence is not None and ((only_known and not about) or request.deadline.is_over()):
                 break
-            larger = self._of_size(small, request, codes, about)
+            larger = self._of_size(photo, request, codes, about)
             main = larger.main
-            if evidence is None or main is not None or not deadline.stopped:
+            if evidence is None or main is not None or not request.deadline.stopped:
                 evidence = larger
-            if main is not None and is_large_enough(small, main.line.height_mm):
+            if main is not None and is_large_enough(photo, main.line.height_mm):
                 break
             # lines keep their places in a larger picture
             about = larger.lines.places if larger.lines and main and main.is_text else ()
         assert evidence is not None
-        return evidence.logged(stopped=deadline.stopped, whole_photo=None if area is None else whole)
+        return evidence
 
     def _of_size(
         self, photo: Photo, request: LineRequest, codes: Sequence[Code], about: Sequence[TextLine]

@@ -138,7 +138,7 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
             others = [other for other in others if apart(other, line)]
     unassigned: list[ReadLine] = []
     for line in others:
-        if _is_clear_text(line) and all(apart(line, other) for other in unassigned):
+        if is_clear_text(line) and all(apart(line, other) for other in unassigned):
             unassigned += search.read([line.line])
     request, serial = search.request, _serial_of(main, search.request.grammar)
     ways = ways_possible(request.orientation, rows_known=request.rows_known, turned_deg=main.line.turned_deg)
@@ -225,7 +225,7 @@ def apart(line: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
     return not any(overlap(a, b, band_mm=band_mm) for a, b in permutations((line.line, other.line)))
 
 
-def _is_clear_text(line: ReadLine, *, least_belief: float = 0.8, least_places: int = 3) -> bool:
+def is_clear_text(line: ReadLine, *, least_belief: float = 0.8, least_places: int = 3) -> bool:
     """Whether a line can be read as any text.
 
     Args:

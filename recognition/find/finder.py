@@ -148,7 +148,7 @@ def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
     layers[HEIGHTS] /= scale_mm
     rows, columns = layers.shape[1:]
     fed = np.pad(layers, ((0, 0), (0, -rows % CELL), (0, -columns % CELL)))
-    return joined_cells(findings(fed[None])[0], pitch_mm, view, least=least)
+    return joined_cells(findings(fed[None])[0], pitch_mm, view.origin_mm, least=least)
 
 
 def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -157,13 +157,15 @@ def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
     return cells
 
 
-def joined_cells(cells: NDArray[np.float32], pitch_mm: float, view: View, *, least: float) -> list[FoundLine]:
+def joined_cells(
+    cells: NDArray[np.float32], pitch_mm: float, origin_mm: tuple[float, float], *, least: float
+) -> list[FoundLine]:
     """Join cells to lines.
 
     Args:
         cells: (FINDINGS, rows, columns) of the cells.
         pitch_mm: size of a pixel; a cell is CELL pixels.
-        view: view that was searched.
+        origin_mm: x, y of the first pixel.
         least: probability above which a cell counts as the middle of a line.
     """
     belief = 1.0 / (1.0 + np.exp(-cells[0]))
@@ -175,7 +177,7 @@ def joined_cells(cells: NDArray[np.float32], pitch_mm: float, view: View, *, lea
     for label in range(1, count + 1):
         v, u = np.nonzero((labels == label) & (belief > least))
         if u.size >= _LEAST_CELLS:
-            lines.append(_line(u, v, cells[:, v, u], belief[v, u], pitch_mm, view))
+            lines.append(_line(u, v, cells[:, v, u], belief[v, u], pitch_mm, origin_mm))
     return lines
 
 
@@ -190,13 +192,13 @@ def without_doubles(candidates: Sequence[FoundLine]) -> list[FoundLine]:
 
 def _line(
     u: NDArray[np.intp], v: NDArray[np.intp], cells: NDArray[np.float32], belief: NDArray[np.float32],
-    pitch_mm: float, view: View,
+    pitch_mm: float, origin_mm: tuple[float, float],
 ) -> FoundLine:  # fmt: skip
     height_mm = float(FINDER_ROWS * pitch_mm * 2.0 ** np.median(cells[1]))
     turned = float(np.median(cells[2]))
     down = cells[3] * height_mm
-    x = (u * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[0] - down * math.sin(turned)
-    y = (v * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[1] + down * math.cos(turned)
+    x = (u * CELL + CELL / 2 - 0.5) * pitch_mm + origin_mm[0] - down * math.sin(turned)
+    y = (v * CELL + CELL / 2 - 0.5) * pitch_mm + origin_mm[1] + down * math.cos(turned)
     along = x * math.cos(turned) + y * math.sin(turned)
     order = np.argsort(along)
     # one point per cell length along the line: the weighted mean of its cells

@@ -50,12 +50,12 @@ def find_in_tiles(
         pitch_mm = scale_mm / FINDER_ROWS
         layers = resample(view, pitch_mm)
         layers[HEIGHTS] /= scale_mm
-        layers[GREY] = _even_out(layers[GREY])
+        layers[GREY] = even_out(layers[GREY])
         tiles = _tiles(layers.shape[1:])
         left -= len(tiles)
         if left < 0:
             break
-        lines += joined_cells(_surest(layers, tiles), pitch_mm, view, least=_MIDDLE)
+        lines += joined_cells(_surest(layers, tiles), pitch_mm, view.origin_mm, least=_MIDDLE)
     return without_doubles(lines)
 
 
@@ -70,7 +70,7 @@ def _scales(
     return [high * 2.0 ** (-octaves * k) for k in range(count)]
 
 
-def _even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: float = 0.004) -> Floats:
+def even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: float = 0.004) -> Floats:
     """Even out the contrast of strokes, so that edges of a machine are no stronger than those of a mark.
 
     Args:
@@ -93,32 +93,32 @@ def _pixels(heights: float) -> int:
     return round(heights * FINDER_ROWS / CELL) * CELL
 
 
-_ROWS, _COLUMNS = _pixels(TILE_HEIGHTS), _pixels(TILE_WIDTHS)
+ROWS, COLUMNS = _pixels(TILE_HEIGHTS), _pixels(TILE_WIDTHS)
 _DOWN, _ACROSS = _pixels(STEP_DOWN), _pixels(STEP_ACROSS)
 
 
 def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
     """Upper left corners of the tiles of (rows, columns), which begin half a tile before the first pixel."""
     rows, columns = (
-        n + 2 * (tile // 2 // CELL * CELL) for n, tile in zip(shape, (_ROWS, _COLUMNS), strict=True)
+        n + 2 * (tile // 2 // CELL * CELL) for n, tile in zip(shape, (ROWS, COLUMNS), strict=True)
     )
-    down = range(0, max(rows - _ROWS + _DOWN, 1), _DOWN)
-    across = range(0, max(columns - _COLUMNS + _ACROSS, 1), _ACROSS)
+    down = range(0, max(rows - ROWS + _DOWN, 1), _DOWN)
+    across = range(0, max(columns - COLUMNS + _ACROSS, 1), _ACROSS)
     return [(y, x) for y in down for x in across]
 
 
 def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
     """(FINDINGS, rows, columns) of the cells, each from the tile in whose middle band a line is most certain."""
-    before_y, before_x = (tile // 2 // CELL * CELL for tile in (_ROWS, _COLUMNS))
+    before_y, before_x = (tile // 2 // CELL * CELL for tile in (ROWS, COLUMNS))
     fed = np.pad(
-        layers, ((0, 0), (before_y, before_y + _ROWS + _DOWN), (before_x, before_x + _COLUMNS + _ACROSS))
+        layers, ((0, 0), (before_y, before_y + ROWS + _DOWN), (before_x, before_x + COLUMNS + _ACROSS))
     )
     batches = (tiles[start : start + _BATCH] for start in range(0, len(tiles), _BATCH))
     cells = np.concatenate(
-        [findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some])) for some in batches]
+        [findings(np.stack([fed[:, y : y + ROWS, x : x + COLUMNS] for y, x in some])) for some in batches]
     )
     # leave out the rim of a tile: there the network sees nothing on one side
-    rim_y, rim_x = (_ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
+    rim_y, rim_x = (ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
     inner = cells[:, :, rim_y : cells.shape[2] - rim_y, rim_x : cells.shape[3] - rim_x]
     surest = np.full((cells.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32)
     for (y, x), tile in zip(tiles, inner, strict=True):

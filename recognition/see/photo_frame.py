@@ -11,7 +11,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from glyphs.camera.photo import Photo
+from recognition.see.text_line import TextLine
 
 
 def photo_pitch_mm(photo: Photo) -> float:
@@ -43,6 +46,25 @@ def cut(photo: Photo, area: tuple[float, float, float, float]) -> Photo:
     )
     others = tuple(cut(other, area) for other in photo.others)
     return replace(photo, pixels=photo.pixels[rows, columns], centre_mm=middle, others=others)
+
+
+def area_about(
+    line: TextLine, photo: Photo, *, along: float = 6.0, across: float = 2.5
+) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of the land around a line, as shares of a photograph.
+
+    Args:
+        line: the line.
+        photo: the photograph.
+        along, across: land before and after the line, and above and below its middle, character heights.
+    """
+    rows, columns = photo.shape
+    low, high = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
+    margin = line.height_mm * np.where(high - low > line.height_mm, along, across)
+    size = np.multiply((columns, rows), photo_pitch_mm(photo))
+    left, top = np.clip((low - margin - photo_origin_mm(photo)) / size, 0.0, 1.0)
+    right, bottom = np.clip((high + margin - photo_origin_mm(photo)) / size, 0.0, 1.0)
+    return float(left), float(top), float(right), float(bottom)
 
 
 def pixels_of(

@@ -15,6 +15,8 @@ from recognition.see.photo_frame import photo_middle_mm, photo_pitch_mm
 
 SIZES = (600_000, 4_000_000)
 """Sizes at which a photograph is read, pixels, in turn until its characters are high enough."""
+LARGE = 2_000_000
+"""Pixels from which a photograph is large: its serial may be a small part of it, so it is looked for first."""
 ENOUGH_ROWS = 60
 """Pixels per character height from which more hardly help."""
 _HARDLY_LARGER = 1.5
