@@ -18,7 +18,7 @@ from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.find.deadline import Deadline
-from recognition.find.first_pass import Feel, NothingFeltError, felt_heights_mm, virtual_feel
+from recognition.find.first_pass import LEAST_HEIGHT_MM, Feel, NothingFeltError, felt_heights_mm, virtual_feel
 from recognition.see.edges_seen import has_edges
 from recognition.see.levelling import filled_note, level, square_to_plate
 from recognition.step_times import StepTimes
@@ -112,7 +112,8 @@ def _feel(touch: TactileReader, surface: Surface) -> SenseEvidence:
         squared, soil = square_to_plate(surface.height_map, surface.soil)
         levelled = level(squared)
         notes = filled_note(squared, levelled)
-        flat = not has_edges(levelled.z_mm, step=LEAST_STEP_MM)
+        # a map in a wrong unit is not called flat
+        flat = max(levelled.size_mm) >= LEAST_HEIGHT_MM and not has_edges(levelled.z_mm, step=LEAST_STEP_MM)
     if flat:
         log = Log((Finding.of(ReadingFlag.NO_EDGES),), seconds=times.seconds, surface=levelled)
         return SenseEvidence("tactile", log=log)
