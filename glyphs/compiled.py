@@ -30,8 +30,6 @@ Function: TypeAlias = Callable[..., Any]
 
 ANY_ORDER = frozenset({"reassoc", "contract", "arcp", "nsz"})
 """Allow sums in any order, so that they are vectorised; NaN are respected."""
-CONTRACTED = frozenset({"contract"})
-"""Allow fused multiply-add, rounded once."""
 FAST = frozenset({"fast"})
 """Allow all relaxations; there must be no NaN."""
 

@@ -38,6 +38,11 @@ class Ramp:
         speed |    ______________
               |   /              \\          all of it within distance_mm
               |__/                \\____
+
+    Attributes:
+        distance_mm: length of the move.
+        speed_mm_s: maximum speed.
+        acceleration_mm_s2: acceleration and deceleration.
     """
 
     distance_mm: float
@@ -73,6 +78,13 @@ class Moves:
 
     Attributes:
         begin_mm, end_mm: machine x, y of the move that touches.
+        touch_z_mm, lift_z_mm: machine z.
+        turn_deg: angle of the turning axis.
+        ramp: speed ramp of the move that touches.
+        first_mm: distance from the start of that move to the first sample of the pass.
+        whisker: the whisker that runs on each line of the pass.
+        speed_mm_s: speed while touching.
+        air_s: time lifted, for the air samples.
     """
 
     begin_mm: tuple[float, float]
@@ -89,6 +101,11 @@ class Moves:
 
 def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
     """Compute the machine moves of a pass.
+
+    Args:
+        order: the pass, in the plate's frame.
+        bench: the bench.
+        preload_mm: preload if the pass has none of its own.
 
     Raises:
         StageError: this comb or stage cannot run the pass, or it exceeds a limit.
@@ -134,6 +151,7 @@ def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
 
 
 def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...], float]:
+    """The whisker on each line, and the comb's middle across the trace."""
     n, pitch = bench.comb.n_whiskers, bench.comb.pitch_mm
     lines = np.asarray(order.line_mm)
     middle = float(lines.mean())
@@ -153,6 +171,7 @@ def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...]
 
 
 def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tuple[float, float]:
+    """Machine x, y of the turning axis at which the middle tip is over a point of the plate."""
     offset = complex(*stage.tip_mm) * cmath.rect(1.0, math.radians(turn))
     x, y = tip_mm[0] - offset.real, tip_mm[1] - offset.imag
     origin = stage.origin_mm
@@ -160,7 +179,11 @@ def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tu
 
 
 def check_limits(place_mm: Sequence[float], stage: StageSettings) -> None:
-    """Refuse a position beyond the stage's travel. Raises StageError: the position lies beyond it."""
+    """Refuse a position beyond the stage's travel.
+
+    Raises:
+        StageError: the position lies beyond it.
+    """
     for name, value, (low, high) in zip(_AXES, place_mm, stage.travel_mm, strict=True):
         if not low <= value <= high:
             raise StageError(

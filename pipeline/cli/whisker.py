@@ -85,7 +85,7 @@ def scan(
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.sensor import Sensors
     from whisker_array.simulation.traces import Fidelity
-    from whisker_array.whisker.array import default_plan
+    from whisker_array.whisker.array import LINES_PER_HEIGHT, PIECE_LINES, default_plan
     from whisker_array.whisker.defaults import default_whisker
 
     check_recording(out)
@@ -104,7 +104,11 @@ def scan(
     if active:
         return scan_actively(bench.open_session(), out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)
-    plan = default_plan(region, character_height_mm=height, kinds=2 if profilers else 1, two_way=two_way)
+    plan = default_plan(
+        region, character_height_mm=height, kinds=2 if profilers else 1, two_way=two_way,
+        lines_per_height=PIECE_LINES if piece else LINES_PER_HEIGHT,
+    )  # fmt: skip
+    plan = replace(plan, each_whisker=piece)
     if built is not None:
         plan = replace(plan, speed_mm_s=built.speed_mm_s)
     print(describe_plan(plan))

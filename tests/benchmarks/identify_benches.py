@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.identify_benches --benches 200 --jobs 2 --out benches.jsonl
 
-Every number of a bench is drawn as a workshop knows it before (`bench.known_before`); gauges creep and lag, and the
-stage's screw is as it is bought, which the fit knows nothing of. One recording a bench, of a piece with three pits. Of
+Every number of a bench is drawn as a workshop knows it before (`bench.prior_sd`); the stage's screw is as it is bought,
+which the fit knows nothing of. One recording a bench, of a piece with three pits. Of
 every second bench a weight has shown the gains. What is in the file already is not done again.
 """
 

@@ -74,7 +74,7 @@ def whisker_modes(whisker: Whisker, *, held: int = 3, damping: float = 0.01, par
     n = len(lumped.joints_mm)
     if not 1 <= held < n:
         raise WhiskerError(f"held is {held}", hint=f"give 1 to {n - 1} modes")
-    flexibility = lumped.flexibility_mm_per_n.reshape(n, 3, n, 3)[:, :2, :, :2].reshape(2 * n, 2 * n)
+    flexibility = (lumped.strain.T @ lumped.strain).reshape(n, 3, n, 3)[:, :2, :, :2].reshape(2 * n, 2 * n)
     mass = np.repeat(lumped.mass_t, 2)
     lift = flexibility[:, -1] / flexibility[-1, -1]
     held_flexibility = flexibility - np.outer(lift, flexibility[-1])

@@ -17,7 +17,6 @@ from whisker_array.identification.bench import (
     Unknown,
     nominal_bench,
     prior_sd,
-    screw_slice,
 )
 from whisker_array.identification.knowledge import Knowledge
 from whisker_array.identification.piece_map import Heights
@@ -117,10 +116,7 @@ def hidden_bench(seed: int, *, gains_shown: bool = False, whiskers: int = 3) -> 
     comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
     nominal = nominal_bench(drawn, touch, n_whiskers=whiskers)
     before = prior_sd(nominal)
-    for along_x in (True, False):
-        before[screw_slice(before.size, along_x=along_x)] = 0.0  # `stage` has its own
-    off = np.zeros(before.size)
-    off[before > 0.0] = np.clip(rng.standard_normal(int((before > 0.0).sum())), -_MOST_SDS, _MOST_SDS)
+    off = np.clip(rng.standard_normal(before.size), -_MOST_SDS, _MOST_SDS)
     stage = draw_stage_play(rng=rng)
     play_mm = abs(float(off[list(Unknown).index(Unknown.PLAY)])) * before[list(Unknown).index(Unknown.PLAY)]
     stage = replace(stage, play_mm=play_mm)

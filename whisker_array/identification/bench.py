@@ -1,6 +1,6 @@
 """Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations.
 
-A `Bench` holds numbers by name, except the gain of each whisker and those of screws.
+A `Bench` holds numbers by name, except the gain of each whisker.
 """
 
 from __future__ import annotations
@@ -58,12 +58,6 @@ LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of an uncalibrated gain, and of one calibrated by a weight on the tip."""
 GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
 """Relative standard deviation of a tip's radius, freshly ground and after long use."""
-LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
-"""Usual leads of small screws (ISO 3408-2)."""
-TRAVEL_SD, WAVE_SD_MM = 0.023 / 300.0, 0.0025
-"""Errors of a screw: share of the travel, and of each wave. Tolerance grade 5 in ISO 3408-3: 23 um over 300 mm, waves
-of 0.004 mm to either side within a turn."""
-_PER_SCREW = 1 + 2 * len(LEADS_MM)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,8 +67,6 @@ class Bench(OneLine):
     Attributes:
         values: value of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
-        screw: (2, 1 + 2 leads) errors of the stage's screws along x and y: a share of the travel, and amplitudes of
-            waves with periods `LEADS_MM`, mm (`screw_basis`).
 
     Raises:
         WhiskerError: a number is missing or not finite.
@@ -82,14 +74,13 @@ class Bench(OneLine):
 
     values: Mapping[Unknown, float]
     gain: NDArray[np.float64]
-    screw: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         missing = [name for name in Unknown if name not in self.values]
         if missing or not all(math.isfinite(value) for value in self.values.values()):
             raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
-        freeze_arrays(WhiskerError, self, {"gain": ("whiskers",), "screw": (2, _PER_SCREW)})
+        freeze_arrays(WhiskerError, self, {"gain": ("whiskers",)})
 
     def __getitem__(self, name: Unknown) -> float:
         return self.values[name]
@@ -99,16 +90,13 @@ class Bench(OneLine):
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then the gains, then those of the screws."""
-        values = [self.values[name] for name in Unknown]
-        return np.concatenate([values, self.gain, self.screw.ravel()])
+        """All numbers in the order of `Unknown`, then the gains."""
+        return np.array([*self.values.values(), *self.gain])
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
         """Make a bench from numbers in the order of `vector`."""
-        gain = numbers[len(Unknown) : -2 * _PER_SCREW]
-        values = dict(zip(Unknown, map(float, numbers), strict=False))
-        return cls(values, gain, numbers[-2 * _PER_SCREW :].reshape(2, -1))
+        return cls(dict(zip(Unknown, map(float, numbers), strict=False)), numbers[len(Unknown) :])
 
     def moved(self, step: NDArray[np.float64]) -> Bench:
         """Return the bench with a step (n,) added to its numbers, in the order of `vector`.
@@ -181,7 +169,7 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
         beta_deg = math.degrees(whisker.beta_rad)
         drawn = (whisker.l1_mm, whisker.l2_mm, whisker.lowered_mm, beta_deg)
         values |= zip(DRAWN, drawn, strict=False)
-    return Bench(values, np.ones(n_whiskers), np.zeros((2, _PER_SCREW)))
+    return Bench(values, np.ones(n_whiskers))
 
 
 def first_order_sd(
@@ -190,7 +178,6 @@ def first_order_sd(
     """Standard deviation of a function of some numbers: sqrt(g^T C g) with central differences g.
 
     Args:
-        moved: value of the function with one number changed, from its index and its change.
         steps: (n,) steps of the differences; a number with a step of 0 counts as exact.
         covariance: (n, n) covariance of the numbers.
     """
@@ -198,17 +185,6 @@ def first_order_sd(
         [(moved(i, s) - moved(i, -s)) / (2.0 * s) if s > 0.0 else 0.0 for i, s in enumerate(steps.tolist())]
     )
     return float(np.sqrt(slope @ covariance @ slope))
-
-
-def screw_slice(n: int, *, along_x: bool) -> slice:
-    """Indices of a screw's numbers among the n of `Bench.vector`."""
-    return slice(n - 2 * _PER_SCREW, n - _PER_SCREW) if along_x else slice(n - _PER_SCREW, n)
-
-
-def screw_basis(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(positions, 1 + 2 leads): displacement of each position per unit of each number of a screw."""
-    turns = 2.0 * np.pi * at_mm[:, None] / np.array(LEADS_MM)
-    return np.concatenate([at_mm[:, None], np.cos(turns), np.sin(turns)], axis=1)
 
 
 def prior_sd(
@@ -223,11 +199,4 @@ def prior_sd(
     sd = {name: name.sd for name in Unknown}
     sd[Unknown.RADIUS] = max(tip_sd * nominal[Unknown.RADIUS], 0.005)
     sd[Unknown.PRELOAD] *= nominal[Unknown.PRELOAD]
-    n = nominal.gain.size
-    return np.array(
-        [
-            *(sd[name] for name in Unknown),
-            *np.full(n, gain_sd),
-            *np.tile([TRAVEL_SD, *np.full(2 * len(LEADS_MM), WAVE_SD_MM)], 2),
-        ]
-    )
+    return np.array([*(sd[name] for name in Unknown), *np.full(nominal.gain.size, gain_sd)])

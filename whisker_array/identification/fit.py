@@ -1,23 +1,28 @@
-r"""Identify a bench from a recording: least squares on the contact simulation, with the uncertainty of each number.
+r"""Identify a bench from a recording: one least squares on the contact simulation, from coarse to fine.
 
-    minimise  sum over samples ((measured - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
+    minimise  sum over samples rho((measured - predicted(p)) / sigma)  +  sum over numbers rho((p - nominal) / sd)
 
-    sigma^2 = scatter of a sample^2 + (place_mm dm/du)^2 + roughness^2
+    sigma^2 = scatter of a sample^2 + (place_mm dm/du)^2
 
-Residuals are relative to a drifting level (`residuals`). The prediction is a plane through a cloud of benches
-(`cloud`), fitted again around each solution. The second sum is the workshop's prior knowledge (`bench.prior_sd`),
-without which many numbers could not be separated; `certainty` computes the covariance. At edges a sample is also
-uncertain because a pass does not return exactly to its line; screw errors common to all passes are among the numbers.
+The second sum is the workshop's prior knowledge (`bench.prior_sd`), without which many numbers could not be separated:
+one row of the problem for each number. rho is that of soft L1, linear beyond `BEND` sigmas, so that the jumps of tips
+that slip at steep edges do not dominate. At edges a sample is also uncertain because a pass does not return exactly to
+its line. Contact is rough: a small change of a number makes single samples jump. So samples are averaged over `PIXEL`
+of them, and derivatives are central differences over a share of the prior standard deviation.
+
+The covariance is that of a bootstrap over passes, linear about the solution: every pass gets an exponential weight
+(D. B. Rubin, The Bayesian bootstrap, Ann. Statist. 9 (1981) 130), and every prior mean a draw. All whiskers share the
+vibration and the drift of a pass, so neither needs a model of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import OneLine
@@ -31,48 +36,59 @@ from whisker_array.identification.bench import (
     first_order_sd,
     nominal_bench,
     prior_sd,
-    screw_slice,
 )
-from whisker_array.identification.certainty import COARSE_FACTOR, Fitted, left_out_covariance
-from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
 from whisker_array.identification.piece_map import Heights
-from whisker_array.identification.residuals import innovations, residuals, sample_sigma_n_mm, weight
-from whisker_array.identification.traces import MOST_TRACES, Trace, traces_of
+from whisker_array.identification.traces import Trace, mask_jams, sample_sigma_n_mm, scatter_n_mm, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 
 @dataclass(frozen=True)
-class Round:
-    """Settings of one round of the fit.
+class Stage:
+    """One resolution of the fit.
 
     Attributes:
-        coarser: factor by which the map is coarser than requested.
         lines: greatest number of lines.
-        turns, cautious: arguments of the cloud (`cloud.plane_through`).
+        coarser: pitch of the map over that requested.
+        place_mm: standard deviation of a position; wide at first, so that edges attract each other.
+        step: half the width of a difference by a position or the friction, in prior standard deviations.
+        numbers: numbers that are fitted.
+        cautious: whether slopes are reduced by the share that roughness explains; far from the solution nothing would
+            be left of them.
     """
 
-    coarser: float
     lines: int
-    turns: int = 1
-    cautious: bool = False
+    coarser: float
+    place_mm: float
+    step: float
+    numbers: tuple[Unknown, ...] = tuple(Unknown)
+    cautious: bool = True
 
 
-ROUNDS = (
-    Round(2.0, 48),
-    *[Round(1.3, 96)] * 3,
-    *[Round(1.0, 144)] * 2,
-    *[Round(1.0, 288, 2, cautious=True)] * 2,
+POSITIONS = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.PLAY)
+FIRST = (*POSITIONS[:3], Unknown.PRELOAD, Unknown.FRICTION, Unknown.TILT_X, Unknown.TILT_Y)
+"""Numbers of the first stage, which put the piece under the lines; the others hardly move an edge."""
+STAGES = (
+    Stage(48, 2.0, 0.1, 0.5, FIRST, cautious=False),
+    Stage(96, 1.3, 0.02, 0.2),
+    Stage(192, 1.0, 0.005, 0.1),
 )
-"""Rounds of the fit, from a cloud as wide as the prior. With three times as many lines, angle and radius are
-two thirds as uncertain."""
-BOUNDS = (256.0, 128.0, 64.0, 32.0, 16.0, 8.0, *[4.0] * 6)
-"""Bounds of the loss in sigmas, which shrink step by step so that the first bench does not decide which samples are
-outliers: graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020)
-1127)."""
-_LEFT_OUT = 0.02
+"""The last `place_mm` is the amplitude of the waves of usual screws within a turn (tolerance grade 5 of ISO 3408-3)."""
+STEP, LENGTH_STEP = 0.3, 1.0
+"""Half the width of a difference by other numbers, prior standard deviations: the signal is nearly linear
+in them, and a wide difference drowns the roughness."""
+BEND = 1.5
+PIXEL = 4
+LEVEL_SD, LEVEL_DEGREE = 0.5, 3
+"""A pass's level drifts as Legendre polynomials up to this degree, each of this size in scatters of a sample."""
+LEFT_OUT = {Unknown.SHIFT_X: 1e-3, Unknown.SHIFT_Y: 1e-3, Unknown.PRELOAD: 3e-4}
+WIDER = 2.0
+"""Errors that all passes share (of the grid, of the stage's screws), so that they do not show as scatter: mm, and the
+factor by which standard deviations of the bootstrap are wider. Set by what
+`tests.benchmarks.identify_benches` missed."""
+_WORST = 0.02
 """Share of the worst samples that the misfit leaves out."""
 
 
@@ -86,12 +102,12 @@ class Identified(OneLine):
 
     Attributes:
         bench: the numbers.
-        nominal: parameters of the drawing.
-        before: (n,) prior standard deviations of the numbers, in the order of `Bench.vector`.
+        nominal: the numbers as drawn.
+        before: (n,) prior standard deviations, in the order of `Bench.vector`.
         covariance: (n, n) posterior covariance of the numbers.
-        repeated: (n, n) covariance for comparing fits of the same bench, without errors common to both, as of the grid.
+        repeated: (n, n) covariance for comparing fits of the same bench, without errors common to both.
         whiskers: whiskers used in the fit; the gains of others keep their prior.
-        traces: traces that were fitted.
+        traces: fitted traces.
         predicted: for each trace (samples,), predicted moment, N mm.
         scatter_n_mm: scatter of a sample.
         settled: whether the fit has converged.
@@ -117,18 +133,15 @@ class Identified(OneLine):
 
     @property
     def misfit(self) -> float:
-        """Rms misfit divided by the uncertainty of a sample: 1 if the model explains all.
-
-        The worst share `_LEFT_OUT` is left out, because there the tip slips or jams differently from the prediction.
-        """
-        left = np.concatenate(
+        """Rms misfit over the uncertainty of a sample, without the worst 2 %: 1 if the model explains all."""
+        residuals = np.concatenate(
             [
-                (t.measured_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm)
+                (t.measured_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm, place_mm=STAGES[-1].place_mm)
                 for t, p in zip(self.traces, self.predicted, strict=True)
             ]
         )
-        squares = np.sort(left[np.isfinite(left)] ** 2)
-        return float(np.sqrt(np.mean(squares[: int((1.0 - _LEFT_OUT) * squares.size)])))
+        squares = np.sort(residuals[np.isfinite(residuals)] ** 2)
+        return float(np.sqrt(np.mean(squares[: int((1.0 - _WORST) * squares.size)])))
 
     def of(self, name: Unknown) -> tuple[float, float]:
         """Return a number and its standard deviation."""
@@ -136,10 +149,10 @@ class Identified(OneLine):
 
     def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:
         """Standard deviation of a function of the numbers, to first order, by steps of `probe_sds` times their own."""
-        at = self.bench.vector()
+        vector = self.bench.vector()
 
-        def moved(i: int, off: float) -> float:
-            return function(Bench.of_vector(at + np.where(np.arange(at.size) == i, off, 0.0)))
+        def moved(i: int, step: float) -> float:
+            return function(Bench.of_vector(vector + np.where(np.arange(vector.size) == i, step, 0.0)))
 
         return first_order_sd(moved, probe_sds * self.sd, self.covariance)
 
@@ -153,11 +166,8 @@ def identify(
     grid_mm: float = GRID_MM,
     tip_sd: float = GROUND_TIP,
     seed: int = 0,
-    fewest_clusters: int = 6,
+    fewest_passes: int = 6,
     finest: float = 0.1,
-    wide: float = 3.0,
-    averaged: int = 2,
-    settled: float = 0.05,
 ) -> Identified:
     """Identify the bench of a recording over a piece of known relief.
 
@@ -167,136 +177,170 @@ def identify(
         heights: heights of the test piece.
         whisker: the drawn whisker; a touch, if there is no drawing: lengths and angle are not fitted then.
         only: numbers to fit; the others stay nominal.
-        grid_mm: pitch of the maps; those of large tips are coarser (`finest`).
+        grid_mm: pitch of the map; that of a large tip is coarser (`finest`).
         tip_sd: prior standard deviation of the tip's radius, as a share of the radius.
-        seed: seed of the clouds' random rotations.
-        fewest_clusters: least number of passes over the piece.
+        seed: seed of the bootstrap.
+        fewest_passes: least number of passes over the piece.
         finest: finest grid as a share of the tip's radius; a finer one adds no detail.
-        wide: width of the cloud, in the standard deviations of a fit to `MOST_TRACES` lines; with a cloud narrower than
-            the roughness of contact the fit would stop anywhere.
-        averaged: number of last rounds whose mean is the result, because the random rotation of a cloud changes the
-            effect of roughness.
-        settled: greatest relative change of the residuals between the last two rounds of a converged fit.
 
     Raises:
-        IdentifyError: too few passes over the piece, or a signal that no such bench gives.
+        IdentifyError: too few passes over the piece, or hardly any usable sample.
         MapError: no usable line.
         WhiskerError: the whisker is not L-shaped.
     """
     if isinstance(whisker, Touch):
         only = tuple(name for name in only if name not in DRAWN)
     known = scan.calibration is not None and not scan.calibration.from_land
-    nominal = nominal_bench(whisker, scan.touch, n_whiskers=scan.n_whiskers)
     scan = scan if known else replace(scan, calibration=None)
+    nominal = nominal_bench(whisker, scan.touch, n_whiskers=scan.n_whiskers)
+    sd = prior_sd(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
     traces = traces_of(scan)
-    clusters = {trace.cluster for trace in traces}
-    if len(clusters) < fewest_clusters:
+    if len({trace.cluster for trace in traces}) < fewest_passes:
         raise IdentifyError(
-            f"only {len(clusters)} passes over the piece can be used",
-            hint=f"record {fewest_clusters} or more",
+            f"only {len({trace.cluster for trace in traces})} passes over the piece can be used",
+            hint=f"record {fewest_passes} or more",
         )
-    before = prior_sd(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
-    used = tuple(sorted({trace.whisker for trace in traces}))
-    free = np.zeros(before.size, dtype=np.bool_)
-    free[: len(Unknown)] = [name in only for name in Unknown]
-    for whisker_number in used:
-        free[len(Unknown) + whisker_number] = True
-    for along_x in {trace.plan.direction.along_x for trace in traces}:
-        free[screw_slice(before.size, along_x=along_x)] = True
-    scatter = _scatter_n_mm(traces)
-    grid_mm = max(grid_mm, finest * scan.touch.tip_radius_mm)
-
-    def lay_map(about: Bench, coarser: float, lines: tuple[Trace, ...]) -> Forward:
+    if sum(int(np.isfinite(trace.measured_n_mm).sum()) for trace in traces) < 100:
+        raise IdentifyError(
+            "hardly any sample of the recording can be used", hint="look at the recording with inspect"
+        )
+    scatter, pitch_mm = scatter_n_mm(traces), max(grid_mm, finest * scan.touch.tip_radius_mm)
+    u = np.zeros(sd.size)
+    for stage in STAGES:
+        about = nominal.moved(sd * u)
         forward = Forward(
             heights,
-            lines,
+            traces_of(scan, most=stage.lines),
             nominal=whisker,
             about=about,
             setup_friction=scan.touch.friction,
-            grid_mm=coarser * grid_mm,
+            grid_mm=stage.coarser * pitch_mm,
         )
         forward.exclude_jams(about)
-        return forward
-
-    found, cloud, rested, left = nominal, np.diag(before**2), [nominal.vector()], [np.inf]
-    for number, each in enumerate(ROUNDS):
-        lines = traces_of(scan, most=each.lines)
-        forward = lay_map(found, each.coarser, lines)
-        around = partial(
-            plane_through,
-            at=found,
-            covariance=cloud,
-            free=free,
-            scatter_n_mm=scatter,
-            turns=each.turns,
-            cautious=each.cautious,
-            seed=(seed, number),
+        rows = _Rows(forward, nominal, sd, only, stage, scatter)
+        solution = least_squares(
+            rows, u, rows.jacobian, loss="soft_l1", f_scale=BEND, ftol=3e-4, xtol=1e-3, max_nfev=16
         )
-        plane = around(forward)
-        seen = partial(_whiten, sigma=plane.sigma, scatter_n_mm=scatter)
-        missed = residuals(forward.traces, plane.moment)
-        away = found.vector() - nominal.vector()
-        fitted, step = _solve(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
-        if each is ROUNDS[-1]:
-            coarse = around(lay_map(found, COARSE_FACTOR * each.coarser, forward.traces))
-            by_grid = seen(p - q for p, q in zip(plane.moment, coarse.moment, strict=True))
-        repeated = fitted.scatter_covariance()
-        width = wide * np.sqrt(len(forward.traces) / MOST_TRACES)
-        shrunk = np.minimum(1.0, before / (width * np.sqrt(np.diag(repeated))))
-        cloud = width**2 * repeated * np.outer(shrunk, shrunk)
-        found = found.moved(step)
-        rested.append(found.vector())
-        left.append(fitted.rms_left)
-    found = Bench.of_vector(np.mean(rested[-averaged:], axis=0))
-    repeated = repeated + np.cov(rested[-averaged:], rowvar=False) / averaged
+        u = solution.x
+    # derivative of each number by its u: some numbers move in proportion (`Bench.moved`)
+    above, below = (nominal.moved(sd * (u + off)).vector() for off in (1e-4, -1e-4))
+    scale = (above - below) / 2e-4
+    repeated = rows.bootstrap(solution, np.random.default_rng(seed)) * np.outer(scale, scale)
+    left_out = np.array([LEFT_OUT.get(name, 0.0) for name in Unknown])
+    bench = nominal.moved(sd * u)
     return Identified(
-        found,
+        bench,
         nominal,
-        before,
-        repeated + fitted.grid_covariance(by_grid) + left_out_covariance(nominal),
+        sd,
+        WIDER**2 * repeated + np.diag(np.pad(left_out, (0, scan.n_whiskers)) ** 2),
         repeated,
-        used,
+        tuple(sorted({trace.whisker for trace in forward.traces})),
         forward.traces,
-        tuple(forward.moments(found)),
+        tuple(forward.moments(bench)),
         scatter,
-        bool(abs(left[-1] / left[-2] - 1.0) < settled),
+        solution.status > 0,
         whisker if isinstance(whisker, LShaped) else None,
     )
 
 
-def _whiten(
-    values: Iterable[NDArray[np.float64]], *, sigma: tuple[NDArray[np.float64], ...], scatter_n_mm: float
-) -> tuple[NDArray[np.float64], ...]:
-    """Innovations of every trace about a drifting level, in sigmas."""
-    return tuple(innovations(v, s, scatter=scatter_n_mm) for v, s in zip(values, sigma, strict=True))
+class Whitener:
+    """Make pixels of a trace independent with variance 1: (I + B B^T)^(-1/2), B the drift's shapes over their sigma."""
+
+    def __init__(self, trace: Trace, scatter_n_mm: float, place_mm: float) -> None:
+        self._weight = 1.0 / sample_sigma_n_mm(trace, scatter_n_mm, place_mm=place_mm)
+        shapes = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, self._weight.size), LEVEL_DEGREE)
+        drift = self._pixels(np.asarray(LEVEL_SD * scatter_n_mm * shapes, dtype=np.float64))
+        self._axes, size, _ = np.linalg.svd(drift, full_matrices=False)
+        self._removed = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+
+    def _pixels(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        n = len(values) // PIXEL
+        weighted = (self._weight[:, None] * values)[: n * PIXEL]
+        return np.asarray(weighted.reshape(n, PIXEL, -1).sum(axis=1) / np.sqrt(PIXEL))
+
+    def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(samples, n) values, N mm, to (samples / PIXEL, n)."""
+        pixels = self._pixels(values)
+        return np.asarray(pixels - self._axes @ (self._removed[:, None] * (self._axes.T @ pixels)))
 
 
-def _solve(
-    traces: tuple[Trace, ...],
-    jacobian: tuple[NDArray[np.float64], ...],
-    missed: tuple[NDArray[np.float64], ...],
-    away: NDArray[np.float64],
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-) -> tuple[Fitted, NDArray[np.float64]]:
-    """Solve least squares on a plane; return the step (n,) from its middle, which is `away` from nominal."""
-    step = np.zeros(before.size)
-    for bound in BOUNDS:
-        left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))
-        weights = tuple(weight(r, bound=bound) for r in left)
-        fitted = Fitted(traces, jacobian, left, weights, before, free)
-        step = fitted.step(missed, away)
-    return fitted, step
+class _Rows:
+    """Residuals by u, the offsets of all numbers in prior standard deviations: those of samples, then u itself."""
 
+    def __init__(
+        self,
+        forward: Forward,
+        nominal: Bench,
+        sd: NDArray[np.float64],
+        only: tuple[Unknown, ...],
+        stage: Stage,
+        scatter_n_mm: float,
+    ) -> None:
+        self._forward, self._nominal, self._sd, self._cautious = forward, nominal, sd, stage.cautious
+        # stiffness and gains are factors of the moment; the others are varied, the radius last, for it changes the map
+        fitted = set(only) & set(stage.numbers)
+        varied = [i for i, name in enumerate(Unknown) if name in fitted and name is not Unknown.STIFFNESS]
+        self._varied = sorted(varied, key=list(Unknown).index(Unknown.RADIUS).__eq__)
+        steps = dict.fromkeys(Unknown, STEP) | dict.fromkeys(DRAWN[:3], LENGTH_STEP)
+        self._steps = list((steps | dict.fromkeys((*POSITIONS, Unknown.FRICTION), stage.step)).values())
+        self._stiffness = [list(Unknown).index(name) for name in fitted if name is Unknown.STIFFNESS]
+        self._whiten = [Whitener(trace, scatter_n_mm, stage.place_mm) for trace in forward.traces]
+        self._measured = [np.nan_to_num(trace.measured_n_mm) for trace in forward.traces]
 
-def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:
-    """Scatter of a sample from differences of neighbours, robust against edges."""
-    steps = np.concatenate([np.diff(trace.measured_n_mm) for trace in traces])
-    steps = steps[np.isfinite(steps)]
-    if steps.size < 100:
-        raise IdentifyError(
-            "hardly any sample of the recording can be used", hint="look at the recording with inspect"
-        )
-    spread = float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(2.0))
-    level = float(np.nanmedian(np.abs(np.concatenate([t.measured_n_mm for t in traces]))))
-    return max(spread, 1e-5 * level)
+    def _moments(self, u: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        return self._forward.moments(self._nominal.moved(self._sd * u))
+
+    def __call__(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        residuals = [
+            whiten((measured - moment)[:, None])[:, 0]
+            for whiten, measured, moment in zip(self._whiten, self._measured, self._moments(u), strict=True)
+        ]
+        return np.concatenate([*residuals, u])
+
+    def jacobian(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the rows; those of moments by differences, but for factors of the moment."""
+        moments, n = self._moments(u), u.size
+        sides = {}
+        for i in self._varied:
+            step = np.where(np.arange(n) == i, self._steps[i], 0.0)
+            sides[i] = self._moments(u + step), self._moments(u - step)
+        rows = []
+        for k, (trace, whiten) in enumerate(zip(self._forward.traces, self._whiten, strict=True)):
+            slopes, bends = np.zeros((2, moments[k].size, n))
+            for i, (above, below) in sides.items():
+                # a sample of a tip that jams on either side says nothing of the slope
+                high, low = mask_jams(above[k], share=0.98), mask_jams(below[k], share=0.98)
+                slopes[:, i] = np.nan_to_num(high - low) / (2.0 * self._steps[i])
+                bends[:, i] = np.nan_to_num(high + low - 2.0 * moments[k]) / (2.0 * self._steps[i])
+            for i in (*self._stiffness, len(Unknown) + trace.whisker):
+                slopes[:, i] = moments[k] * self._sd[i]
+            rows.append(whiten(np.concatenate([slopes, bends], axis=1)))
+        slopes, bends = np.hsplit(np.concatenate(rows), 2)
+        if self._cautious:
+            # of three independent errors a slope has a third of the variance that the bend has
+            power = np.maximum((slopes**2).sum(axis=0), np.finfo(np.float64).tiny)
+            slopes *= np.maximum(0.0, 1.0 - (bends**2).sum(axis=0) / 3.0 / power)
+        return np.concatenate([-slopes, np.eye(n)])
+
+    def bootstrap(
+        self, solution: OptimizeResult, rng: np.random.Generator, *, draws: int = 400
+    ) -> NDArray[np.float64]:
+        """(n, n) covariance of u."""
+        # scipy scales its Jacobian by (1 + z)^(-3/4), so that J^T J is the Hessian of the loss; residuals to match
+        n, z = solution.x.size, (solution.fun / BEND) ** 2
+        residual = solution.fun * (1.0 + z) ** 0.25
+        passes: dict[int, list[NDArray[np.float64]]] = {}
+        start = 0
+        for trace in self._forward.traces:
+            rows = slice(start, start + trace.measured_n_mm.size // PIXEL)
+            start = rows.stop
+            j = solution.jac[rows]
+            normal = np.column_stack([j.T @ j, j.T @ residual[rows]])
+            passes.setdefault(trace.cluster, []).append(normal)
+        normals = np.stack([np.sum(of_pass, axis=0) for of_pass in passes.values()])
+        offsets = []
+        for _ in range(draws):
+            drawn = np.tensordot(rng.exponential(size=len(normals)), normals, axes=1)
+            prior = rng.standard_normal(n) - solution.x
+            offsets.append(np.linalg.solve(drawn[:, :n] + np.eye(n), prior - drawn[:, n]))
+        return np.asarray(np.cov(offsets, rowvar=False))

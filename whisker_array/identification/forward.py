@@ -7,18 +7,17 @@ map --pose, play--> contact along the lines --gain--> raw signal minus that of t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.identification.bench import Bench, Unknown, screw_basis
+from whisker_array.identification.bench import Bench, Unknown
 from whisker_array.identification.piece_map import Heights, PieceMap
 from whisker_array.identification.traces import JAM_LANDS, Trace, mask_jams
 from whisker_array.simulation.contact import trace_contact
-from whisker_array.whisker.passes import SweepPlan
-from whisker_array.whisker.shapes import LShaped, TipModel
+from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 GRID_MM = 0.00625
@@ -27,10 +26,7 @@ STEPS = 4
 
 
 class Forward:
-    """Predict the traces of benches near the one for which it was made.
-
-    The prediction of a trace depends only on the given bench.
-    """
+    """Predict the traces of benches near the one for which it was made."""
 
     def __init__(
         self,
@@ -42,25 +38,12 @@ class Forward:
         setup_friction: float,
         grid_mm: float = GRID_MM,
     ) -> None:
-        """Make the map of the piece.
-
-        Args:
-            heights: heights of the test piece.
-            traces: traces to be predicted; those of a sweep one after the other.
-            nominal: the whisker as drawn.
-            about: bench near which predictions are made; the map is for its tip.
-            setup_friction: friction at which the stage was set up, so that the tip is at the commanded position.
-            grid_mm: pitch of the map.
-        """
+        """Make the map of the piece."""
         self.traces = tuple(traces)
-        self.nominal = nominal
-        self._setup = setup_friction
-        self._sweeps = [
-            _Sweep.of(list(sweep)) for _, sweep in groupby(self.traces, key=lambda trace: id(trace.plan))
-        ]
-        self._piece = PieceMap(heights, [sweep.plan for sweep in self._sweeps], about=about, grid_mm=grid_mm)
+        self._nominal, self._setup = nominal, setup_friction
+        self._piece = PieceMap(heights, [trace.plan for trace in traces], about=about, grid_mm=grid_mm)
 
-    def moments(self, bench: Bench, *, tip: TipModel | None = None) -> list[NDArray[np.float64]]:
+    def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
         """Predict gain times moment (samples,) of every trace, N mm.
 
         Where a tip jams, the moment is limited to that at which a jam begins.
@@ -68,17 +51,16 @@ class Forward:
         Raises:
             WhiskerError: an impossible number.
         """
-        touch = bench.touch(self.nominal)
-        tip = touch.tip if tip is None else tip
-        pushed = tip.pushed()
-        found: list[NDArray[np.float64]] = []
+        touch = bench.touch(self._nominal)
         surface = self._piece.surface(touch.tip_radius_mm)
-        for sweep in self._sweeps:
-            plan = sweep.plan
-            traced = trace_contact(
+        predicted: list[NDArray[np.float64]] = []
+        for _, sweep in groupby(self.traces, key=lambda trace: id(trace.plan)):
+            lines = tuple(sweep)
+            plan = lines[0].plan
+            moment = trace_contact(
                 surface,
-                pushed if plan.pushed else tip,
-                lines_mm=sweep.line_mm,
+                touch.tip.pushed() if plan.pushed else touch.tip,
+                lines_mm=np.array([trace.line_mm for trace in lines]),
                 start_mm=(-1.0 if plan.direction.backward else 1.0) * plan.start_mm
                 - 0.5 * bench[Unknown.PLAY],
                 step_mm=plan.step_mm / STEPS,
@@ -86,51 +68,18 @@ class Forward:
                 preload_mm=touch.preload_mm,
                 nominal_friction=self._setup,
                 pose=self._piece.pose(plan.direction, bench),
-            )
-            moment = bench.gain[sweep.whiskers, None] * traced.moment_n_mm.astype(np.float64)
-            screw = bench.screw[0 if plan.direction.along_x else 1]
-            if screw.any():
-                at = np.arange(moment.shape[1], dtype=np.float64)
-                there = at + sweep.screw_basis @ screw
-                moment = np.stack([np.interp(there, at, line) for line in moment])
+            ).moment_n_mm.astype(np.float64)
+            moment *= bench.gain[[trace.whisker for trace in lines], None]
             most = JAM_LANDS * np.abs(np.median(moment, axis=1, keepdims=True))
-            found += list(np.clip(moment, -most, most)[:, ::STEPS])
-        return found
+            predicted += list(np.clip(moment, -most, most)[:, ::STEPS])
+        return predicted
 
     def exclude_jams(self, bench: Bench) -> None:
         """Exclude samples that are predicted to be near jamming, permanently, so that the fit is smooth."""
-        masked = [
+        self.traces = tuple(
             replace(
                 trace,
                 measured_n_mm=np.where(np.isnan(mask_jams(p, share=0.98)), np.nan, trace.measured_n_mm),
             )
             for trace, p in zip(self.traces, self.moments(bench), strict=True)
-        ]
-        self.traces = tuple(masked)
-
-
-@dataclass(frozen=True, eq=False)
-class _Sweep:
-    """Common data of a sweep's lines; `screw_basis` is that of `_screw_basis`."""
-
-    plan: SweepPlan
-    line_mm: NDArray[np.float64]
-    screw_basis: NDArray[np.float64]
-    whiskers: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, traces: Sequence[Trace]) -> _Sweep:
-        """Gather the traces of a sweep."""
-        return cls(
-            plan=traces[0].plan,
-            line_mm=np.array([trace.line_mm for trace in traces]),
-            screw_basis=_screw_basis(traces[0].plan),
-            whiskers=np.array([trace.whisker for trace in traces]),
         )
-
-
-def _screw_basis(plan: SweepPlan) -> NDArray[np.float64]:
-    """(STEPS (samples - 1) + 1, 1 + 2 leads): displacement of a sweep's tips by each number of the screw, in steps."""
-    sign, step_mm = -1.0 if plan.direction.backward else 1.0, plan.step_mm / STEPS
-    at_mm = sign * step_mm * np.arange(STEPS * (plan.n_samples - 1) + 1, dtype=np.float64)
-    return sign / step_mm * screw_basis(plan.start_mm + at_mm)

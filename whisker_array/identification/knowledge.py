@@ -49,9 +49,9 @@ class Knowledge(OneLine):
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
-def knowledge_of(found: Identified) -> Knowledge:
+def knowledge_of(identified: Identified) -> Knowledge:
     """Take the covariance of the whisker's numbers from an identification."""
-    names = OF_WHISKER if found.drawn is not None else tuple(n for n in OF_WHISKER if n not in DRAWN)
-    at = [list(Unknown).index(name) for name in names]
-    scale = np.array([found.bench[name] if name is Unknown.STIFFNESS else 1.0 for name in names])
-    return Knowledge(names, found.covariance[np.ix_(at, at)] / np.outer(scale, scale))
+    names = OF_WHISKER if identified.drawn is not None else tuple(n for n in OF_WHISKER if n not in DRAWN)
+    rows = [list(Unknown).index(name) for name in names]
+    scale = np.array([identified.bench[name] if name is Unknown.STIFFNESS else 1.0 for name in names])
+    return Knowledge(names, identified.covariance[np.ix_(rows, rows)] / np.outer(scale, scale))

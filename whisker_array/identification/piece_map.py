@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,17 +62,14 @@ class PieceMap:
     - One map serves all poses and directions (`contact.SurfacePose`).
     - Maps are made for tip radii in steps of `RADIUS_STEP`, and interpolated between two steps; extrapolated maps
       would have notches in which tips are caught.
-    - A new surface overwrites the one before, so request radii in order.
+    - The surfaces of two steps are kept.
     """
 
     def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
         """Make the map.
 
         Args:
-            heights: heights of the test piece.
-            plans: plans of the sweeps over it.
             about: bench whose tip the map is for, and whose pose is near those requested.
-            grid_mm: pitch of the map.
         """
         corners = np.array([corner for plan in plans for corner in _corners_mm(plan)])
         askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)
@@ -91,19 +89,17 @@ class PieceMap:
                 self._bare[begin : begin + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
 
         in_threads(fill, v_mm.size)
-        self._dilated: dict[int, NDArray[np.float32]] = {}
-        self._fields = np.empty((*self._bare.shape, 6), dtype=np.float32)
-        self._step: int | None = None
+        self._surface = lru_cache(2)(self._surface_of)
 
-    def _dilated_by(self, step: int) -> NDArray[np.float32]:
-        """(rows, cols, 3) height and slopes for the tip of a step."""
-        if step not in self._dilated:
-            radius_mm = self._radius_mm * (1.0 + RADIUS_STEP) ** step
-            dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
-            self._dilated[step] = fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[
-                ..., :3
-            ]
-        return self._dilated[step]
+    def _dilated(self, step: int) -> NDArray[np.float32]:
+        radius_mm = self._radius_mm * (1.0 + RADIUS_STEP) ** step
+        dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
+        return fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[..., :3]
+
+    def _surface_of(self, step: int) -> TouchSurface:
+        low, high = self._dilated(step), self._dilated(step + 1)
+        fields = np.concatenate([low, high - low], axis=2)
+        return TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
 
     def surface(self, radius_mm: float) -> TouchSurface:
         """Surface for the tip of the step below a radius, and the difference to the next step (`pose` gives its share).
@@ -111,18 +107,9 @@ class PieceMap:
         Raises:
             WhiskerError: the radius is not positive.
         """
-        step, _ = self._at(radius_mm)
-        if self._step != step:
-            self._dilated = {
-                kept: fields for kept, fields in self._dilated.items() if kept in (step, step + 1)
-            }
-            self._fields[..., :3] = self._dilated_by(step)
-            np.subtract(self._dilated_by(step + 1), self._dilated_by(step), out=self._fields[..., 3:])
-            self._step = step
-        return TouchSurface(self._fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
+        return self._surface(self._at(radius_mm)[0])
 
     def _at(self, radius_mm: float) -> tuple[int, float]:
-        """Step below a radius, and the share of the way from it to the next step."""
         if not radius_mm > 0.0:
             raise WhiskerError(f"a tip's radius is {radius_mm} mm", hint="it must be positive")
         step = math.floor(math.log(radius_mm / self._radius_mm) / math.log1p(RADIUS_STEP))
@@ -137,9 +124,9 @@ class PieceMap:
         )
         map_from_plate = _turn(ASKEW_RAD + math.radians(bench[Unknown.YAW]))
         turn = map_from_plate @ plate_from_trace
-        at = -map_from_plate @ _shift_mm(bench) - self._origin
+        corner = -map_from_plate @ _shift_mm(bench) - self._origin
         rises = 1e-3 * np.array([bench[Unknown.TILT_X], bench[Unknown.TILT_Y]]) @ plate_from_trace
-        column, row = np.concatenate([at[:, None], turn], axis=1).tolist()
+        column, row = np.concatenate([corner[:, None], turn], axis=1).tolist()
         return SurfacePose(
             column_mm=tuple(column),
             row_mm=tuple(row),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import median_abs_deviation
 
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
@@ -24,10 +27,7 @@ class Trace(OneLine):
     """One recorded line of one whisker.
 
     Attributes:
-        plan: plan of its sweep.
         cluster: number of its pass; vibration is common to a pass, and drift ends with it.
-        whisker: number of the whisker.
-        line_mm: plate coordinate across the trace.
         measured_n_mm: (samples,) signal minus that in the air, NaN where unusable.
     """
 
@@ -40,10 +40,6 @@ class Trace(OneLine):
 
 def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
     """Choose the most informative lines of a recording: for every whisker and sweep those with the most relief.
-
-    Args:
-        scan: the recording.
-        most: greatest number of lines.
 
     Raises:
         MapError: no line can be used.
@@ -69,7 +65,7 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
         cluster += moment.shape[0]
     if not groups:
         raise MapError("no line of the recording can be used", hint="record passes that run over the piece")
-    each = max(2, most // len(groups))
+    each = max(1, most // len(groups))
     # evenly from the better half, because the very best lines are alike
     chosen = [
         group[k]
@@ -92,3 +88,20 @@ def mask_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArra
         return moment_n_mm
     wide = np.convolve(near, np.ones(2 * _BESIDE + 1), mode="same") > 0.5
     return np.where(wide, np.nan, moment_n_mm)
+
+
+def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float) -> NDArray[np.float64]:
+    """(samples,) uncertainty of each sample: its scatter and the effect of an error of position; inf where not used."""
+    step = np.abs(np.diff(np.nan_to_num(trace.measured_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
+    steepest = np.fmax(step[1:], step[:-1]) / trace.plan.step_mm
+    sigma = np.hypot(scatter_n_mm, place_mm * np.nan_to_num(steepest))
+    return np.asarray(np.where(np.isnan(trace.measured_n_mm), np.inf, sigma))
+
+
+def scatter_n_mm(traces: Sequence[Trace]) -> float:
+    """Scatter of a sample from differences of neighbours, robust against edges."""
+    steps = np.concatenate([np.diff(trace.measured_n_mm) for trace in traces])
+    level = float(np.nanmedian(np.abs(np.concatenate([trace.measured_n_mm for trace in traces]))))
+    return max(
+        float(median_abs_deviation(steps, scale="normal", nan_policy="omit")) / math.sqrt(2.0), 1e-5 * level
+    )

@@ -37,6 +37,8 @@ ALL_DIRECTIONS = (
 )
 LINES_PER_HEIGHT = 40
 """Default number of lines per character height: a stroke of h/10 is four lines wide."""
+PIECE_LINES = 4
+"""Lines per character height over a test piece, which every whisker crosses by itself."""
 SAMPLES_PER_LINE_PITCH = 2
 SAFE_SPEED_MM_S = 50.0
 """Safe speed of the default whisker for any character height. In the dynamic simulation of a stamped groove of 45
@@ -89,16 +91,12 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
     """Raster of an array over a rectangle of the plate.
 
     Attributes:
-        array: the comb of whiskers.
         region_mm: (x0, y0, x1, y1) to scan, plate frame.
-        line_pitch_mm: distance between traced lines.
-        sample_pitch_mm: distance between samples along a line.
-        directions: trace directions, in the order they are run.
-        speed_mm_s: speed of the stage while tracing.
-        lead_mm: lead-in and lead-out on land, before and after the region.
         air_samples: samples taken with the array lifted before each pass, for the offsets.
         turnaround_s: time to lift, move and set down between passes.
         two_way: whether every pass is traced again on its return, pushed.
+        each_whisker: whether every whisker crosses the whole region, as for a test piece narrower than the comb; by
+            default the whiskers share it.
     """
 
     array: WhiskerArray
@@ -111,6 +109,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
     air_samples: Count = 16
     turnaround_s: NotNegative = 0.25
     two_way: bool = False
+    each_whisker: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -178,6 +177,10 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         """Lines (passes, whiskers) between two coordinates across the trace, block by block, interlaced."""
         n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
         whiskers = self.array.n_whiskers
+        if self.each_whisker:
+            first = np.arange((1 - whiskers) * self.interlace, n_lines, dtype=np.float64)
+            line_mm = low + self.line_pitch_mm * (first[:, None] + self.interlace * np.arange(whiskers))
+            return np.tile(line_mm, (1, self.array.kinds))
         per_block = whiskers * self.interlace
         block, shift, whisker = np.ogrid[: math.ceil(n_lines / per_block), : self.interlace, :whiskers]
         index = block * per_block + whisker * self.interlace + shift

@@ -54,11 +54,6 @@ class LumpedWhisker(OneLine):
     mass_t: Vector
     strain: Matrix
 
-    @property
-    def flexibility_mm_per_n(self) -> Matrix:
-        """(3 n, 3 n) shifts of the joints under unit forces on them."""
-        return np.asarray(self.strain.T @ self.strain)
-
 
 def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
     """Divide a whisker into pieces, and lump half the mass of each at either end.

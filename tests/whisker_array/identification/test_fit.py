@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.pieces import Piece, PieceKind
@@ -46,6 +48,9 @@ def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
     assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.02)
     assert found.of(Unknown.PRELOAD)[0] == pytest.approx(1.04, rel=5e-3)
     assert found.misfit < 1.5
+    for name, true in ((Unknown.RADIUS, 0.08), (Unknown.FRICTION, 0.27), (Unknown.PRELOAD, 1.04)):
+        value, sd = found.of(name)
+        assert abs(value - true) < 4.0 * sd
     # only the product of stiffness and gain is in a quasi-static signal
     shared = next(group for group in confounded(found) if "stiffness" in group)
     assert "gains" in shared
@@ -63,6 +68,23 @@ def test_gains_that_a_bench_has_shown_tell_the_stiffness(scan: Scan) -> None:
     k = list(Unknown).index(Unknown.STIFFNESS)
     # a variance; what the fit's grid does to either is not the gains' fault
     assert known.repeated[k, k] < 0.7 * loose.repeated[k, k]
+
+
+@given(st.lists(st.floats(-20.0, 20.0), min_size=3, max_size=3))
+def test_no_step_makes_a_bench_that_there_is_not(sds: list[float]) -> None:
+    bench = nominal_bench(default_whisker(5.0), default_touch(5.0), n_whiskers=1)
+    before, names = prior_sd(bench), list(Unknown)
+    positive = (Unknown.RADIUS, Unknown.FRICTION, Unknown.STIFFNESS)
+    step = np.zeros(before.size)
+    index = [names.index(name) for name in positive]
+    step[index] = np.array(sds) * before[index]
+    moved = bench.moved(step)
+    assert min(moved[name] for name in positive) >= 0.0
+    # what stiffness gains the gain loses
+    step[:], stiffness, gain = 0.0, names.index(Unknown.STIFFNESS), len(names)
+    step[stiffness], step[gain] = 0.3, -0.3
+    moved = bench.moved(step)
+    assert moved[Unknown.STIFFNESS] * moved.gain[0] == pytest.approx(1.0)
 
 
 def test_too_few_passes_are_refused(scan: Scan) -> None:

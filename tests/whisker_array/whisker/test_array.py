@@ -56,6 +56,18 @@ def test_every_line_is_traced_once_at_its_place(plan: RasterPlan) -> None:
         assert place[-block] <= high + 1e-5
 
 
+@settings(max_examples=20, deadline=None)
+@given(plan=plans)
+def test_over_a_piece_every_whisker_crosses_the_whole_region(plan: RasterPlan) -> None:
+    x0, y0, x1, y1 = plan.region_mm
+    for sweep in replace(plan, each_whisker=True).sweeps():
+        low, high = (y0, y1) if sweep.direction.along_x else (x0, x1)
+        np.testing.assert_allclose(np.diff(sweep.line_mm, axis=0), plan.line_pitch_mm, atol=1e-9)
+        np.testing.assert_allclose(np.diff(sweep.line_mm, axis=1), plan.array.pitch_mm, atol=1e-9)
+        assert (sweep.line_mm.min(axis=0) <= low + 1e-9).all()
+        assert (sweep.line_mm.max(axis=0) > high - plan.line_pitch_mm - 1e-9).all()
+
+
 @settings(max_examples=50, deadline=None)
 @given(plan=plans)
 def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
