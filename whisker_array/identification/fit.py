@@ -225,14 +225,17 @@ def identify(
     # derivative of each number by its u: some numbers move in proportion (`Bench.moved`)
     above, below = (nominal.moved(sd * (u + off)).vector() for off in (1e-4, -1e-4))
     scale = (above - below) / 2e-4
-    repeated = rows.bootstrap(solution, np.random.default_rng(seed)) * np.outer(scale, scale)
+    repeated, covariance = (
+        rows.bootstrap(solution, np.random.default_rng(seed), wider=wider) * np.outer(scale, scale)
+        for wider in (1.0, WIDER)
+    )
     left_out = np.array([LEFT_OUT.get(name, 0.0) for name in Unknown])
     bench = nominal.moved(sd * u)
     return Identified(
         bench,
         nominal,
         sd,
-        WIDER**2 * repeated + np.diag(np.pad(left_out, (0, scan.n_whiskers)) ** 2),
+        covariance + np.diag(np.pad(left_out, (0, scan.n_whiskers)) ** 2),
         repeated,
         tuple(sorted({trace.whisker for trace in forward.traces})),
         forward.traces,
@@ -323,9 +326,9 @@ class _Rows:
         return np.concatenate([-slopes, np.eye(n)])
 
     def bootstrap(
-        self, solution: OptimizeResult, rng: np.random.Generator, *, draws: int = 400
+        self, solution: OptimizeResult, rng: np.random.Generator, *, wider: float, draws: int = 400
     ) -> NDArray[np.float64]:
-        """(n, n) covariance of u."""
+        """(n, n) covariance of u; scatter of the passes counts `wider` times."""
         # scipy scales its Jacobian by (1 + z)^(-3/4), so that J^T J is the Hessian of the loss; residuals to match
         n, z = solution.x.size, (solution.fun / BEND) ** 2
         residual = solution.fun * (1.0 + z) ** 0.25
@@ -341,6 +344,11 @@ class _Rows:
         offsets = []
         for _ in range(draws):
             drawn = np.tensordot(rng.exponential(size=len(normals)), normals, axes=1)
-            prior = rng.standard_normal(n) - solution.x
-            offsets.append(np.linalg.solve(drawn[:, :n] + np.eye(n), prior - drawn[:, n]))
-        return np.asarray(np.cov(offsets, rowvar=False))
+            scatter = wider * (drawn[:, n] - normals[:, :, n].sum(axis=0))
+            offsets.append(np.linalg.solve(drawn[:, :n] + np.eye(n), rng.standard_normal(n) - scatter))
+        covariance = np.cov(offsets, rowvar=False)
+        # numbers that are not fitted keep their prior, without chance correlations
+        fixed = ~solution.jac[:-n].any(axis=0)
+        covariance[fixed], covariance[:, fixed] = 0.0, 0.0
+        covariance[fixed, fixed] = 1.0
+        return np.asarray(covariance)

@@ -41,7 +41,7 @@ class Forward:
         """Make the map of the piece."""
         self.traces = tuple(traces)
         self._nominal, self._setup = nominal, setup_friction
-        self._piece = PieceMap(heights, [trace.plan for trace in traces], about=about, grid_mm=grid_mm)
+        self._piece = PieceMap(heights, traces, about=about, grid_mm=grid_mm)
 
     def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
         """Predict gain times moment (samples,) of every trace, N mm.

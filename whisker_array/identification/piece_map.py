@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.identification.bench import Bench, Unknown
+from whisker_array.identification.traces import Trace
 from whisker_array.simulation.contact import SurfacePose
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.surface import TouchSurface, fields_of
 from whisker_array.simulation.threads import in_threads
-from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.sections import WhiskerError
 
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
@@ -65,14 +65,14 @@ class PieceMap:
     - The surfaces of two steps are kept.
     """
 
-    def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
-        """Make the map.
+    def __init__(self, heights: Heights, traces: Iterable[Trace], *, about: Bench, grid_mm: float) -> None:
+        """Make the map under these lines.
 
         Args:
             about: bench whose tip the map is for, and whose pose is near those requested.
         """
-        corners = np.array([corner for plan in plans for corner in _corners_mm(plan)])
-        askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)
+        ends = np.array([end for trace in traces for end in _ends_mm(trace)])
+        askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (ends - _shift_mm(about)).T)
         self._origin = askew.min(axis=1) - MARGIN_MM
         # the tip of `about` lies in the middle between two steps
         self._radius_mm, self._grid = about[Unknown.RADIUS] / math.sqrt(1.0 + RADIUS_STEP), grid_mm
@@ -146,8 +146,7 @@ def _shift_mm(bench: Bench) -> NDArray[np.float64]:
     return np.array([bench[Unknown.SHIFT_X], bench[Unknown.SHIFT_Y]])
 
 
-def _corners_mm(plan: SweepPlan) -> list[tuple[float, float]]:
-    """(x, y) on the plate of the ends of its outermost lines."""
-    ends = plan.position_mm()[[0, -1]]
-    sides = float(plan.line_mm.min()), float(plan.line_mm.max())
-    return [(end, side) if plan.direction.along_x else (side, end) for end in ends for side in sides]
+def _ends_mm(trace: Trace) -> list[tuple[float, float]]:
+    """(x, y) on the plate of the ends of a line."""
+    line_mm, along_x = trace.line_mm, trace.plan.direction.along_x
+    return [(end, line_mm) if along_x else (line_mm, end) for end in trace.plan.position_mm()[[0, -1]]]
