@@ -40,12 +40,12 @@ def scan() -> Scan:
 
 
 def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
-    """Radius within 10 %, friction 0.02, preload 0.5 %: of a short recording that was dragged alone."""
+    """Radius within 10 %, friction 0.03, preload 0.5 %: of a short recording that was dragged alone, on a coarse map."""
     scan = recorded(PIECE, touch=worn(0.08, 1.04), friction=0.27)
     found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=FINER_MM)
     assert found.settled
     assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.08, rel=0.1)
-    assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.02)
+    assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.03)
     assert found.of(Unknown.PRELOAD)[0] == pytest.approx(1.04, rel=5e-3)
     assert found.misfit < 1.5
     for name, true in ((Unknown.RADIUS, 0.08), (Unknown.FRICTION, 0.27), (Unknown.PRELOAD, 1.04)):
