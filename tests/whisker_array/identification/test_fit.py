@@ -40,7 +40,7 @@ def scan() -> Scan:
 
 
 def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
-    """Radius within 10 %, friction 0.03, preload 0.5 %: of a short recording that was dragged alone, on a coarse map."""
+    """Radius within 10 %, friction 0.03, preload 0.5 %: of a short recording, dragged alone, coarse map."""
     scan = recorded(PIECE, touch=worn(0.08, 1.04), friction=0.27)
     found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=FINER_MM)
     assert found.settled
