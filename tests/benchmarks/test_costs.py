@@ -22,7 +22,7 @@ from recognition.find.request import SearchLimits
 from recognition.reader import Reader
 from recognition.see.text_line import TextLine
 from recognition.see.view import photo_view
-from tests.benchmarks.one_core import TEXT, shown
+from tests.benchmarks.one_core import shown
 from tests.benchmarks.wide_frames import clutter, framed
 from whisker_array.scan.scan import Scan
 
@@ -78,7 +78,7 @@ def test_costs_of_parts() -> None:
     region = (x0 / SHAPE[1], y0 / SHAPE[0], x1 / SHAPE[1], y1 / SHAPE[0])
     engraved = Reader(format="9A9999A")
     sure_photo, sure_scan = shown("photo", "sure"), shown("scan", "sure")
-    assert reader.read(sure_photo[0]).text == TEXT
+    assert reader.read(sure_photo[0]).decision == "accept"
     rows = [
         *yardsticks(sure_photo[0]),
         row("photograph, clean", reader, sure_photo),
