@@ -23,7 +23,7 @@ def lot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(ROOT / "tests/data/photos/1X2100H.jpg", folder / "jfif.jfif")
     shown = Image.open(folder / "jfif.jfif").convert("L")
     grey = np.asarray(shown)
-    shown.save(folder / "webp.webp", quality=95)
+    shown.save(folder / "webp.webp", lossless=True)
     shown.save(folder / "gif.gif")
     blank = Image.fromarray(np.full_like(grey, 128))
     blank.save(folder / "pages.tif", save_all=True, append_images=[shown])
