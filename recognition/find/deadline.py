@@ -22,7 +22,7 @@ class Deadline:
         self._limit_s, self._start_s = limit_s, monotonic()
 
     def is_over(self) -> bool:
-        """Whether the time is over; to be asked only before something that is left out then."""
+        """Whether the time is over. Ask only before work that is then left out: the answer is kept as `stopped`."""
         if self._limit_s is not None and monotonic() - self._start_s >= self._limit_s:
             self.stopped = f"stopped after {self._limit_s:g} s"
         return bool(self.stopped)
