@@ -34,7 +34,7 @@ def live_pages(folder: Path) -> Iterator[tuple[str, str, int]]:
     """Pages of a service that decides: picture, address, height."""
     dirty = make_parts(folder / "dirty", "--parts 2 --dirt 0.9 --seed 3")
     two = make_parts(folder / "two", "--parts 1 --layout two-lines --seed 4")
-    stage = ("--stage.folder", str(folder / "dirty"), "--format", FORMAT)
+    stage = ("--stage.device", str(folder / "dirty"), "--format", FORMAT)
     with service_process(folder / "live", *stage) as service, Client(service.url, timeout_s=900.0) as client:
         for name in dirty:
             part = client.read(photo=folder / "dirty" / f"{name}.png", name=name)

@@ -135,7 +135,7 @@ def _serve(out: Path, settings: ReadSettings, *, stay: bool) -> int:
         reading["whisker"] = str(settings.whisker.absolute())
     config = out / "service.toml"
     write_text(config, toml_text(reading))
-    options = ("--config", str(config), "--stage.folder", str(folder), "--camera.folder", str(folder))
+    options = ("--config", str(config), "--stage.device", str(folder), "--camera.device", str(folder))
     ended: list[tuple[PartRecord, str]] = []
     with service_process(out / "service", *options) as service, Client(service.url) as client:
         print(f"the service answers at {service.url}", flush=True)

@@ -299,7 +299,7 @@ def score(
         print_document(document, files)
 
 
-def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs = 1) -> None:
+def compare(before: Path, after: Path, /, *, out: Path | None = None) -> None:
     """Compare two finished benchmarks of the same parts, and show the changed readings.
 
     Writes compare.html, with pictures of the parts that flipped, compare.md and compare.csv.
@@ -312,14 +312,12 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs
         Folder of the benchmark after it.
     out
         Folder for the page and the table (default: that of the second benchmark).
-    jobs
-        Worker processes that draw.
     """
     from pipeline.benchmark.report.change_report import SHOWN, write_comparison
     from pipeline.cli.shared import print_document
     from pipeline.workers.options import WorkerSettings
 
-    with WorkerSettings(jobs=jobs).opened(SHOWN) as executor:
+    with WorkerSettings(jobs=1).opened(SHOWN) as executor:
         document, files = write_comparison(before, after, out or after, executor=executor)
     print_document(document, files)
 

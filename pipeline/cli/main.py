@@ -125,7 +125,7 @@ for _name, _group, _line in _GROUPS:
     app.command(App(name=_name, help=_line, group=_group, help_flags=_HELP, help_format="markdown"))
 
 
-def completion(shell: Literal["bash", "zsh", "fish"]) -> None:
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
     """Print the script with which a shell completes commands and options.
 
     For bash, in ~/.bashrc: eval "$(tactile-marks completion bash)"; for zsh the same in ~/.zshrc, after compinit; for

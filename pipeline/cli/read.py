@@ -52,7 +52,7 @@ def read(
     """
     if not (inputs or run.manifest):
         raise UsageError("read: name a height map, a scan, a photograph, a folder, a glob or a manifest")
-    with resumable(run.out), workers.opened() as executor:
+    with resumable(run.out), workers.opened(limit_s=reading.limit_s) as executor:
         from pipeline.runs.production import run_batch
 
         return run_batch(inputs, reading, run, executor)

@@ -107,6 +107,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettin
     from pipeline.service.app import Service as RunningService
     from pipeline.service.connections import BACKLOG, connections_of_address, most_connections
     from pipeline.service.logs import set_up_logs
+    from pipeline.service.settings import host_and_port
     from pipeline.service.web.web_server import (
         KEEP_ALIVE_S,
         DrainingServer,
@@ -124,8 +125,9 @@ def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettin
     with contextlib.ExitStack() as until_served:
         bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
         for line_port, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
-            if line_port.port:  # tried here, so that the error is one line and not a running server's
-                listening(line_port.host, line_port.port, option=option).close()
+            host, port = host_and_port(line_port.port or "0")
+            if port:  # tried here, so that the error is one line and not a running server's
+                listening(host, port, option=option).close()
         service = RunningService(settings, reading, workers, started_s=STARTED_S)
         until_served.pop_all()
     set_up_logs("text" if sys.stderr.isatty() else "json")

@@ -313,8 +313,8 @@ def settings_file(*models: Settings) -> str:
     # Port of the web interface; 0 takes any free one.
     #service.port = 8417
 
-    # Folder into which the camera puts its pictures: NAME.png is the part called NAME.
-    #service.camera.folder =    # file or folder
+    # Private key of that certificate (PEM), without a password.
+    #service.tls.key =    # file or folder
     """
     return "\n".join((_BEGINNING, *map(_table_of_file, models)))
 
@@ -347,6 +347,7 @@ def _from_machine(workers: WorkerSettings, service: ServiceSettings) -> str:
 # parts that wait for a process      {machine.waiting_parts:,}
 # largest photograph                 {machine.files.photo_pixels:,} pixels
 # largest height map                 {machine.files.map_samples:,} samples
+# largest request                    {machine.upload_bytes:,} bytes
 # connections, of one address        {most:,}, {connections_of_address(most):,}
 """
 

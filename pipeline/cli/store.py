@@ -31,32 +31,22 @@ _MOST_SHOWN = 20
 
 @dataclass(frozen=True)
 class StoreOptions:
-    """The store of a service and its files.
+    """The store of a service.
 
     Attributes:
         store: Address of the store (default: the one of the service's settings).
-        folder: Folder of the service (default: the one of its settings).
         service: Settings of the service.
         config: TOML file with settings (default: tactile-marks.toml in the working folder, if it exists).
     """
 
     store: str | None = None
-    folder: Path | None = None
     service: ServiceOfFile = SERVICE
     config: Config = None
 
     @property
     def settings(self) -> ServiceSettings:
-        """Settings of the service, at this folder and store."""
-        changes = {"store": self.store, "folder": self.folder}
-        return self.service.model_copy(update={k: v for k, v in changes.items() if v is not None})
-
-    @property
-    def evidence(self) -> EvidenceFolder:
-        """Files of the service."""
-        from pipeline.store.evidence_folder import EvidenceFolder
-
-        return EvidenceFolder(self.settings.evidence_folder)
+        """Settings of the service, at this store."""
+        return self.service if self.store is None else self.service.model_copy(update={"store": self.store})
 
     @contextlib.contextmanager
     def open_store(self, *, as_it_is: bool = False) -> Iterator[Store]:
@@ -71,8 +61,33 @@ class StoreOptions:
             yield store
 
 
+@dataclass(frozen=True)
+class DataOptions(StoreOptions):
+    """The store of a service and its files.
+
+    Attributes:
+        folder: Folder of the service (default: the one of its settings).
+    """
+
+    folder: Path | None = None
+
+    @property
+    def settings(self) -> ServiceSettings:
+        """Settings of the service, at this folder and store."""
+        settings = super().settings
+        return settings if self.folder is None else settings.model_copy(update={"folder": self.folder})
+
+    @property
+    def evidence(self) -> EvidenceFolder:
+        """Files of the service."""
+        from pipeline.store.evidence_folder import EvidenceFolder
+
+        return EvidenceFolder(self.settings.evidence_folder)
+
+
 AtStore = Annotated[StoreOptions, Parameter(name="*")]
-STORE = StoreOptions()
+AtData = Annotated[DataOptions, Parameter(name="*")]
+STORE, DATA = StoreOptions(), DataOptions()
 
 
 def add(
@@ -133,7 +148,7 @@ def backup(
     to: Path,
     /,
     *,
-    location: AtStore = STORE,
+    location: AtData = DATA,
 ) -> int:
     """Copy the store and its files, while the service runs.
 
@@ -160,7 +175,7 @@ def restore(
     backup: Path,
     /,
     *,
-    location: AtStore = STORE,
+    location: AtData = DATA,
 ) -> int:
     """Restore a backup into an empty store: SQLite or PostgreSQL, whichever it was made from.
 
@@ -185,7 +200,7 @@ def check(
     *,
     files: bool = True,
     json_output: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    location: AtStore = STORE,
+    location: AtData = DATA,
 ) -> int:
     """Check the store and its files while the service runs; print problems and remedies.
 

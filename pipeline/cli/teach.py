@@ -15,7 +15,7 @@ from cyclopts.validators import Number
 from pipeline.cli.exit_status import FAILED, CommandError, UsageError
 from pipeline.cli.settings import READING, ReadingOfFile
 from pipeline.cli.shared import Flag, write_picture
-from pipeline.cli.store import STORE, AtStore
+from pipeline.cli.store import DATA, AtData
 
 if TYPE_CHECKING:
     from pipeline.formats.part_files import PartFiles
@@ -36,7 +36,7 @@ def enroll(
     picture: Path | None = None,
     check: bool = True,
     reading: ReadingOfFile = READING,
-    location: AtStore = STORE,
+    location: AtData = DATA,
 ) -> int:
     """Learn the shapes of a die from reviewed parts, and keep them in a glyph database.
 

@@ -166,7 +166,11 @@ def _read_all(
     known = len(journal.names)
     if known:
         print(f"continuing a broken-off certification: {known:,} parts are read already")
-    with Progress() as progress, show_compiling(progress.line), workers.opened(len(parts)) as executor:
+    with (
+        Progress() as progress,
+        show_compiling(progress.line),
+        workers.opened(len(parts), limit_s=settings.limit_s) as executor,
+    ):
         progress.start(len(parts) - known)
         sent = files_to_send(settings) if executor.remote else None
         job = PartJob(settings=settings, wants=Wants(digest=True, measures=True), sent=sent)

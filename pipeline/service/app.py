@@ -63,11 +63,15 @@ ORPHAN_AGE_S = 3600.0
 KEYS_KEPT_DAYS = 7.0
 # Days after which a file that has left the watched folder, and comes back unchanged, makes a new part.
 FILE_KEYS_KEPT_DAYS = 90.0
-# Seconds after which a worker gives up reading a part, unless the settings say otherwise.
+# Least seconds after which a worker gives up a part; twice its limit_s if that is more.
 PART_TIMEOUT_S = 120.0
 # Seconds that running requests have to end, and results to be sent, when the service stops.
 GRACE_S = 20.0
 SEND_GRACE_S = 10.0
+
+
+# Latest parts from which the rates of an alert are computed.
+ALERT_WINDOW = 200
 
 
 class Input(Protocol):
@@ -86,7 +90,7 @@ class Input(Protocol):
 class Ports:
     """Inputs and the dispatcher of one service."""
 
-    def __init__(self, settings: ServiceSettings, intake: Intake, *, at_once: int) -> None:
+    def __init__(self, settings: ServiceSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
         """Raises:
         FileError: an unusable folder to watch.
         MissingExtraError: a library of an extra is not installed.
@@ -123,7 +127,7 @@ class Ports:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
             self._inputs["watch"] = self._watched = WatchedFolder(
-                settings.watch, intake, most_bytes=settings.upload_bytes, at_once=at_once
+                settings.watch, intake, most_bytes=most_bytes, at_once=at_once
             )
 
     @property
@@ -196,6 +200,7 @@ class Service:
         self.settings = settings
         workers = workers or PoolSettings()
         machine = machine or Machine.of(workers.processes, settings.worker_memory_mb)
+        self.upload_bytes = machine.upload_bytes
         self._started_s = time.monotonic() if started_s is None else started_s
         self._said = ""
         self._checker = ThreadPoolExecutor(1)
@@ -221,13 +226,13 @@ class Service:
         self.pool = WorkPool(
             workers.processes,
             queue=machine.waiting_parts,
-            timeout_s=workers.part_timeout_s or PART_TIMEOUT_S,
+            timeout_s=max(PART_TIMEOUT_S, 2.0 * (reading.limit_s or 0.0)),
             memory_mb=machine.worker_memory_mb,
             warm_up=partial(warm_up, reading, machine.files),
         )
         calls = WorkerCalls(self.pool, self.jobs, machine.files, self.metrics)
         self.intake = Intake(settings, store=self.store, evidence=self.evidence, calls=calls)
-        self.ports = Ports(settings, self.intake, at_once=workers.processes)
+        self.ports = Ports(settings, self.intake, most_bytes=machine.upload_bytes, at_once=workers.processes)
         self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line_name)
         self._add_gauges()
 
@@ -311,7 +316,7 @@ class Service:
         limits = self.settings.alerts
         raised = self.store.look_for_alerts(
             limits={REJECT_RATE: limits.reject_rate, REVIEW_RATE: limits.review_rate},
-            window=limits.window,
+            window=ALERT_WINDOW,
             drifts=self.jobs.drifts(),
             others={
                 **self.golden.faults(),
@@ -393,8 +398,7 @@ def check_folder(settings: ServiceSettings) -> Path:
     try:
         private_folder(settings.folder)
         settings.databases_folder.mkdir(exist_ok=True)
-        if settings.jobs_folder is None:
-            settings.job_files.mkdir(exist_ok=True)
+        settings.job_files.mkdir(exist_ok=True)
     except OSError as error:
         raise FileError(
             settings.folder, f"cannot be made ({error.strerror})", "name another with --folder"

@@ -145,7 +145,7 @@ class Intake:
             self._feel,
             give_up=self._give_up_touch,
             line=settings.line_name,
-            stage=str(stage.folder or stage.bench or stage.driver),
+            stage=stage.device,
             knows_place=self.stage.knows_place,
             wait_s=stage.wait_s,
         )

@@ -38,6 +38,32 @@ _LEAST_LOOK_S = 0.05
 Seconds = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 
+def _address(value: str) -> str:
+    host_and_port(value)
+    return value
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """Host and port of an address to listen on: PORT, on this machine only, or HOST:PORT.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    wanted = ValueError(
+        "it is not a port; write 8418, or 192.168.7.10:8418 for one that other machines can reach"
+    )
+    if address.isdecimal():
+        address = f"127.0.0.1:{address}"
+    parts = urlsplit(f"//{address}")
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise wanted from error
+    if host is None or port is None or parts.netloc != address or "@" in address:
+        raise wanted
+    return host, port
+
+
 def _networks(value: tuple[str, ...]) -> tuple[str, ...]:
     for network in value:
         ipaddress.ip_network(network)
@@ -70,7 +96,12 @@ def _from_json(value: Any) -> Any:
     return json_of(value) if isinstance(value, str) else value
 
 
+def _as_text(value: Any) -> Any:
+    return str(value) if isinstance(value, int | Path) and not isinstance(value, bool) else value
+
+
 Networks = Annotated[Names, AfterValidator(_networks)]
+Address = Annotated[str, BeforeValidator(_as_text), AfterValidator(_address)]
 
 
 class TlsSettings(Settings):
@@ -139,12 +170,10 @@ class SerialSettings(Settings):
 class StageSettings(Settings):
     """The whisker stage."""
 
-    folder: Path | None = None
-    """Folder of height maps for a simulated stage: NAME.npz is the part called NAME. Default: no stage."""
-    driver: str = ""
-    """module:callable that makes the driver of a real stage (pipeline.service.stage.Stage)."""
-    bench: Path | None = None
-    """Bench file (bench.toml) of a real stage that is moved by G-code; it feels pass by pass."""
+    device: Annotated[str, BeforeValidator(_as_text)] = ""
+    """The stage: a bench file (bench.toml) of a stage that is moved by G-code and feels pass by pass; module:callable
+    that makes the driver of another (pipeline.service.stage.Stage); or a folder of height maps for a simulated stage,
+    where NAME.npz is the part called NAME. Default: no stage."""
     wait_s: float = Field(default=900.0, gt=0.0, le=604_800.0)
     """Seconds that a part waits for touch before it goes to a person."""
 
@@ -152,14 +181,13 @@ class StageSettings(Settings):
 class CameraSettings(Settings):
     """The camera."""
 
-    folder: Path | None = None
-    """Folder into which the camera puts its pictures: NAME.png is the part called NAME. A trigger waits for a new
-    picture; one picture is read for one part only."""
+    device: Annotated[str, BeforeValidator(_as_text)] = ""
+    """The camera: a folder into which its own program puts pictures, where NAME.png is the part called NAME, a trigger
+    waits for a new one, and one picture is read for one part only; or module:callable that makes its driver
+    (pipeline.service.stage.Camera). Default: no camera."""
     early_s: float = Field(default=0.0, ge=0.0, le=604_800.0)
     """Seconds by which a picture in that folder may be older than its trigger, for a camera that is triggered before
     the service."""
-    driver: str = ""
-    """module:callable that makes the driver of a real camera (pipeline.service.stage.Camera)."""
 
 
 class WatchSettings(Settings):
@@ -190,10 +218,9 @@ class WatchSettings(Settings):
 class TcpSettings(Settings):
     """The TCP trigger port."""
 
-    port: Port | None = None
-    """Trigger port for line controllers (raw TCP). Default: closed."""
-    host: str = "127.0.0.1"
-    """Address of the TCP port, which asks for no token."""
+    port: Address | None = None
+    """Trigger port for line controllers (raw TCP), which asks for no token: 8418 for this machine only, or with the
+    address to listen on, 192.168.7.10:8418. Default: closed."""
     format: str = ""
     """Format of its answers, such as {name};{decision};{text}."""
     clients: Networks = ()
@@ -203,10 +230,9 @@ class TcpSettings(Settings):
 class OpcUaSettings(Settings):
     """The OPC UA server (extra opcua)."""
 
-    port: Port | None = None
-    """Port of the OPC UA server. Default: closed."""
-    host: str = "127.0.0.1"
-    """Address of the OPC UA server, which asks for no token."""
+    port: Address | None = None
+    """Port of the OPC UA server, which asks for no token: 4840 for this machine only, or with the address to listen on,
+    192.168.7.10:4840. Default: closed."""
     certificate: Path | None = None
     """Certificate of the OPC UA server; with it every connection is signed and encrypted. Default: that of TLS."""
     key: Path | None = None
@@ -247,11 +273,9 @@ class AlertSettings(Settings):
     """Alerts about the latest parts."""
 
     reject_rate: Rate = 0.0
-    """Share of rejects among the latest parts above which an alert is sent (webhook, MQTT) and shown; 0: none."""
+    """Share of rejects among the latest 200 parts above which an alert is sent (webhook, MQTT) and shown; 0: none."""
     review_rate: Rate = 0.0
     """The same for parts that go to a person."""
-    window: int = Field(default=200, ge=10, le=10_000)
-    """Number of latest parts from which those shares are computed."""
 
 
 class GoldenSettings(Settings):
@@ -270,14 +294,20 @@ class ServiceSettings(Settings):
     replaced: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("connections", "queue"), ""),
         **dict.fromkeys(("limits.photo_pixels", "limits.map_samples", "log"), ""),
-        "limits.upload_mb": "upload_mb",
+        **dict.fromkeys(("limits.upload_mb", "upload_mb"), ""),
+        "part_timeout_s": "limit_s (a worker has twice as long)",
+        "alerts.window": "alerts.reject_rate (of the latest 200 parts)",
         "jobs": "jobs in [workers]",
-        "part_timeout_s": "part_timeout_s in [workers]",
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),
         "shutdown_grace_s": "drain_s",
         "watch.every_s": "watch.settle_s",
         "mqtt.prefix": 'mqtt.url = "mqtt://HOST/PREFIX"',
         "databases": "folder (its databases stand in databases)",
+        "jobs_folder": "folder (its jobs stand in jobs)",
+        **dict.fromkeys(("stage.folder", "stage.bench", "stage.driver"), "stage.device"),
+        **dict.fromkeys(("camera.folder", "camera.driver"), "camera.device"),
+        "tcp.host": 'tcp.port = "HOST:PORT"',
+        "opcua.host": 'opcua.port = "HOST:PORT"',
     }
 
     host: str = "127.0.0.1"
@@ -285,7 +315,8 @@ class ServiceSettings(Settings):
     port: Port = 8417
     """Port of the web interface; 0 takes any free one."""
     folder: Path = Path("tactile-marks-data")
-    """Folder for the store, the evidence files and glyph databases; made if it is missing."""
+    """Folder for the store, the evidence files, glyph databases (databases) and jobs (jobs/NAME.toml); made if it is
+    missing."""
     store: str = ""
     """Address of the store: sqlite:///FILE or postgresql://user@host/marks. Default: a file in the folder."""
     line_name: str = Field(default="", max_length=100)
@@ -303,16 +334,12 @@ class ServiceSettings(Settings):
     root_path: Annotated[str, AfterValidator(_prefix)] = ""
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
-    upload_mb: int = Field(default=100, ge=1, le=100_000)
-    """Largest request, in MB."""
     worker_memory_mb: int | None = Field(default=None, ge=0, le=1_000_000)
     """Memory for the data of each process, in MB; 0: no limit. Default: its share of the machine's, 4096 at least. The
-    largest photograph and height map follow from it."""
+    largest photograph, height map and request follow from it."""
     device_timeout_s: Seconds = 60.0
     """Seconds within which a stage must answer a pass, and a camera must have the photographs of a part; a whole
     plan has twice its own duration beside."""
-    jobs_folder: Path | None = None
-    """Folder of job files (NAME.toml) that requests and triggers name. Default: jobs in the folder."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     """Days for which photographs, scans and pictures are kept; 0: for ever."""
     shadow: bool = False
@@ -338,20 +365,22 @@ class ServiceSettings(Settings):
     @model_validator(mode="after")
     def _check_ports(self) -> ServiceSettings:
         tcp, opcua = self.tcp, self.opcua_server
+        tcp_host = None if tcp.port is None else host_and_port(tcp.port)[0]
         if self.tokens == "off" and not self.on_loopback:
             raise ValueError(
                 f"the host {self.host} can be reached from other machines; without tokens listen on 127.0.0.1 only"
             )
-        if tcp.port is not None and not is_loopback(tcp.host) and not tcp.clients:
+        if tcp_host is not None and not is_loopback(tcp_host) and not tcp.clients:
             raise ValueError(
-                f"the TCP port at {tcp.host} can be reached from other machines and asks for no token; name the "
+                f"the TCP port at {tcp_host} can be reached from other machines and asks for no token; name the "
                 "addresses that may call: tcp.clients"
             )
         if opcua.port is None:
             return self
-        if not is_loopback(opcua.host) and not (opcua.certificate and opcua.users):
+        host, _ = host_and_port(opcua.port)
+        if not is_loopback(host) and not (opcua.certificate and opcua.users):
             raise ValueError(
-                f"the OPC UA server at {opcua.host} can be reached from other machines; give it opcua.certificate, "
+                f"the OPC UA server at {host} can be reached from other machines; give it opcua.certificate, "
                 "opcua.key and opcua.users"
             )
         if (opcua.certificate is None) != (opcua.key is None):
@@ -395,14 +424,9 @@ class ServiceSettings(Settings):
         return self.folder / "databases"
 
     @property
-    def upload_bytes(self) -> int:
-        """Largest request, in bytes."""
-        return self.upload_mb * 1_000_000
-
-    @property
     def job_files(self) -> Path:
         """Folder of jobs."""
-        return self.jobs_folder if self.jobs_folder is not None else self.folder / "jobs"
+        return self.folder / "jobs"
 
 
 def is_loopback(host: str) -> bool:

@@ -50,6 +50,7 @@ def create_app(service: Service) -> FastAPI:
     app.add_middleware(
         Door,
         settings=settings,
+        upload_bytes=service.upload_bytes,
         access=service.access,
         metrics=service.metrics,
         busy=service.pool.retry_after_s,

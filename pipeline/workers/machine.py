@@ -15,6 +15,9 @@ LEAST_WORKER_MB = 4096
 _PIXEL_BYTES, _SAMPLE_BYTES = 100, 136
 """Memory of a worker for each pixel of a photograph and each sample of a height map, bytes: 4096 MB are enough for
 40 million pixels or 30 million samples."""
+LEAST_UPLOAD = 100_000_000
+_MEMORY_OF_UPLOAD = 40
+"""Memory of a worker for each byte of a request: 4096 MB are enough for 100 MB."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class Machine:
     worker_memory_mb: int = LEAST_WORKER_MB
     waiting_parts: int = 2 * WAITING_PER_WORKER
     files: Limits = field(default_factory=Limits)
+    upload_bytes: int = LEAST_UPLOAD
 
     @classmethod
     def of(cls, workers: int, memory_mb: int | None = None) -> Machine:
@@ -35,7 +39,12 @@ class Machine:
         share_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))
         size = 1_000_000 * (memory_mb or share_mb)
         files = Limits(min(size // _PIXEL_BYTES, MAX_PIXELS), min(size // _SAMPLE_BYTES, MAX_PIXELS))
-        return cls(share_mb if memory_mb is None else memory_mb, WAITING_PER_WORKER * workers, files)
+        return cls(
+            share_mb if memory_mb is None else memory_mb,
+            WAITING_PER_WORKER * workers,
+            files,
+            max(LEAST_UPLOAD, size // _MEMORY_OF_UPLOAD),
+        )
 
 
 def memory_share_mb(workers: int) -> int:

@@ -54,7 +54,7 @@ def test_a_character_that_the_scan_cuts_is_neither_graded_nor_accepted(cut_heigh
     assert any("not felt to the edge: 8 at place 2" in message for message in cut.messages())
 
 
-@pytest.mark.parametrize("option", ["--stage.folder", "--camera.folder"])
+@pytest.mark.parametrize("option", ["--stage.device", "--camera.device"])
 def test_a_service_does_not_start_without_the_folder_of_its_devices(
     tmp_path: Path, option: str, command: Command
 ) -> None:

@@ -33,7 +33,7 @@ def _waits(*_: object) -> None:
         ("serve", "--database", "PIPE"),
         ("serve", "--port", "0", "--tls.certificate", "PIPE"),
         ("serve", "--port", "0", "--opcua.certificate", "PIPE"),
-        ("serve", "--port", "0", "--stage.bench", "PIPE"),
+        ("serve", "--port", "0", "--stage.device", "PIPE"),
         ("glyphs", "list", "--database", "PIPE"),
     ],
     ids=" ".join,

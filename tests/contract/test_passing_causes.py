@@ -34,12 +34,12 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a glyph database, two jobs and a folder to watch."""
     folder = tmp_path_factory.mktemp("passing")
     assert main(["glyphs", "build", f"{folder}/g.glyphs", "gothic"]) == 0
-    for name in ("watched", "jobs"):
-        (folder / name).mkdir()
-    (folder / "jobs" / "line.toml").write_text(
+    for name in ("watched", "s/jobs"):
+        (folder / name).mkdir(parents=True)
+    (folder / "s" / "jobs" / "line.toml").write_text(
         f'format = "A9"\nheight_mm = 4\ndatabase = "{folder}/g.glyphs"\n'
     )
-    (folder / "jobs" / "other.toml").write_text('format = "A9"\nfont = "gothic"\nheight_mm = 4\n')
+    (folder / "s" / "jobs" / "other.toml").write_text('format = "A9"\nfont = "gothic"\nheight_mm = 4\n')
     return folder
 
 
@@ -62,8 +62,6 @@ def watching(place: Path, hangups: None) -> Iterator[RunningService]:
         *OPTIONS,
         "--database",
         f"{place}/g.glyphs",
-        "--jobs-folder",
-        f"{place}/jobs",
         "--drain-s",
         "0.2",
     )
@@ -105,7 +103,7 @@ def test_a_file_whose_name_is_no_text_is_read_under_one_that_is(
     assert os.path.exists(odd)
 
 
-@pytest.mark.parametrize("spoilt", ["g.glyphs", "jobs/line.toml"])
+@pytest.mark.parametrize("spoilt", ["g.glyphs", "s/jobs/line.toml"])
 def test_a_file_of_the_service_that_is_away_for_a_while_costs_no_part(
     watching: RunningService, place: Path, picture: bytes, spoilt: str
 ) -> None:
@@ -144,13 +142,13 @@ def test_a_damaged_database_is_not_the_senders_fault(
 
 
 def test_a_job_that_cannot_be_written_is_not_the_senders_fault(watching: RunningService, place: Path) -> None:
-    (place / "jobs").rename(place / "jobs-away")
-    (place / "jobs").write_text("no folder")
+    (place / "s" / "jobs").rename(place / "jobs-away")
+    (place / "s" / "jobs").write_text("no folder")
     try:
         assert is_passing(httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "A9"}))
     finally:
-        (place / "jobs").unlink()
-        (place / "jobs-away").rename(place / "jobs")
+        (place / "s" / "jobs").unlink()
+        (place / "jobs-away").rename(place / "s" / "jobs")
     assert httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "A9"}).status_code == 201
     assert httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "re:["}).status_code == 422
 

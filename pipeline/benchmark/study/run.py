@@ -81,7 +81,7 @@ def run_study(
         if journal.names:
             print(f"continuing an interrupted study: {len(journal.names):,} parts are measured already")
         progress.start(len(parts) - len(journal.names))
-        with workers.opened(len(parts)) as executor:
+        with workers.opened(len(parts), limit_s=plan.settings.limit_s) as executor:
             measured = measure(plan, parts, executor, journal, progress.advance)
         study = Study(tuple(measured), tuple(answers), true, tuple(notes))
         document, written = write_study(study, out)

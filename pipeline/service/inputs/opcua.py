@@ -46,6 +46,7 @@ from pipeline.service.inputs.opcua_server import (
     variant,
 )
 from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
+from pipeline.service.settings import host_and_port
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import problem_of
 
@@ -81,7 +82,7 @@ class OpcUaPort:
         calls: triggers, releases and looks up parts.
         connections: greatest number of signed-in connections at once.
         """
-        self.host, self.port = settings.host, settings.port or 0
+        self.host, self.port = host_and_port(settings.port or "0")
         self._settings, self._calls = settings, calls
         self._connections = connections
         self._server: Any = None

@@ -43,6 +43,7 @@ from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
 from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest
 from pipeline.service.inputs.trigger import LineCalls, in_words
+from pipeline.service.settings import host_and_port
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
 
@@ -183,7 +184,7 @@ class TcpPort:
         Raises:
             ResultStringError: no such format.
         """
-        self.host, self.port = settings.host, settings.port or 0
+        self.host, self.port = host_and_port(settings.port or "0")
         self._calls = calls
         self._result = ResultString(settings.format or DEFAULT_FORMAT)
         self._clients = settings.clients

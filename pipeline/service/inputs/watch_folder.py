@@ -354,7 +354,7 @@ class WatchedFolder:
     def _copy(self, path: Path, state: FileStamp, folder: Path, number: int, *, since_s: float) -> Path:
         name = sent_name(path.name)
         if state[0] > self._most_bytes:
-            raise Problem(413, f"{name} has {state[0]:,} bytes; {self._most_bytes:,} may be (upload_mb)")
+            raise Problem(413, f"{name} has {state[0]:,} bytes; {self._most_bytes:,} may be")
         # reading a pipe or device could block, and a link may lead out of the folder
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
             raise Problem(415, f"{name} is not a regular file")

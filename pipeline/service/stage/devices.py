@@ -2,7 +2,7 @@
 
     open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass until the serial is sure
     feel(order, into) -> recording                             `Stage`: one scan of the whole plan
-    driver = "press_hall.stage:open_stage"                     open_stage() returns an object with `open` or `feel`
+    device = "press_hall.stage:open_stage"                     open_stage() returns an object with `open` or `feel`
 
 A stage is given the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
 its camera's axis meets the plate, brings the two together, scans, and hands the recording back in the frame of the
@@ -12,6 +12,7 @@ far as the part reaches.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
 # bytes of a part's name as a file's, which has 255 with its suffix
 _LONGEST_NAME = 240
+_DRIVER = re.compile(r"[A-Za-z_][\w.]+:\w+")  # no drive of Windows: C:parts
 _LEAST_HEIGHTS = 1.0
 """Minimum extent of a region on the plate in either direction, character heights."""
 
@@ -227,16 +229,17 @@ def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionS
         FileError: no such folder, or an unusable bench file.
         SettingsError: no such driver.
     """
-    if settings.driver:
-        stage: Stage = load_driver(settings.driver, verbs=("open", "feel"))
+    if not settings.device:
+        return None
+    if is_driver(settings.device):
+        stage: Stage = load_driver(settings.device, verbs=("open", "feel"))
         return stage
-    if settings.bench is not None:
+    path = Path(settings.device)
+    if path.suffix == ".toml" or (path.exists() and not path.is_dir()):
         from pipeline.bench.settings import read_bench
 
-        return BenchStage(read_bench(settings.bench))
-    if settings.folder is None:
-        return None
-    return SimulatedStage(_there(settings.folder, "height maps"), reading)
+        return BenchStage(read_bench(path))
+    return SimulatedStage(_there(path, "height maps"), reading)
 
 
 def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:
@@ -246,12 +249,17 @@ def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:
         FileError: no such folder.
         SettingsError: no such driver.
     """
-    if settings.driver:
-        camera: Camera = load_driver(settings.driver, verbs=("take",))
-        return camera
-    if settings.folder is None:
+    if not settings.device:
         return None
-    return FolderCamera(_there(settings.folder, "photographs"), settings.early_s)
+    if is_driver(settings.device):
+        camera: Camera = load_driver(settings.device, verbs=("take",))
+        return camera
+    return FolderCamera(_there(Path(settings.device), "photographs"), settings.early_s)
+
+
+def is_driver(device: str) -> bool:
+    """Whether the setting of a device names a driver, module:callable, and no file or folder."""
+    return _DRIVER.fullmatch(device) is not None
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:

@@ -73,11 +73,18 @@ class Door:
         app: ASGIApp,
         *,
         settings: ServiceSettings,
+        upload_bytes: int,
         access: Access,
         metrics: Metrics,
         busy: Callable[[], float | None],
     ) -> None:
-        """Wrap the application; `busy` gives the seconds after which to send a part again, None while there is room."""
+        """Wrap the application.
+
+        Args:
+            upload_bytes: largest request with files.
+            busy: gives the seconds after which to send a part again, None while there is room.
+        """
+        self._upload_bytes = upload_bytes
         self._app, self._settings, self._access, self._metrics = app, settings, access, metrics
         self._busy = busy
         self._hosts = _host_names(settings)
@@ -149,7 +156,7 @@ class Door:
             raise busy(wait_s)
 
     def _most_bytes(self, scope: Scope) -> int:
-        return self._settings.upload_bytes if _is_upload(scope) else SMALL_BODY
+        return self._upload_bytes if _is_upload(scope) else SMALL_BODY
 
     def _check_host(self, host: str) -> None:
         name = re.sub(r":\d*$", "", host).strip("[]").lower()
@@ -223,7 +230,7 @@ def _is_upload(scope: Scope) -> bool:
 
 def _too_large(most_bytes: int) -> Problem:
     todo = (
-        "only parts are sent with files" if most_bytes == SMALL_BODY else "crop it, or raise limits.upload_mb"
+        "only parts are sent with files" if most_bytes == SMALL_BODY else "crop it, or send heights as .npz"
     )
     return Problem(413, f"the request is over the limit of {most_bytes / 1e6:g} MB; {todo}")
 

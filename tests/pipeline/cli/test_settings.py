@@ -122,16 +122,16 @@ def test_flags_go_over_environment_over_file(
 
 def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     FILE.write_text(
-        "height_mm = 4.0\n[workers]\njobs = 1\n[service]\nport = 1\nupload_mb = 1\nopcua.users = {line = 'x'}\n"
+        "height_mm = 4.0\n[workers]\njobs = 1\n[service]\nport = 1\ndrain_s = 1\nopcua.users = {line = 'x'}\n"
         "[service.tcp]\nformat = '{text}'\n",
         encoding="utf-8",
     )
-    monkeypatch.setenv("TACTILE_MARKS_SERVICE_UPLOAD_MB", "2")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_DRAIN_S", "2")
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_RETENTION_DAYS", "2")
     monkeypatch.setenv("TACTILE_MARKS_BUDGET_S", "20")
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_TCP_CLIENTS", "192.168.7.0/24, 10.0.0.1")
     service, read = serving("--retention-days", "3", "--format", "AA99")
-    assert (service.port, service.upload_mb, service.retention_days) == (1, 2, 3.0)
+    assert (service.port, service.drain_s, service.retention_days) == (1, 2, 3.0)
     assert service.tcp.format == "{text}"
     assert serving("--tcp.format", "{id}")[0].tcp.format == "{id}"
     assert service.tcp.clients == ("192.168.7.0/24", "10.0.0.1")
@@ -207,7 +207,14 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("[service]\nqueue = 1", "unknown setting queue in .*; leave it out: it follows from the machine"),
         ("[service]\njobs = 1", r"jobs in .* is in the wrong place; write it under \[workers\]"),
         ("[service.limits]\nphoto_pixels = 1", "unknown setting limits.photo_pixels in .*; leave it out"),
-        ("[service.limits]\nupload_mb = 1", "unknown setting limits.upload_mb in .*; did you mean upload_mb"),
+        ("[service]\nupload_mb = 1", "unknown setting upload_mb in .*; leave it out"),
+        ("[service.alerts]\nwindow = 9", "alerts.window in .*; did you mean alerts.reject_rate"),
+        ("[service]\njobs_folder = 'a'", "unknown setting jobs_folder in .*; did you mean folder"),
+        ("[service.stage]\nbench = 'a'", "unknown setting stage.bench in .*; did you mean stage.device"),
+        ("[service]\ncamera.folder = 'a'", "camera.folder in .*; did you mean camera.device"),
+        ("[service.tcp]\nhost = '::1'", 'tcp.host in .*; did you mean tcp.port = "HOST:PORT"'),
+        ("[service.tcp]\nport = 'COM3'", "tcp.port in .* is 'COM3'.*write 8418, or"),
+        ("[service.tcp]\nport = 70000", "tcp.port in .* is '70000'.*write 8418, or"),
         ("[service.watch]\nevery_s = 1", "unknown setting watch.every_s in .*; did you mean watch.settle_s"),
         ("[service.camera]\ntimeout_s = 1", "camera.timeout_s in .*; did you mean device_timeout_s"),
         ("[service.stage]\ntimeout_s = 1", "stage.timeout_s in .*; did you mean device_timeout_s"),
@@ -244,10 +251,10 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ('[service]\nhost = "0.0.0.0"\ntokens = "off"\n', "without tokens"),
         ('[service]\nwebhook.url = "ftp://x"\n', "write https://host/path"),
         ('[service.mqtt]\nurl = "broker:1883"\n', "mqtt://host:1883"),
-        ('[service.tcp]\nhost = "0.0.0.0"\nport = 8418\n', "tcp.clients"),
-        ('[service.opcua]\nhost = "0.0.0.0"\nport = 4840\n', "opcua.certificate"),
+        ('[service.tcp]\nport = "0.0.0.0:8418"\n', "tcp.clients"),
+        ('[service.opcua]\nport = "0.0.0.0:4840"\n', "opcua.certificate"),
         (
-            '[service.opcua]\nhost = "0.0.0.0"\nport = 0\ncertificate = "a.der"\nkey = "a.pem"\n',
+            '[service.opcua]\nport = "0.0.0.0:0"\ncertificate = "a.der"\nkey = "a.pem"\n',
             "give it .* opcua.users",
         ),
         ('[service]\ntcp.clients = ["the line"]\n', "tcp.clients in"),
@@ -276,6 +283,8 @@ def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> N
         ("--zz", ""),
         ("--check", '--format "check:RULE"'),
         ("--watch.every-s", "--watch.settle-s"),
+        ("--stage.folder", "--stage.device"),
+        ("--part-timeout-s", ""),
     ],
 )
 def test_an_unknown_flag_names_the_nearest_one_or_none(
@@ -388,7 +397,7 @@ def test_settings_may_be_pasted_into_the_file_to_begin_with(order: int) -> None:
     assert main(["settings", str(FILE)]) == 0
     FILE.write_text("\n".join([FILE.read_text(encoding="utf-8"), PASTED][::order]), encoding="utf-8")
     service, reading = serving()
-    assert (service.port, service.tcp.port, service.watch.folder) == (8420, 8421, Path("camera"))
+    assert (service.port, service.tcp.port, service.watch.folder) == (8420, "8421", Path("camera"))
     assert reading.format == ("AA99",)
 
 

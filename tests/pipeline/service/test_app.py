@@ -145,12 +145,12 @@ def is_too_large(answer: Any) -> bool:
     return (
         answer.status_code == 413
         and answer.headers["content-type"] == "application/problem+json"
-        and "upload_mb" in answer.json()["detail"]
+        and "1 MB" in answer.json()["detail"]
     )
 
 
 def test_an_upload_over_the_limit_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    with inline_service(tmp_path, upload_mb=1) as (service, client):
+    with inline_service(tmp_path, machine=Machine(upload_bytes=1_000_000)) as (service, client):
         told = client.post("/v1/parts", files={"photo": ("x.png", bytes(2_000_000))})
         assert is_too_large(told)
 
@@ -171,7 +171,7 @@ def test_settings_over_the_limit_are_no_fault_of_the_program(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], declared: bool
 ) -> None:
     body = b'{"format": "' + bytes(6_000_000) + b'"}'
-    with inline_service(tmp_path, upload_mb=1) as (_, client):
+    with inline_service(tmp_path, machine=Machine(upload_bytes=1_000_000)) as (_, client):
         answer = client.put("/v1/jobs/left", content=body if declared else iter([body]))
         assert answer.status_code == 413
     assert "Traceback" not in caplog.text + capsys.readouterr().out
@@ -327,7 +327,7 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
 ) -> None:
     Iron.recording = feel_plan(SimulatedStage(parts), ScanOrder(CLEAN, WHOLE_PLATE), tmp_path)
     monkeypatch.setattr("pipeline.formats.synth.iron_stage", Iron, raising=False)
-    with inline_service(tmp_path / "s", stage={"driver": "pipeline.formats.synth:iron_stage"}) as (
+    with inline_service(tmp_path / "s", stage={"device": "pipeline.formats.synth:iron_stage"}) as (
         service,
         client,
     ):

@@ -32,8 +32,8 @@ def test_a_trigger_has_the_stage_feel_what_the_certificate_does_not_cover(
     certified: ReadSettings, parts: Path, tmp_path: Path
 ) -> None:
     around = {
-        "stage": {"folder": parts},
-        "camera": {"folder": parts, "early_s": 3600.0},
+        "stage": {"device": parts},
+        "camera": {"device": parts, "early_s": 3600.0},
         "webhook": {"url": NOBODY},
     }
     with inline_service(tmp_path / "data", reading=certified, **around) as served:

@@ -80,7 +80,7 @@ def problem(status: int, detail: str, **headers: str) -> Response:
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Doors]:
     folder = tmp_path_factory.mktemp("service")
-    settings = {"stage": {"folder": folder}, "reading": ReadSettings()}
+    settings = {"stage": {"device": folder}, "reading": ReadSettings()}
     with inline_service(folder / "s", instead=read, **settings) as (service, client):
         door = Door(client.app)
         with serving(door) as url:

@@ -53,7 +53,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
     with inline_service(
         tmp_path,
         instead=by_format,
-        camera={"folder": tmp_path / "camera", "early_s": 3600.0},
+        camera={"device": tmp_path / "camera", "early_s": 3600.0},
         device_timeout_s=1.0,
     ) as both:
         yield both

@@ -92,12 +92,12 @@ def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_pat
 
 
 def test_an_alert_is_shown_counted_and_put_into_the_outbox(tmp_path: Path) -> None:
-    options = {"alerts": {"reject_rate": 0.3, "window": 10}, "mqtt": {"url": "mqtt://127.0.0.1:9"}}
+    options = {"alerts": {"reject_rate": 0.3}, "mqtt": {"url": "mqtt://127.0.0.1:9"}}
     with inline_service(tmp_path, **options) as (service, client):
-        for _ in range(10):
+        for _ in range(200):
             received(service.store, PartState.REVIEW, readings=(reading("KX4", "fused", "reject"),))
         service.look_for_alerts()
         service.look_for_alerts()
-        assert "10 of the last 10 parts were rejected; the limit is 30 %." in client.get("/dashboard").text
+        assert "200 of the last 200 parts were rejected; the limit is 30 %." in client.get("/dashboard").text
         assert "tactile_marks_alerts 1.0" in client.get("/metrics").text
         assert service.store.undelivered() == 1

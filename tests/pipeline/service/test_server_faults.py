@@ -179,7 +179,7 @@ def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
             raise AssertionError("nobody waits any more")
 
     monkeypatch.setattr("pipeline.formats.synth.hanging", Hanging, raising=False)
-    camera = {"camera": {"driver": "pipeline.formats.synth:hanging"}, "device_timeout_s": 0.1}
+    camera = {"camera": {"device": "pipeline.formats.synth:hanging"}, "device_timeout_s": 0.1}
     try:
         with inline_service(tmp_path, instead=read_at_once, **camera) as (service, client):
             for _ in range(3):
@@ -223,7 +223,7 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
                 back.wait()
 
     monkeypatch.setattr("pipeline.formats.synth.hanging", Hanging, raising=False)
-    stage = {"stage": {"driver": "pipeline.formats.synth:hanging"}, "device_timeout_s": 0.5}
+    stage = {"stage": {"device": "pipeline.formats.synth:hanging"}, "device_timeout_s": 0.5}
     try:
         with inline_service(tmp_path, **stage) as (service, client):
             part_id = new_part_id()

@@ -61,7 +61,7 @@ def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Se
     synth.iron_stage = Iron  # type: ignore[attr-defined]
     try:
         with inline_service(
-            tmp_path_factory.mktemp("s"), stage={"driver": "pipeline.formats.synth:iron_stage"}
+            tmp_path_factory.mktemp("s"), stage={"device": "pipeline.formats.synth:iron_stage"}
         ) as both:
             yield both
     finally:

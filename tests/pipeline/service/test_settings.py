@@ -28,7 +28,7 @@ def test_tokens_are_asked_for_where_others_can_call(host: str, alone: bool) -> N
 
 def test_the_opc_ua_server_has_the_certificate_of_tls_unless_it_has_its_own() -> None:
     tls = {"certificate": "tls.pem", "key": "tls.key"}
-    both = ServiceSettings(tls=tls, opcua={"port": 4840, "host": "0.0.0.0", "users": {"line": "x"}})  # type: ignore[arg-type]
+    both = ServiceSettings(tls=tls, opcua={"port": "0.0.0.0:4840", "users": {"line": "x"}})  # type: ignore[arg-type]
     assert (both.opcua_server.certificate, both.opcua_server.key) == (Path("tls.pem"), Path("tls.key"))
     own = ServiceSettings(tls=tls, opcua={"certificate": "own.der", "key": "own.pem"})  # type: ignore[arg-type]
     assert (own.opcua_server.certificate, own.opcua_server.key) == (Path("own.der"), Path("own.pem"))

@@ -45,7 +45,7 @@ def served(bench: Bench, tmp_path: Path) -> Iterator[Served]:
     (camera / "KX40.png").write_bytes(PNG)
     settings = {
         "shadow": True,
-        "camera": {"folder": camera, "early_s": 3600.0},
+        "camera": {"device": camera, "early_s": 3600.0},
         "device_timeout_s": 1.0,
         **HOOK,
     }
@@ -93,7 +93,7 @@ def test_what_the_stage_or_the_sender_would_feel_would_need_touch(
     assert (planned["state"], planned["shadow"]["would_be"]) == ("shadow", "touch_needed")
     maps = tmp_path / "maps"
     maps.mkdir()
-    with inline_service(tmp_path / "other", instead=bench.read, shadow=True, stage={"folder": maps}) as both:
+    with inline_service(tmp_path / "other", instead=bench.read, shadow=True, stage={"device": maps}) as both:
         unsure = post(both[1], "KX40?", touch="stage")
         assert (unsure["state"], unsure["shadow"]["would_be"]) == ("shadow", "touch_needed")
 

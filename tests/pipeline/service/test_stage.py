@@ -191,7 +191,7 @@ def test_one_picture_is_read_for_one_part_also_after_a_restart(tmp_path: Path) -
     pictures = tmp_path / "pictures"
     pictures.mkdir()
     (pictures / "nest1.png").write_bytes(PNG)
-    camera = {"folder": pictures, "early_s": LONG_S}
+    camera = {"device": pictures, "early_s": LONG_S}
 
     def read(*_: object) -> ReadPart:
         return ReadPart((reading(source="vision"),))
@@ -213,7 +213,7 @@ def test_a_picture_that_stays_cut_short_is_a_part_for_a_person(tmp_path: Path) -
     pictures = tmp_path / "pictures"
     pictures.mkdir()
     (pictures / "nest1.png").write_bytes(PNG[:50])
-    camera = {"folder": pictures, "early_s": LONG_S}
+    camera = {"device": pictures, "early_s": LONG_S}
 
     def fail(*_: object) -> ReadPart:
         raise FileError("nest1.png", "is cut short", "copy it again")
@@ -315,7 +315,7 @@ def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_u
     tmp_path: Path, nest: type[Nest]
 ) -> None:
     nest.air = False
-    stage = {"driver": "pipeline.formats.synth:nest"}
+    stage = {"device": "pipeline.formats.synth:nest"}
     with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
         part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
         assert (part["state"], part["text"]) == ("review", "KX4O7251")
@@ -339,7 +339,7 @@ def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_u
 def test_a_part_that_a_kill_has_left_to_the_stage_goes_to_a_person_at_the_next_start(
     tmp_path: Path, nest: type[Nest]
 ) -> None:
-    stage = {"driver": "pipeline.formats.synth:nest"}
+    stage = {"device": "pipeline.formats.synth:nest"}
     settings: dict[str, Any] = {"instead": read_unsurely, "stage": stage}
     with inline_service(tmp_path / "s", **settings) as served:
         store = served[0].store
@@ -360,7 +360,7 @@ def test_a_part_that_a_kill_has_left_to_the_stage_goes_to_a_person_at_the_next_s
 def test_a_driver_that_knows_its_part_has_it_felt_as_soon_as_it_lies_there(
     tmp_path: Path, nest: type[Nest]
 ) -> None:
-    stage = {"driver": "pipeline.formats.synth:nest_with_switch"}
+    stage = {"device": "pipeline.formats.synth:nest_with_switch"}
     with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
         served[0].intake.touching.retry_s = 0.0
         part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
@@ -402,8 +402,8 @@ def test_a_part_is_not_felt_after_the_time_of_its_trigger(tmp_path: Path, nest: 
     pictures.mkdir()
     (pictures / "P17.png").write_bytes(PNG)
     settings = {
-        "stage": {"driver": "pipeline.formats.synth:nest"},
-        "camera": {"folder": pictures, "early_s": 60},
+        "stage": {"device": "pipeline.formats.synth:nest"},
+        "camera": {"device": pictures, "early_s": 60},
     }
     with inline_service(tmp_path / "s", instead=read_unsurely, **settings) as served:
         assert served[1].portal is not None
@@ -425,7 +425,7 @@ def test_a_part_whose_file_is_missing_goes_to_a_person_and_says_why(
             stage.open(scan)
         return ReadPart((reading(source="vision", decision="review"),), plan=STAGE_PLAN)
 
-    with inline_service(tmp_path / "s", instead=read, stage={"folder": maps}) as (_, client):
+    with inline_service(tmp_path / "s", instead=read, stage={"device": maps}) as (_, client):
         photo = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
         part = client.post("/v1/parts", files=photo, data={"name": "P17", "touch": "stage"}).json()
         assert part["state"] == "review"

@@ -291,7 +291,7 @@ async def test_the_part_that_scan_answers_is_no_event_of_a_running_service(
         def event_notification(self, event: Any) -> None:
             events.put_nowait(event.Message.Text)
 
-    with inline_service(tmp_path, instead=read, opcua={"port": 0}, stage={"folder": tmp_path}) as served:
+    with inline_service(tmp_path, instead=read, opcua={"port": 0}, stage={"device": tmp_path}) as served:
         intake, ports = served[0].intake, served[0].ports
         intake.camera.take = take  # type: ignore[method-assign]
         (address,) = (one.address for one in ports.connections())

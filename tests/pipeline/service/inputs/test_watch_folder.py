@@ -235,7 +235,7 @@ def test_a_photograph_that_cannot_even_be_taken_is_a_part_for_a_person_once(benc
     said = bench.left()
     assert sorted(said) == ["large.png", "link.png", "part.png", "phone.heic"]
     for name, why in (
-        ("large", "upload_mb"),
+        ("large", "may be"),
         ("link", "link.png is not a regular file"),
         ("part", "PNG, JPEG, BMP, TIFF, WebP or GIF"),
         ("phone", "is a HEIC file, which is not read"),
