@@ -15,13 +15,7 @@ from glyphs.errors import FileError
 def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
     """Yield a temporary path beside `path`; if the block raises nothing, the file is renamed to `path`.
 
-    The renamed file survives a power failure.
-
-    Args:
-        private: whether only the owner may read the file; otherwise the umask decides.
-
-    Raises:
-        FileError: the folder is missing or not writable, or the disk is full.
+    The renamed file survives a power failure. `private`: only the owner may read it. Raises FileError.
     """
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)

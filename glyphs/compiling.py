@@ -36,12 +36,7 @@ def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
 
 
 def report_start(*, kept: bool = True, first: Callable[[], bool] = lambda: True) -> None:
-    """Show that a kernel is being compiled, because it is not in this machine's cache.
-
-    Args:
-        first: whether none was compiled on this machine before; a later command that needs other kernels shows only
-            long compilations.
-    """
+    """Show that a kernel is being compiled; after the `first` on a machine, only long compilations are shown."""
     if not _Watch.announced and _Watch.show is not None:
         _Watch.announced = True
         if not kept or first():

@@ -13,13 +13,7 @@ from glyphs.plain_text import visible
 class MarksError(Exception):
     """An expected failure, with a message for the user.
 
-    Its text is one line, "where: what; hint". It can be pickled if every keyword argument of a subclass has a
-    default.
-
-    Attributes:
-        where: the file, setting or place concerned; empty if `what` names it.
-        hint: remedy; empty if there is none.
-        is_usage: an argument or setting is at fault; False: a file, machine or process.
+    Its text is "where: what; hint". It can be pickled if every keyword argument of a subclass has a default.
     """
 
     is_usage: ClassVar[bool] = True
@@ -55,10 +49,7 @@ class MissingExtraError(MarksError):
 
 @contextlib.contextmanager
 def report_damage(path: Path, *, kind: str) -> Iterator[None]:
-    """Turn any error that a parser raises on a damaged file into a FileError.
-
-    Parsers of foreign formats raise nearly any exception, even MemoryError; none may end a run.
-    """
+    """Turn any error of a foreign parser into a FileError: they raise nearly anything, even MemoryError."""
     try:
         yield
     except (FileError, MissingExtraError):

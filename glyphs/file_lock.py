@@ -19,12 +19,6 @@ def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
     Threads exclude each other like processes, because each call opens the file. A system with neither fcntl nor msvcrt
     runs one process only, and nothing is locked there.
 
-    Args:
-        path: path of the lock file, which stays empty.
-
-    Yields:
-        Whether the lock is held; always true with `wait`.
-
     Raises:
         OSError: the file cannot be made, or the file system has no locks.
     """

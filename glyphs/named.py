@@ -11,15 +11,7 @@ from glyphs.errors import MarksError
 
 
 def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) -> Any:
-    """Load an object by name; modules in the working folder are found, too.
-
-    Args:
-        name: module and object, `module:function`.
-        what: kind of object, for the message, such as "soil".
-
-    Raises:
-        MarksError: (as `error`) the name is not `module:object`, or there is no such module or object.
-    """
+    """Load a `what`, such as "soil", by `module:function`, also from the working folder; otherwise raises `error`."""
     module, colon, attribute = name.partition(":")
     if not colon or not module or not attribute:
         raise error(f"the {what} {name!r} is not in the form module:name", hint="write it as module:name")

@@ -43,10 +43,7 @@ class Part:
     """A stamped part, clean or dirty, to be scanned and photographed.
 
     Attributes:
-        stamped: the clean part.
-        soiling: dirt on it.
-        seed: seed of all random draws; dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout
-            from (*seed, 3).
+        seed: dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout from (*seed, 3).
     """
 
     stamped: StampedPart
@@ -98,11 +95,7 @@ class Part:
         """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt.
 
         Args:
-            light: lighting.
-            camera: pose and optics of the camera.
-            light_azimuth_deg: azimuth of the lamp, if the light is drawn.
-            light_elevation_deg: elevation of the lamp, if the light is drawn.
-            pixel_mm: size of a pixel on the part, if the camera is drawn.
+            pixel_mm: size of a pixel on the part, unless a camera is set.
             lights: number of photographs, with the lamp at even angles all round; those after the first become the
                 `others` of the first.
 
@@ -145,35 +138,20 @@ def stamp(
     soil: str | Sequence[str] = WORKSHOP,
     seed: int | Sequence[int] = 0,
 ) -> Part:
-    """Stamp a serial on a plate.
+    """Stamp a serial on a plate: `text`, or one drawn from a `format` (`A` a letter, `9` a digit, `*` either).
 
     Args:
-        text: the serial; or
-        format: format of a serial to draw (`A` a letter, `9` a digit, `*` either).
         fonts: built-in name, font file or font; only one, alone or in a list.
-        height_mm: character height.
-        depth_mm: depth of the mark; default: usual for the height.
-        face: face of the die.
-        bevel_deg: slope of the die's walls.
-        raised: raised marks.
         line_rotation_deg: rotation of the line on the plate, clockwise as the picture shows it.
         pitch_mm: sample pitch; default: a hundredth of the height.
-        variation: variation of blows and plate; `StampingVariation.none()` for an ideal part; or
-        practice: stamping practice, a name of `PRACTICES`.
-        die: a name of `DIES`, in place of a face.
+        variation: variation of blows and plate, `StampingVariation.none()` for an ideal part; or name a `practice`.
         plate: a name of `PLATES`, or a plate, in place of the variation's.
         layout: a name of `LAYOUTS`, or a layout; with two lines, `text` is the first.
         dirt: severity 0 (clean) to 1, or the amount of each kind of workshop dirt.
         soil: a name of `glyphs.SOILS` or module:function, or several, the bottom layer first.
-        seed: the same seed gives the same part; several numbers make one seed.
+        seed: the same seed gives the same part.
 
-    Raises:
-        StampError: neither text nor format, or both; variation with practice, or die with face; an impossible die, or
-            one that cannot cut the glyphs; an unknown practice, die, plate, layout or soil; a line too long for its
-            arc; a severity outside 0..1; a negative seed.
-        FontError: an unknown font, or a character that it lacks.
-        FormatError: an invalid format.
-        MapError: a pitch that is not positive or too fine for the size.
+    Raises StampError, FontError, FormatError or MapError.
     """
     if (text is None) == (format is None):
         raise StampError("give the text to stamp, or the format of a serial to draw")

@@ -40,11 +40,7 @@ ShareBelowOne = Annotated[float, Range(0.0, math.nextafter(1.0, 0.0))]
 
 
 def require_range(error: Callable[..., MarksError], limits: Range, **numbers: object) -> None:
-    """Check that numbers are finite and in range. Every member of a tuple is checked; other types pass.
-
-    Raises:
-        MarksError: (as `error`) a number is not finite or out of range.
-    """
+    """Check numbers, also those in tuples, and raise `error` if one is not finite or out of range."""
     least, most, hint = limits
     for name, value in numbers.items():
         for number in value if isinstance(value, tuple) else (value,):
@@ -100,11 +96,7 @@ def freeze_arrays(
     most: float = math.inf,
     dtype: type[np.floating[Any]] = np.float64,
 ) -> None:
-    """Replace attributes of a frozen dataclass by read-only copies, checked for shape and range.
-
-    Raises:
-        MarksError: (as `error`) a shape is wrong, or a number is not finite or out of range.
-    """
+    """Replace attributes of a frozen dataclass by read-only copies; raises `error` for a wrong shape or range."""
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():
         array: NDArray[Any] = np.array(getattr(values, name), dtype=dtype)

@@ -40,7 +40,6 @@ class Sketch(OneLine):
         surface: (ROWS, columns) heights, character heights.
         ink: (ROWS, columns) 0 on the land to 1 in the marks.
         soil: (ROWS, columns) thickness of the dirt on it, character heights.
-        severity: severity of the dirt, 0 to 1.
     """
 
     text: str
@@ -52,14 +51,7 @@ class Sketch(OneLine):
 
 
 def sketch(font: Font, text: str, rng: np.random.Generator, *, clean: bool = False) -> Sketch:
-    """Sketch a line of text.
-
-    Args:
-        clean: whether to leave out dirt, wear and prints without relief; otherwise they are drawn at random.
-
-    Raises:
-        FontError: a character that the font lacks.
-    """
+    """Sketch a line of text; `clean` leaves out dirt, wear and prints without relief. Raises FontError."""
     dotted = rng.random() < 0.1
     if dotted:
         font = dotted_font(font, text, rng=rng)
@@ -105,7 +97,6 @@ def blur(field: Field, sigma: float) -> Field:
 
 
 def _mask(text: str, font: Font, rng: np.random.Generator) -> tuple[Field, Field, tuple[Box, ...]]:
-    """Draw a line: ink from 0 to 1, the depth of each character, and the box around each."""
     gap = float(rng.choice([0.0, rng.uniform(-0.03, 0.25)]))
     stretch = float(np.exp(rng.normal(0.0, 0.12)))
     slant = float(rng.normal(0.0, 0.08))
@@ -159,7 +150,6 @@ def _add_clutter(mask: NDArray[np.uint8], rng: np.random.Generator) -> None:
 
 
 def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
-    """Relative depth, from the tool's profile: 0 on the land, 1 at the floor of the mark."""
     kind = 0.0 if dotted else rng.random()
     ink = (mask > 0.5).astype(np.uint8)
     grown = round(float(rng.normal(0.0, 0.02)) * _H)

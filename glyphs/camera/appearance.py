@@ -35,9 +35,6 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
 
     The light of the surface is blurred by the lens, projected, exposed, given noise, clipped and encoded in 8 bit
     (sRGB's curve as a plain power of 1/2.2). Beyond its map the plate is mirrored.
-
-    Returns:
-        A colour photograph with the nominal `pitch_mm` and `centre_mm`.
     """
     from glyphs.surface.blur import gaussian_blur, sample_bilinear
 
@@ -75,6 +72,5 @@ def _exposure(image: NDArray[np.float32], camera: Camera) -> np.float32:
 
 
 def _falloff(shape: tuple[int, int], loss: float) -> NDArray[np.float32]:
-    """Share of light left by the lens: 1 in the middle, 1 - loss in the corners."""
     v, u = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
     return np.asarray(1.0 - loss * (u * u + v * v) / 2.0, dtype=np.float32)

@@ -23,11 +23,6 @@ class Photo(OneLine, Validated, error=MapError):
         centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
         shrunk: width of a pixel in pixels of the original photograph, if it was reduced and the pitch is unknown.
         others: further photographs of the part from the same place, under other lights or at other exposures.
-        notes: remarks on the file to repeat in the reading, for example which of its pages was read.
-
-    Raises:
-        MapError: pixels of another type or shape, too few or too many pixels, a pitch that is not positive, or
-            others of another size.
     """
 
     pixels: NDArray[np.uint8] | NDArray[np.uint16]

@@ -28,15 +28,10 @@ class Camera(OneLine, Validated, error=MapError):
         shift_mm: (x, y) offset of the part from its nominal position.
         rotation_deg: rotation of the part, from +x towards +y (clockwise as seen), about the middle.
         perspective_per_mm: (x, y) relative change of scale per mm, caused by tilt of the part.
-        defocus_mm: radius (one standard deviation) of the blur, on the plate.
         exposure_ev: over-exposure in stops (powers of two); 0 brings the mean of the picture to a medium grey.
         noise: standard deviation of the sensor's noise at full brightness, share of full scale; it is proportional
             to the square root of the light.
-        vignetting: loss of light in the corners, 0..1.
         bloom: share of a glint's light that spreads around it, 0..1.
-
-    Raises:
-        MapError: a number out of range.
     """
 
     pitch_mm: Positive = DEFAULT_PIXEL_MM

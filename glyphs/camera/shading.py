@@ -37,9 +37,6 @@ class Light(OneLine, Validated, error=MapError):
         size_deg: angular radius of the lamp, 0.1 to 60; a large lamp gives soft glints and soft shadows.
         gradient: share by which mirrored ambient light is brighter towards the lamp, 0..1.
         colour: red, green, blue of the light, > 0.
-
-    Raises:
-        MapError: a number out of range.
     """
 
     azimuth_deg: Annotated[float, Range(-1e6, 1e6)] = 315.0
@@ -58,11 +55,7 @@ class Light(OneLine, Validated, error=MapError):
 
 
 def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.float32]:
-    """Linear radiance towards a camera above, (rows, cols, 3) float32; 1 is a flat, white, matt plate.
-
-    Raises:
-        MapError: dropouts, or a look on another grid.
-    """
+    """Linear radiance towards a camera above, (rows, cols, 3) float32; 1 is a flat, white plate. Raises MapError."""
     z, pitch = height_map.z_mm, height_map.pitch_mm
     if look.roughness.shape != z.shape:
         raise MapError(f"a look of {look.roughness.shape} does not fit heights of {z.shape}")

@@ -70,15 +70,11 @@ def _least_squared_distance(x, y, segments, reach, nearby, out):  # type: ignore
 def segment_distance(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance of every point from the nearest segment.
+    """Distance, (rows, columns), of every point from the nearest segment; infinity when there is none.
 
     Args:
-        x: (rows, columns) coordinates, any unit; fastest if neighbours in the array are close together.
-        y: (rows, columns) coordinates in the same unit.
+        x: (rows, columns) coordinates; fastest if neighbours in the array are close together.
         segments: (m, 4) end points x0, y0, x1, y1; a segment of zero length is a point.
-
-    Returns:
-        (rows, columns) distances; infinity when there is no segment.
     """
     out = np.full(x.shape, np.inf)
     count = len(segments)

@@ -53,17 +53,10 @@ class _PolygonPen(_LimitedPen):
 
 
 def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, dict[str, _Outline]]:
-    """Polygons and advances of a font's characters, scaled to a cap height of 1.
+    """Polygons and advances of a `TTFont`'s characters, scaled to a cap height of 1.
 
-    Args:
-        file: an open `fontTools.ttLib.TTFont`.
-        flatness: greatest distance of a chord from its curve, cap heights.
-
-    Returns:
-        The font's full name (may be empty) and {character: (polygons (n, 2) each, advance)}, cap heights.
-
-    Raises:
-        FontError: the font has no character map or no cap height.
+    Returns the full name (may be empty) and {character: (polygons (n, 2) each, advance)}. `flatness` is the greatest
+    distance of a chord from its curve, cap heights. Raises FontError for a font without characters or cap height.
     """
     cmap = file.getBestCmap()
     if not cmap:
@@ -94,7 +87,7 @@ def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
     from fontTools.pens.boundsPen import BoundsPen
 
     class _BoundsPen(_LimitedPen, BoundsPen):  # type: ignore[misc,unused-ignore]
-        """The bounds of a glyph."""
+        pass
 
     if ord("H") in cmap:
         pen = _BoundsPen(glyph_set)

@@ -80,10 +80,6 @@ class Glyph(OneLine, Validated, error=FontError):
             row 0 is the top. The middle pixel lies at the middle of the ink across and at half the cap height.
             Templates are made from the relief; the contours only draw its outline.
         guessed: whether a learned font took this character from a similar font.
-
-    Raises:
-        FontError: strokes and contours are both given, arrays have wrong shapes, values are not finite or beyond
-            MOST_CAP_HEIGHTS, or the stroke is outside 0 <= s < 1.
     """
 
     char: str
@@ -142,11 +138,7 @@ class Font(OneLine, Validated, error=FontError):
     """A set of glyphs.
 
     Attributes:
-        glyphs: read-only mapping of character to glyph, not empty.
         stroke_ratio: ratio of nominal stroke width to cap height; 0.0 for outline fonts.
-
-    Raises:
-        FontError: there is no glyph, a key differs from its glyph's character, or stroke_ratio is outside 0 <= r < 1.
     """
 
     name: str
@@ -173,11 +165,7 @@ class Font(OneLine, Validated, error=FontError):
         return any(glyph.relief is not None for glyph in self.glyphs.values())
 
     def glyph(self, char: str) -> Glyph:
-        """Return the glyph of a character.
-
-        Raises:
-            FontError: the font lacks the character; the message lists those it has.
-        """
+        """Return the glyph of a character. Raises FontError, which lists the characters of the font."""
         try:
             return self.glyphs[char]
         except KeyError:
@@ -186,13 +174,7 @@ class Font(OneLine, Validated, error=FontError):
 
 
 def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
-    """Refit the centre lines of a glyph so that ink of width `stroke` (cap heights) keeps the same height.
-
-    Contours are returned unchanged, because they enclose their ink.
-
-    Raises:
-        FontError: the stroke is outside 0 <= stroke < 1.
-    """
+    """Refit a glyph's centre lines so that ink of width `stroke` (cap heights) keeps its height; contours stay."""
     if glyph.contours or stroke == glyph.stroke:
         return glyph
     narrow = Range(0.0, math.nextafter(1.0, 0.0), "use a narrower stroke or larger type")
@@ -234,8 +216,6 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
     """Compute the distance from the edge of the ink, negative inside it.
 
     Args:
-        x: positions in the glyph frame, cap heights; any shape.
-        y: positions in the glyph frame, cap heights; broadcast against x.
         stroke: width of the stroke, cap heights; ignored for contours.
 
     Returns:
@@ -284,7 +264,6 @@ def _ink_boundary(segments: Points) -> Points:
 
 
 def _winding(points: Points, segments: Points) -> NDArray[np.int32]:
-    """Compute the winding number about points (n, 2)."""
     from glyphs.fonts.distance import winding_number
 
     x, y = np.ascontiguousarray(points[:, :1]), np.ascontiguousarray(points[:, 1:])

@@ -34,12 +34,6 @@ _ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
 def load_font(name_or_path: str | Path) -> Font:
     """Load a font by its built-in name, or from a TTF, OTF or TTC (its first face) file; cached.
 
-    Args:
-        name_or_path: one of `BUILTIN_FONTS`, or a path.
-
-    Returns:
-        The font; from a file, those of A-Z, a-z, 0-9 and ASCII punctuation that it has.
-
     Raises:
         FontError: unknown name, missing or damaged file, or a file without any of A-Z and 0-9.
     """

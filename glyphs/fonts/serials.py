@@ -26,19 +26,14 @@ class FormatError(MarksError, ValueError):
 
 
 def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
-    r"""The characters allowed at each position.
+    r"""The characters allowed at each position, one string for each.
 
     Args:
         format: `A` stands for A-Z, `a` for a-z, `9` for 0-9, `*` for A-Z and 0-9, any other character but
             `?[]{}|^$+` for itself; `\` makes the next character stand for itself (`\A` is an A).
         exclude: characters that the classes leave out (a VIN excludes "IOQ"); literals stay.
 
-    Returns:
-        One string of characters per position, in order.
-
-    Raises:
-        FormatError: the format is empty, holds a control character or an operator, ends with a single `\`, or
-            exclusion leaves a position without characters.
+    Raises FormatError.
     """
     if not format:
         raise FormatError(
@@ -73,10 +68,5 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
 
 
 def random_text(format: str, *, rng: np.random.Generator, exclude: str = "") -> str:
-    """Draw a serial at random; all that match the format are equally likely.
-
-    Args:
-        format: as in `allowed_characters`.
-        exclude: as in `allowed_characters`.
-    """
+    """Draw a serial that matches a format (see `allowed_characters`) at random, each as likely as the next."""
     return "".join(c[int(rng.integers(len(c)))] for c in allowed_characters(format, exclude=exclude))

@@ -94,7 +94,6 @@ def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Ranks 0 to 1 (see `share`) of noise of a given length, drawn on a coarse grid."""
     step = max(1, int(length_mm / (4.0 * coat.pitch_mm)))
     return stretch(share(coarse_noise(coat, length_mm, step, rng)), step, coat.shape)
 
@@ -141,7 +140,6 @@ def _settle_layer(
 
 
 def _bridge(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random.Generator) -> _Cake:
-    """Close narrow grooves by roofs that sag by a tenth; 35 % of the span is roof, the rest void."""
     rank = _slow_noise(coat, 0.35 * coat.height_mm, rng)
     least = np.float32(1.25 - part)
     closed = ramp(0.5 * rank + site.support, least, least + np.float32(0.15))
@@ -188,7 +186,6 @@ def _wipe_and_press(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Gene
 
 
 def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
-    """Share removed by one stroke, 0 to 1: 6 to 16 mm wide, streaked by the folds of the cloth."""
     along, across = _turned_axes(coat, rng)
     firm = np.clip(rng.uniform(-0.4, 1.2), 0.0, 0.95)
     wide, far = rng.uniform(6.0, 16.0), rng.uniform(8.0, 30.0)
@@ -216,7 +213,6 @@ def _finger(coat: Coat, rng: np.random.Generator, *, ridge_period_mm: float = 0.
 
 
 def _turned_axes(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Coordinates, mm, along and across a random direction, from a random place on the plate."""
     (down, right), angle = rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, np.pi)
     y = ((np.arange(coat.shape[0]) - down * coat.shape[0])[:, None] * coat.pitch_mm).astype(np.float32)
     x = ((np.arange(coat.shape[1]) - right * coat.shape[1])[None, :] * coat.pitch_mm).astype(np.float32)

@@ -33,9 +33,6 @@ class Look(OneLine):
         albedo: (rows, cols, 3) float32, 0 to 1: share of red, green and blue light reflected diffusely.
         roughness: (rows, cols) float32, above 0 to 1: slope spread of its microfacets; small is glossy.
         reflectance: (rows, cols) float32, 0 to 1: share mirrored at normal incidence (oil, paint 0.04; steel 0.55).
-
-    Raises:
-        MapError: shapes that do not agree, or a number out of range.
     """
 
     albedo: NDArray[np.float32]
@@ -55,9 +52,6 @@ class Coat(OneLine):
 
     Attributes:
         brim_mm: the height to which a hollow can be filled: the land of sunk marks.
-        albedo: (rows, cols, 3), see `Look`.
-        roughness: see `Look`.
-        reflectance: see `Look`.
     """
 
     pitch_mm: float
@@ -123,11 +117,7 @@ class Coat(OneLine):
 
 
 def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
-    """A clean part: its surface, no soft dirt, and the look of machined steel.
-
-    Raises:
-        MapError: dropouts in the height map (a surface with holes cannot be soiled).
-    """
+    """A clean part, with the look of machined steel. Raises MapError if the map has dropouts."""
     z = part.height_map.z_mm
     if np.isnan(z).any():
         raise MapError("the height map has dropouts", hint="soil a part without dropouts")

@@ -37,11 +37,7 @@ def stretch(values: Field, step: float, shape: tuple[int, int]) -> Field:
 
 
 def resize(values: Field, shape: tuple[int, ...], *, how: str = "linear") -> Field:
-    """Resize a field as an image; the borders stay in place.
-
-    Args:
-        values: (rows, cols).
-    """
+    """Resize a field (rows, cols) as an image; the borders stay in place."""
     from glyphs.opencv import cv2
 
     flag = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}[how]

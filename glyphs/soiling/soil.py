@@ -30,9 +30,6 @@ class Soil(OneLine):
         hardness_mpa: (rows, cols) float32, > 0: mean pressure at which it yields (grease 0.1, caked grime about
             10).
         friction: (rows, cols) float32, >= 0: Coulomb coefficient of the surface touched.
-
-    Raises:
-        MapError: shapes that differ, numbers out of range or not finite.
     """
 
     thickness_mm: NDArray[np.float32]

@@ -37,9 +37,6 @@ class Soiling(OneLine, Validated, error=StampError):
         soils: names of soils, the bottom layer first; each has the same amount as it would have alone.
         severity: 0 (clean) to 1, equally hard to read for every soil (`glyphs.soiling.severity`).
         mixture: amounts of the workshop's seven kinds; default: the usual mixture at the severity.
-
-    Raises:
-        StampError: a severity outside 0..1, an unknown soil, a soil named twice, or a mixture with another soil.
     """
 
     soils: tuple[str, ...] = (WORKSHOP,)
@@ -83,13 +80,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
     """Soil a part.
 
     Every soil has its own random stream, named after it, so rust stays in place when paint is added over it.
-
-    Args:
-        rng: the only source of randomness; the same state gives the same dirt.
-
-    Raises:
-        MapError: dropouts in the part's height map.
-        StampError: a user's own soil raises an error, or does not return a surface on the same grid.
+    Raises MapError for dropouts, StampError if a user's own soil fails.
     """
     seed = rng.bit_generator.seed_seq
     assert isinstance(seed, np.random.SeedSequence)

@@ -30,12 +30,7 @@ def spread(line: Points, side: Points, offsets: NDArray[np.float64]) -> Points:
 
 
 def drop(grid: NDArray[np.float32], points: Points, values: NDArray[np.float64], *, pitch_mm: float) -> None:
-    """Set each sample of `grid`, in place, to the largest of its value and the values dropped on it.
-
-    Args:
-        grid: (rows, cols).
-        points: (..., 2) x, y in mm; points outside the grid are ignored.
-    """
+    """Raise each sample of `grid`, in place, to the largest value dropped on it at (..., 2) x, y in mm."""
     pixel = np.rint(points.reshape(-1, 2) / pitch_mm).astype(np.int64)
     v = values.reshape(-1).astype(np.float32)
     inside = (

@@ -39,13 +39,9 @@ class Blow(OneLine):
 
 
 def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw how a hand holds the stamp along a line, from a separate random stream, so that `rng` is unchanged.
+    """Draw how a hand leans, degrees, and how far its baseline has shifted, heights: (count, 2).
 
-    A hand leans in one direction all along a part, with a standard deviation of 25 degrees.
-
-    Returns:
-        (count, 2): direction in which the stamp leans, degrees in the plate frame, and shift of the baseline so far,
-        fraction of the height.
+    It leans in one direction all along a part (standard deviation 25 degrees). A separate stream leaves `rng` unchanged.
     """
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
         return np.zeros((count, 2))

@@ -23,11 +23,7 @@ _CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees per seg
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdealGlyph(OneLine):
-    """The relief of one perfect character.
-
-    Attributes:
-        centre_mm: (x, y) of the reference point in that map: middle of the ink's width at mid cap height.
-    """
+    """The relief of one perfect character; `centre_mm` is the middle of the ink's width at mid cap height."""
 
     height_map: HeightMap
     centre_mm: tuple[float, float]
@@ -96,13 +92,7 @@ def ideal_relief(
     margin_mm: float,
     raised: bool = False,
 ) -> IdealGlyph:
-    """Make one perfect character on a flat plate.
-
-    Args:
-        margin_mm: least land around the ink, >= 0.
-
-    Returns:
-        A map with an odd number of rows and columns whose middle pixel is the reference point.
+    """Make one perfect character on a flat plate, its reference point at the middle of an odd map.
 
     Raises:
         MapError: pitch not positive, or too fine for the size.
@@ -182,7 +172,6 @@ def _dots(strokes: tuple[Points, ...], pitch: float) -> list[Points]:
 
 
 def _runs(line: Points) -> list[Points]:
-    """The smooth runs of a polyline, cut at its corners so that every corner gets a dot."""
     heading = np.unwrap(np.arctan2(*np.diff(line, axis=0).T[::-1]))
     corners = np.flatnonzero(np.abs(np.diff(heading)) > _CORNER_RAD) + 1
     ends = [0, *(int(c) for c in corners), len(line) - 1]

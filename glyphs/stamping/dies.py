@@ -20,7 +20,6 @@ class DieKind:
     Attributes:
         tip: blunt V only (`face` is FLAT): width of the flat at its edge, as a share of the usual stroke; 0: an
             ordinary die of its face. Outlined fonts keep their own widths; the flat appears where they are wide enough.
-        changes: names and values of the fields of `StampingVariation` that this die changes.
     """
 
     face: Face

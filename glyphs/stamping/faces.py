@@ -53,17 +53,10 @@ class Die(OneLine, Validated, error=StampError):
 
     Attributes:
         bevel_deg: slope of the walls from the land, degrees, 5 to 85 (30 to 60 is usual).
-        depth_mm: depth of the floor below the land, > 0.
         stroke_mm: width of the groove at the land, > 0; for DOTTED the diameter of a dot. Outlined fonts have
             their own widths; for them it only limits the radius of a ROUND floor.
         root_radius_mm: fillet between wall and floor, or at the bottom of a V, >= 0.
         edge_radius_mm: rounding between wall and land, >= 0.
-        burr_height_mm: height of the rim of displaced metal along the groove, >= 0.
-        burr_width_mm: width of that rim, > 0.
-        dot_pitch_mm: distance between dots along the stroke, > 0; only DOTTED uses it.
-
-    Raises:
-        StampError: a value outside its range.
     """
 
     face: Face
@@ -82,11 +75,7 @@ class Die(OneLine, Validated, error=StampError):
 
 
 def default_depth_mm(height_mm: float) -> float:
-    """Usual depth of a mark for a character height: interpolated in the table, proportional outside it.
-
-    Raises:
-        StampError: the height is not positive.
-    """
+    """Usual depth of a mark for a character height: interpolated in the table, proportional outside it."""
     require_positive(StampError, height_mm=height_mm)
     heights, depths = np.array(DEPTH_TABLE_MM).T
     nearest = float(np.clip(height_mm, heights[0], heights[-1]))
@@ -106,9 +95,7 @@ def default_die(
     The stroke is the font's. FLAT and ROUND are widened, by a quarter at most, if the walls would meet above the floor.
     SHARP has the width at which its V reaches the depth, between 0.4 and 1.25 of the font's stroke. DOTTED has dots of
     two thirds of the stroke, 1.3 diameters apart.
-
-    Raises:
-        StampError: height, bevel or depth out of range, or an unknown face.
+    Raises StampError.
     """
     require_positive(StampError, height_mm=height_mm)
     face = Face(face)

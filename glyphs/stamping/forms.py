@@ -35,9 +35,6 @@ class PlateForm(OneLine):
     Attributes:
         radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: flat.
         radius_y_mm: the same along y (a line along a shaft). Equal signs make a bow or a dish, opposite signs a saddle.
-
-    Raises:
-        StampError: a radius of zero or not a number.
     """
 
     radius_x_mm: float = math.inf
@@ -57,7 +54,6 @@ class PlateForm(OneLine):
 
     def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float32]:
         """Height (rows, cols) over the middle, mm, at plate coordinates x (cols,) and y (rows,) from the middle.
-
         Raises:
             StampError: the plate is too large for the radius: more than MAX_SAG_MM from the middle to an edge.
         """

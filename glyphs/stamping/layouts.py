@@ -25,13 +25,9 @@ class Layout(OneLine, Validated, error=StampError):
     Attributes:
         turned_deg: rotation of the whole line, clockwise as seen, added to the rotation that the caller requests.
         radius_mm: radius of the arc that the baseline follows, not zero. Positive: its centre lies below the text, as
-            on the upper half of a round badge; negative: above it; infinite: a straight line.
         other_text: text of a second line; empty for none.
         other_above: whether the second line stands above the requested one; otherwise it stands below.
         gap: land between the two lines, cap heights, >= 0.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     turned_deg: Finite = 0.0

@@ -34,18 +34,12 @@ def sunk_depth(
     root_radius: Number,
     edge_radius: float,
 ) -> NDArray[np.float32]:
-    """Depth below the land as a function of the distance inside the groove's edge.
+    """Depth below the land, mm, as a function of the distance inside the groove's edge.
 
     Args:
-        inside: distance from the edge, positive inside, mm.
-        depth: depth of the floor, mm, a number or one per sample.
-        half_width: half the width of the groove if known, mm: a V then has its root fillet at the middle, where the
+        half_width: half the width of the groove if known: a V then has its root fillet at the middle, where the
             walls meet. None: the walls continue until they meet.
-        root_radius: fillet of wall and floor, mm.
         edge_radius: fillet of wall and land, mm; covers at most 0.3 of the wall.
-
-    Returns:
-        float32, mm, zero or positive.
     """
     slope, sine, cosine, tan_half = (
         math.tan(bevel_rad), math.sin(bevel_rad), math.cos(bevel_rad), math.tan(bevel_rad / 2)

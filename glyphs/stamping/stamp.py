@@ -29,9 +29,6 @@ class StampedPart(OneLine):
 
     Attributes:
         boxes_mm: (x0, y0, x1, y1) around the ink of each character, plate frame; a space has its empty cell.
-
-    Raises:
-        ValueError: the numbers of boxes and characters differ.
     """
 
     height_map: HeightMap
@@ -71,17 +68,9 @@ def stamp_line(
     """Stamp a line of text.
 
     Args:
-        pitch_mm: sample pitch; default: a hundredth of the height.
-        margin_mm: land around the line; default: 0.8 of the height.
         line_rotation_deg: rotation of the whole line, from +x towards +y of the plate frame (clockwise as seen).
-        layout: an arc, or another line; default: straight and alone.
-        variation: variation of the blows; default: `StampingVariation()`.
-        rng: the only source of randomness; the same state gives the same part.
 
-    Raises:
-        FontError: a character that the font lacks.
-        StampError: no text, a number out of range, or a die that cannot cut the glyphs.
-        MapError: pitch not positive or too fine for the size.
+    Raises FontError, StampError or MapError.
     """
     pitch = height_mm / 100 if pitch_mm is None else pitch_mm
     margin = 0.8 * height_mm if margin_mm is None else margin_mm
@@ -172,11 +161,7 @@ def _places(
     rotation_deg: float,
     up_mm: float = 0.0,
 ) -> tuple[list[tuple[float, float, float]], Box]:
-    """x, y and turn of each character about the line's origin, and the extent of undisturbed ink, mm, plate frame.
-
-    Raises:
-        StampError: a line too long for its arc.
-    """
+    """x, y and turn of each character about the line's origin, and the extent of undisturbed ink, mm, plate frame."""
     origin = 0.0
     places, boxes = [], []
     for shape in shapes:

@@ -32,13 +32,8 @@ class Milling(Validated, error=StampError):
     """Arcs that the teeth of a face mill leave; their depth varies where the tool chatters.
 
     Attributes:
-        feed_mm: distance from one arc to the next, > 0.
-        radius_mm: radius of the mill, > 0.
         chatter: share by which the depth varies, 0..1.
         chatter_mm: wavelength of this variation along the arcs, > 0.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     depth_um: NotNegative = 16.0
@@ -48,7 +43,6 @@ class Milling(Validated, error=StampError):
     chatter_mm: Positive = 1.6
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         phase = rng.uniform(0.0, 2 * math.pi, 2)
         middle = float(y_mm.mean()) + rng.uniform(-0.3, 0.3) * self.radius_mm
         dy = (y_mm - middle)[:, None]
@@ -64,12 +58,8 @@ class Turning(Validated, error=StampError):
     """Grooves of a lathe's tool: parallel on a turned shaft, parts of rings on a faced end.
 
     Attributes:
-        feed_mm: distance from one groove to the next, > 0.
         ring_radius_mm: distance of the axis below the plate's middle; 0 gives parallel grooves, along y.
         unevenness: share by which the depth varies from groove to groove, 0..1.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     depth_um: NotNegative = 14.0
@@ -78,7 +68,6 @@ class Turning(Validated, error=StampError):
     unevenness: Share = 0.3
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         across = x_mm[None, :] + 0.0 * y_mm[:, None]
         if self.ring_radius_mm > 0.0:
             dy = y_mm - y_mm.mean() - self.ring_radius_mm
@@ -93,12 +82,7 @@ class Grinding(Validated, error=StampError):
     """Many fine lines of different depth and length, as a belt or a wheel leaves them.
 
     Attributes:
-        line_mm: width of a line, > 0.
-        length_mm: length of a line, > 0.
         along_x: whether they run along the line of text; otherwise across it.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     ra_um: NotNegative = 3.0
@@ -107,7 +91,6 @@ class Grinding(Validated, error=StampError):
     along_x: bool = True
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         from scipy.ndimage import gaussian_filter
 
         pitch = float(x_mm[1] - x_mm[0])
@@ -127,16 +110,12 @@ class Sand(Validated, error=StampError):
 
     Attributes:
         grain_mm: size of the coarse grain, > 0; the fine grain is a third of it.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     ra_um: NotNegative = 9.0
     grain_mm: Positive = 0.25
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         shape, pitch = (y_mm.size, x_mm.size), float(x_mm[1] - x_mm[0])
         coarse = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm, rng=rng)
         fine = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm / 3, rng=rng)

@@ -18,16 +18,9 @@ class PlateVariation(OneLine, Validated, error=StampError):
     """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) plate.
 
     Attributes:
-        waviness_wavelength_mm: its wavelength, > 0.
-        lay_wavelength_mm: feed of the tool, > 0.
         lay_direction_deg: direction in which the lay's ridges run, degrees of the plate frame.
         lay_jitter: wander of the lay's phase, radians (standard deviation over the plate).
-        roughness_length_mm: distance at which the roughness's autocorrelation has fallen to 1/e, > 0.
         ironing: share of lay and roughness that the die presses flat on the floor of a mark, 0..1.
-        form: the curvature of the plate; default: flat.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     tilt_deg: NotNegative = 0.2
@@ -58,11 +51,8 @@ class StampingVariation(OneLine, Validated, error=StampError):
     Attributes:
         depth_fraction: depth, as a fraction of the die's; clipped at 2.5 deviations.
         tilt_fraction: change of depth across one cap height, as a fraction of the depth, either axis.
-        baseline_fraction: rise over the baseline, fraction of the height.
         spacing_fraction: shift along the line, fraction of the height.
-        worn_probability: probability that a character's die is worn: rounder, shallower, one side faint.
         double_strike_probability: probability of a second, shallower blow beside the first.
-        double_strike_fraction: distance of the second blow, fraction of the height.
         burr_fraction: mean height of the burr in addition to the die's own, fraction of the depth.
         pile_up_lean: asymmetry of the burr, 0..1: higher by this share on the side to which a blow leans, lower by it
             on the other.
@@ -70,9 +60,6 @@ class StampingVariation(OneLine, Validated, error=StampError):
             missing.
         jump_probability: probability that the baseline jumps ahead of a character, and stays there.
         jump_fraction: size of the jump, fraction of the height.
-
-    Raises:
-        StampError: a value out of range.
     """
 
     depth_fraction: NotNegative = 0.12

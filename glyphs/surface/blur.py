@@ -45,13 +45,8 @@ def _blur(z, weights, out, line, total):  # type: ignore[no-untyped-def]
 def gaussian_blur(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
     """Blur a field by a Gaussian; beyond the borders the edge values are repeated.
 
-    Args:
-        z: (rows, cols).
         sigma: standard deviation, samples.
-        truncate: radius at which the Gaussian is cut off, standard deviations.
-
-    Returns:
-        (rows, cols) float32: `scipy.ndimage.gaussian_filter(z, sigma, mode="nearest", truncate=truncate)`.
+    The same as `scipy.ndimage.gaussian_filter(z, sigma, mode="nearest", truncate=truncate)`; `sigma` in samples.
     """
     heights = read_only(z, np.float32)
     if sigma <= 1e-15:
@@ -81,11 +76,7 @@ def _sample(z, row, col, out):  # type: ignore[no-untyped-def]
 
 
 def sample_bilinear(z: Field, row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
-    """Sample a field at fractional rows and columns; it is mirrored beyond the borders.
-
-    Returns:
-        float32 of the shape of `row`: `scipy.ndimage.map_coordinates(z, [row, col], order=1, mode="mirror")`.
-    """
+    """Sample a field, as `scipy.ndimage.map_coordinates(z, [row, col], order=1, mode="mirror")` does."""
     from scipy.ndimage import map_coordinates
 
     heights, rows, cols = read_only(z, np.float32), read_only(row.ravel()), read_only(col.ravel())

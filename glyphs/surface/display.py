@@ -41,7 +41,6 @@ class WordedEnum(StrEnum):
     message: str
 
     def __new__(cls, value: str, message: str = "") -> Self:
-        """Make a member; look-up uses the value only."""
         made = str.__new__(cls, value)
         made._value_, made.message = value, message
         return made
@@ -93,11 +92,7 @@ def _array(values: NDArray[Any]) -> str:
 
 
 def picture_html(value: object, grey: NDArray[Any]) -> str:
-    """HTML for notebooks: a small picture of a value's array with its line as the caption.
-
-    Args:
-        grey: (rows, cols) numbers, NaN where missing; the middle 98 % of them span the range from black to white.
-    """
+    """HTML for notebooks: `value`'s line below a picture whose greys span the middle 98 % of the numbers."""
     from PIL import Image
 
     low, high = np.nanquantile(grey, (0.01, 0.99)) if np.isfinite(grey).any() else (0.0, 1.0)

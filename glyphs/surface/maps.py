@@ -79,10 +79,6 @@ class HeightMap(OneLine, Validated, error=MapError):
 
     Attributes:
         z_mm: (rows, cols) float32, mm, read-only; NaN marks a dropout. At least 2 x 2, some of it finite.
-        pitch_mm: distance between neighbouring samples, mm, along both axes.
-
-    Raises:
-        MapError: wrong shape or type, no finite height, infinite heights, pitch not positive, too large.
     """
 
     z_mm: NDArray[np.float32]
@@ -141,9 +137,6 @@ class EdgeMap(OneLine, Validated, error=MapError):
         enhancement: (directions, rows, cols) float32, dimensionless, read-only; 0 where not valid.
         valid: (rows, cols) bool: whether every layer was measured here.
         origin_mm: plate-frame (x, y) of pixel (0, 0), mm.
-
-    Raises:
-        MapError: shapes that do not agree, values not finite, pitch not positive.
     """
 
     enhancement: NDArray[np.float32]

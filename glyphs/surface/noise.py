@@ -16,13 +16,7 @@ def smooth_noise(
     Made by filtering white noise with a Gaussian in the frequency domain, so the cost does not depend on the
     length. The field is periodic on a grid somewhat larger than the requested one.
 
-    Args:
-        shape: (rows, cols).
-        length_mm: the correlation length; 0 gives white noise.
-        rng: the only source of randomness; one draw per sample of the larger grid.
-
-    Returns:
-        (rows, cols) float32.
+    `length_mm` 0 gives white noise.
     """
     from scipy import fft
 

@@ -41,11 +41,7 @@ class Piece(OneLine, Validated, error=MapError):
 
     Attributes:
         angle_deg: angles of the walls, each with its own pit or groove; a step has the first one.
-        depth_mm: depth of floors below the land; height of a ball's cap.
         width_mm: width of the plate along y, for grooves and steps; otherwise it follows from the relief.
-
-    Raises:
-        MapError: an angle is out of range, a length is not positive, or a cap is higher than half its ball.
     """
 
     # pieces are read from files, where unknown keys are errors

@@ -26,20 +26,14 @@ def nearest_crack(
     gape_ratio: float = 1.7,
     points_a_plate: int = 5,
 ) -> Field:
-    """Compute the distance to the nearest crack.
+    """Compute the distance to the nearest crack, (rows, cols), mm, at most 0.3 `plate_mm`.
 
     A crack opens where it halves a plate wider than `plate_mm`. The network is drawn once; in thicker layers its
     younger cracks stay closed. Older cracks are wider, so they count as nearer.
 
     Args:
         x_mm: (rows, cols) x positions of the samples; distorted positions give curved cracks.
-        y_mm: (rows, cols) y positions of the samples.
         plate_mm: (rows, cols) width of the widest plate that does not crack at each sample.
-        size_mm: (2,) width and height of the plate.
-        rng: the only source of randomness; the draws do not depend on `plate_mm`.
-
-    Returns:
-        (rows, cols) distance, mm, at most 0.3 `plate_mm`.
     """
     generations = int(np.clip(np.ceil(np.log2(np.prod(size_mm) / finest_mm**2)), 4, 12))
     points = rng.random((points_a_plate << generations, 2)) * size_mm
@@ -72,7 +66,6 @@ def _halve_cells(
     turn_rad: NDArray[np.float64],
     place: NDArray[np.float64],
 ) -> tuple[Field, Field, Field, Field]:
-    """Fit the line that halves each cell across its longer side: normal x, y, offset; and the cell's width, mm."""
     n = np.maximum(np.bincount(cell_of, minlength=len(place)), 1)
 
     def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:

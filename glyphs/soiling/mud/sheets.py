@@ -56,11 +56,7 @@ class Batch(NamedTuple):
 
 
 def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Splash mud on a surface and let it run down, dry and crack.
-
-    Args:
-        amount: 0 to 1.
-    """
+    """Splash mud on a surface and let it run down, dry and crack."""
     batch = Batch(
         share=rng.uniform(0.7, 1.3),
         moisture=rng.beta(1.2, 2.5),
@@ -85,7 +81,6 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _wet_level(coat: Coat, grid: Grid) -> Field:
-    """Level of a thick wet film above the surface, mm: grooves fill, edges of raised marks run thin."""
     level = blur(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
     return np.asarray(level - coat.z_mm, dtype=np.float32)
 
@@ -154,7 +149,6 @@ def _rain_share(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.G
 
 
 def _crumbs(coat: Coat, rng: np.random.Generator) -> Field:
-    """Factor on the thickness, from crumbs of soil about 0.2 mm wide."""
     fine = Grid(1, coat.shape, coat.pitch_mm, coat.height_mm, 0.0)
     length = max(0.2, 1.2 * coat.pitch_mm)
     return np.asarray(np.clip(1.0 + 0.08 * fine.noise(length, length, rng), 0.6, 1.4), dtype=np.float32)
@@ -195,10 +189,7 @@ def _cracks(
 
 
 def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
-    """Height of the sand grains' tops above the surface under the mud, mm; 0 where there is no grain.
-
-    Few grains are coarse. A grain more than three times as thick as the mud around it does not stay.
-    """
+    """Height of the sand grains' tops above the surface under the mud, mm; 0 without grain. Few grains are coarse."""
     pitch = coat.pitch_mm
     count = int(np.clip(3.0 * coat.area_mm2, 30, 2500))
     low, high = SAND_MM
@@ -225,10 +216,7 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
 def _finish(
     coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch, *, opaque_mm: float = 0.025
 ) -> Coat:
-    """Finish the coat under mud and sand: the mud yields down to its sand, moist mud and curled rims most easily.
-
-    A film of `opaque_mm` hides 63 % of the surface below.
-    """
+    """Let the mud yield down to its sand; a film of `opaque_mm` hides 63 % of the surface below."""
     top = np.maximum(thick, sand)
     soft = top - sand
     grains = np.nonzero(sand)

@@ -102,15 +102,7 @@ def _draw_can(coat: Coat, rng: np.random.Generator, *, wet_of_depth: float = 0.8
 def level_film(
     top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float, pinned: float = 0.3
 ) -> Field:
-    """Level a wet film by Orchard's law; no paint is lost, and none sinks below the ground.
-
-    Args:
-        top: the ground, mm.
-        wet: thickness applied, mm; its mean sets how far it levels.
-
-    Returns:
-        Film thickness, mm: at least `pinned` times `wet`, with the same mean as `wet`.
-    """
+    """Level a wet film by Orchard's law to at least `pinned` times `wet`; no paint is lost."""
     from scipy import fft
 
     mean_mm = float(wet.mean())

@@ -24,7 +24,6 @@ class Can(OneLine):
     """The paint of one part and its method of application.
 
     Attributes:
-        solids: share of the wet paint that stays when it dries, 0 to 1.
         rubber: 0 enamel, 1 chassis paint.
         brushed: 0 sprayed, 1 brushed.
         seconds_per_pa_s: time for which it stays fluid, divided by its viscosity.

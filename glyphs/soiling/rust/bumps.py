@@ -39,7 +39,6 @@ def scatter_bumps(
     """Draw bumps at random places, log-normal in width and in height.
 
     Args:
-        width: median width, in character heights.
         blunt: smallest `blunt`; the largest is 1.
         born: smallest `born`; the largest is 0.8 more.
     """

@@ -54,7 +54,6 @@ def rust(
     """Let a part rust outdoors, in the worst case by the sea; see `glyphs.soiling.soils.SoilModel`.
 
     Args:
-        amount: 0 to 1.
         lamina: thickness of a lamina, in depths of the marks: 0.02 to 0.12 mm.
         early: earlier onset of rust in marks, standard deviations: cold work, and water that stands in them.
     """
@@ -116,10 +115,7 @@ def _draw_blisters(coat: Coat, rng: np.random.Generator) -> Bumps:
 
 
 def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above.
-
-    The shortest waves are four samples long, so only the lower half of the wave numbers along each axis is drawn.
-    """
+    """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above."""
     from scipy import fft
 
     length = outer * coat.height_mm / coat.pitch_mm
@@ -153,8 +149,7 @@ def _scale(
 ) -> tuple[Field, Field]:
     """Scale left on the steel, mm, and number of fallen laminas (-1 at the loose, lifted edge of a flake).
 
-    The outer laminas fall first and leave terraces. `adherent` is the share of the rust that never flakes off; `stays`
-    is the share that is left where no flake has fallen.
+    The outer laminas fall first and leave terraces; `adherent` is the share of the rust that never flakes off.
     """
     layers = grown * np.float32(stays / lamina_mm)
     least = grown * np.float32(adherent / lamina_mm)
@@ -170,13 +165,11 @@ def _scale(
 
 
 def _pack_hollows(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
-    """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, partly above the brim."""
     hollow = np.maximum(coat.brim_mm - top, 0.0)
     return np.asarray(hollow * np.minimum(0.95 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
 
 
 def _burst_blisters(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
-    """Blisters with the highest crowns fallen in where the rust is most swollen, and where they are (0 to 1)."""
     if not blisters.height_mm.size:
         return dome, np.zeros_like(dome)
     high = np.float32(np.quantile(blisters.height_mm, 0.6))
@@ -198,8 +191,7 @@ def _yielding_layer(
 ) -> tuple[Field, Field]:
     """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.
 
-    Powder is the top of the rust, at most a third of it; the rust below is compact and hard. There is little powder
-    where flakes have fallen. Powder crumbles under a fingernail, though its crystals are hard (Mohs 5).
+    Powder is at most the upper third of the rust; it crumbles under a fingernail, though its crystals are hard (Mohs 5).
     """
     most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
     powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst) / (1.0 + np.maximum(fallen, 0.0)))

@@ -49,10 +49,7 @@ def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
 
 
 def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: float = 0.16) -> Field:
-    """Depth of the dents of shot, mm: spherical caps at random places; where they overlap, the deepest one counts.
-
-    `aspect` is the greatest depth of a dent over its width.
-    """
+    """Depth of the dents of shot, mm: spherical caps at random places, `aspect` deep for their width."""
     rows, cols = coat.shape
     typical = rng.uniform(0.05, 0.14) * coat.height_mm / coat.pitch_mm
     count = int(MOST_HITS * rows * cols / (0.25 * np.pi * typical**2))

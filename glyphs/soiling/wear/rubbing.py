@@ -46,7 +46,6 @@ class _Life:
     """Shares of the kinds of wear on one part, independent of the amount: 0 to 1, about 1 for the leading kind.
 
     Attributes:
-        rubbed: wear by file, belt or sliding; every worn part has at least a little.
         peened: wear by shot or hammer; at least 0.6 of `knocked`, because knocks also close edges.
         soft: softness of the rubbing tool: 0 a file, 1 a buff or loose grains.
         crossed: spread of the rubbing directions: 0 one belt, 1 a hand with emery.

@@ -35,11 +35,7 @@ def crown(coat: Coat) -> Field:
 
 
 def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Grind the plate twice, the second time lighter and at an angle; return top and cover of bright metal.
-
-    Args:
-        amount: 0 to 1.
-    """
+    """Grind the plate twice, the second time lighter and at an angle; return top and cover of bright metal."""
     depth_mm = float(np.quantile((level - coat.clean_mm)[::3, ::3], 0.97))
     turn = rng.choice([-1.0, 1.0]) * rng.uniform(50.0, 120.0)
     z, bright = _grind_once(coat, z, level, amount, depth_mm * rng.uniform(0.9, 1.2), np.deg2rad(turn), rng)
@@ -84,7 +80,6 @@ def _grind_once(
 
 
 def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Field:
-    """Pressure of the disc, 0 to 1, across the arcs: passes one to two characters wide, uneven, with gaps."""
     pressed = np.zeros_like(lines_mm)
     position = -rng.uniform(0.0, 2.0) * height_mm
     while position < lines_mm[-1]:
@@ -110,7 +105,6 @@ def _furrows(
 
 
 def _behind(took: Field, c: np.float32, s: np.float32, steps: int) -> Field:
-    """Share, 0 to 1, of a lip of metal smeared along the arcs over the surface just behind."""
     lip = np.zeros_like(took)
     rows, cols = took.shape
     for k in range(1, steps + 1):

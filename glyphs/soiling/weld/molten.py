@@ -60,12 +60,7 @@ def draw_seam(coat: Coat, rng: np.random.Generator) -> Seam:
 def add_spatter(
     coat: Coat, z: Field, seam: Seam, amount: float, share: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Add drops that fly from the seam, freeze where they land and weld on; return top and cover.
-
-    Args:
-        amount: 0 to 1.
-        share: share of the plate that drops cover at amount 1 if all of it is at the seam.
-    """
+    """Add drops that fly from the seam, freeze and weld on, covering at most `share`; return top and cover."""
     median = 0.45 * np.sqrt(coat.height_mm / 5.0)
     n = int(np.ceil(share * coat.area_mm2 / (0.25 * np.pi * median**2 * np.exp(2 * _DROP_SPREAD**2))))
     size = np.array(coat.shape[::-1]) * coat.pitch_mm

@@ -79,7 +79,6 @@ def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
-    """Mix the finish of every layer into the coat by its cover (0 to 1), the bottom layer first."""
     names = ("roughness", "reflectance", "friction", "hardness_mpa")
     planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
     for k in range(len(planes)):

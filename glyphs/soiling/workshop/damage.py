@@ -38,10 +38,7 @@ def add_burr(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator, most_pitted: float = 0.16) -> Coat:
-    """Add clusters of corrosion pits, 20 to 120 um deep, with a rusty, rough skin around them.
-
-    `most_pitted` is the share of the plate pitted at amount 1.
-    """
+    """Add clusters of pits, 20 to 120 um deep, with a rusty skin; `most_pitted` of the plate at amount 1."""
     cluster = coat.noise(0.9 * coat.height_mm, rng)
     blob = coat.noise(rng.uniform(0.05, 0.09) * coat.height_mm, rng)
     ragged = coat.noise(0.1, rng)

@@ -102,7 +102,6 @@ def _curl(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float64]
 
 
 def _sliver(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float64], float, float]:
-    """Line, half width and height of a sliver, mm: nearly straight, pointed at both ends."""
     length = size_mm * float(np.clip(rng.lognormal(np.log(0.28), 0.6), 0.05, 1.2))
     s = np.linspace(-0.5, 0.5, 20)
     heading, bend = rng.uniform(0, 2 * np.pi), 0.25 * rng.standard_normal()
@@ -114,7 +113,6 @@ def _sliver(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float6
 
 
 def _grain(rng: np.random.Generator) -> tuple[NDArray[np.float64], float, float]:
-    """Line, half width and height of a grain, mm: about as long as it is wide."""
     radius = float(np.clip(rng.lognormal(np.log(0.1), 0.45), 0.05, 0.3))
     length, heading = 2.0 * radius * rng.uniform(1.0, 1.8), rng.uniform(0, 2 * np.pi)
     s = np.linspace(-0.5, 0.5, 8) * length

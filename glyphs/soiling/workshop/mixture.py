@@ -42,9 +42,6 @@ class Dirt(OneLine, Validated, error=StampError):
         swarf: curls, slivers and grains of hard metal on the surface.
         paint: a hard film that levels grooves, chipped in places.
         burr: a rim along the marks, in addition to the burr of the stamping itself.
-
-    Raises:
-        StampError: an amount outside 0..1.
     """
 
     grime: Share = 0.0
@@ -84,8 +81,7 @@ def workshop(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 def lay_mixture(coat: Coat, dirt: Dirt, *, rng: np.random.Generator) -> Coat:
     """Lay a mixture on a surface.
 
-    Every kind has its own random stream, whose draws do not depend on the amount. More grime therefore leaves the
-    scratches in place and enlarges the same patches of grime.
+    Every kind has its own random stream: more grime leaves the scratches in place and enlarges its own patches.
     """
     for (name, layer), stream in zip(_LAYERS, rng.spawn(len(_LAYERS)), strict=True):
         amount = min(1.0, getattr(dirt, name) * stream.uniform(_LEAST, _MOST))
